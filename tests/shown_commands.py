@@ -84,8 +84,8 @@ def run_shown(line: str) -> tuple[int, str]:
 
 def run_command(words: list[str]) -> tuple[int, str]:
     """Exit code and output of ``skyarm WORDS``, in this process."""
-    from added_components import registry_kept
     from skyarm.cli.commands import perform
+    from support.components import registry_kept
 
     told, before = io.StringIO(), sys.argv
     sys.argv = ["skyarm", *words]

@@ -14,8 +14,7 @@ from skyarm.control.actuator_layer import with_actuators
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.scenario.controller_table import under_law
 from skyarm.vehicle.vehicle_records import MountedDrive
-from test_docs_options import DOCS
-from test_docs_units import rows_of
+from support.pages import DOCS, rows_of
 
 PAGE = (DOCS / "actuators.md").read_text("utf-8")
 EXAMPLE = (DOCS.parent / "examples" / "servo_quad.toml").read_text("utf-8")

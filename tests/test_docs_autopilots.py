@@ -11,7 +11,7 @@ import pytest
 
 import skyarm
 from skyarm.control.catalogue import AUTOPILOTS
-from test_docs_units import rows_of
+from support.pages import rows_of
 
 LINKS = Path(skyarm.__file__).parent / "links" / "autopilots"
 

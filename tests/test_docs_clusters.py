@@ -16,8 +16,8 @@ import pytest
 
 from skyarm.studies.flights import ray_cluster
 from skyarm.studies.flights.processes import MOST_TRIES
-from sweeps import document
-from toml_text import toml_text
+from support.cases import toml_text
+from support.studies import document
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "clusters.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", PAGE, re.M | re.S)

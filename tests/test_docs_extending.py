@@ -16,13 +16,12 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.algebra import scalars
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.registry import KINDS, plugins
 from skyarm.records.registry.class_signatures import BASES
 from skyarm.records.registry.plugins import load_plugin
-from wrong_laws import EVERYTHING, MAKERS
+from support.components import EVERYTHING, MAKERS, registry_kept
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text("utf-8")

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from estimated_flight import COMPASS, GPS, estimated
-from logged_flights import flown
 from skyarm.cli.main import main
 from skyarm.log.ros.messages import full_name
 from skyarm.log.ros.topics import FlightTopics
-from world_flights import touching
+from support.flights import COMPASS, GPS, estimated
+from support.logs import flown
+from support.worlds import touching
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf-8")
 COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("    skyarm ")]

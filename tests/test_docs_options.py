@@ -2,8 +2,6 @@
 
 import re
 import tomllib
-from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
@@ -13,20 +11,7 @@ from skyarm.control.laws.centroidal.options import ENTRIES, PERIODS, RANGES, RET
 from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.scenario_file import scenario_from
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGE = (DOCS / "scenario_files.md").read_text("utf-8").split("## Options of the laws")[1].split("## Safety")[0]
-ROWS = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines() if line.startswith("|")]
-for before, row in pairwise(ROWS):
-    row[0] = row[0] or before[0]  # the law of the row above
-LAW_ROWS = [row for row in ROWS if "`" in row[0] and "`" in row[1]]
-EXACT_ROWS = {row[0].strip("`"): row for row in ROWS if "`" in row[0] and "`" not in row[1]}
-
-
-def laws_of(cell):
-    """Laws that a row is about."""
-    named = re.findall(r"`(\w+)`", cell)
-    return [law for law in LAWS if law not in named] if cell.startswith("all but") else named
+from support.pages import DOCS, EXACT_ROWS, LAW_ROWS, PAGE, laws_of
 
 
 def documented(law):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
-from commanded import skyarm
-from world_flights import touching
+from support.commands import skyarm
+from support.components import registry_kept
+from support.worlds import touching
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8").partition("\n## Films\n")[0]

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import skyarm as package
-from commanded import skyarm
-from ros_stand_ins import MemoryNode, master
 from shown_commands import indented_lines
 from skyarm.links import ros
 from skyarm.links.ros import RosLink, live_session, ros_link
 from skyarm.links.ros.goals import ACCELERATION, SPEED
 from skyarm.log.ros.messages import FLIGHT, full_name
 from skyarm.log.ros.topics import FlightTopics
+from support.commands import skyarm
+from support.peers import MemoryNode, master
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "ros.md").read_text("utf-8")
 ROWS = [

@@ -16,8 +16,7 @@ from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.thrust_table import COLUMNS
-from test_docs_options import DOCS
-from test_docs_units import rows_of
+from support.pages import DOCS, rows_of
 
 
 def fields_of(kind: type) -> dict[str, Any]:

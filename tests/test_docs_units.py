@@ -23,16 +23,10 @@ from skyarm.control.safety.limits import Limits
 from skyarm.records.units import units
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
-from test_docs_options import DOCS, EXACT_ROWS, LAW_ROWS, laws_of
+from support.pages import EXACT_ROWS, LAW_ROWS, laws_of, rows_of
 
 DESCRIBED = {"links.joint": Joint, "rotors": Rotor, "drag": BodyDrag}
 """Record of the rows from one that begins with this table on."""
-
-
-def rows_of(page: str, head: str) -> list[list[str]]:
-    """Cells of the table with this heading."""
-    text = (DOCS / page).read_text("utf-8").split(head)[1].split("\n\n")[0]
-    return [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.splitlines()[2:]]
 
 
 def words_of(kind: type) -> list[str]:

@@ -7,8 +7,6 @@ import shlex
 import numpy as np
 import pytest
 
-from added_components import registry_kept
-from commanded import skyarm
 from shown_commands import (
     COMMAND_LINE,
     GALLERY,
@@ -23,6 +21,8 @@ from shown_commands import (
     words_to_run,
 )
 from skyarm.studies.compare.envelope_axes import VEHICLES
+from support.commands import skyarm
+from support.components import registry_kept
 
 LAWS = (ROOT / "docs" / "comparing_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")

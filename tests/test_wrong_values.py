@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import euler_lagrange
 import skyarm
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import first_state
+from support import euler_lagrange
 
 STILL = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0])
 RATES = np.zeros(8)

@@ -29,7 +29,7 @@ def units(seed: int, count: int = 40) -> np.ndarray:
         ((HALF, 0.0, HALF, 0.0), ABOVE, WEST, [-1, 0, 0]),  # about right: the nose goes up
     ],
 )
-def test_an_attitude_of_px4_and_mavlink_is_w_x_y_z_of_forward_right_down_in_north_east_down(
+def test_an_attitude_of_px4_and_mavlink_is_w_x_y_z_from_frd_to_ned_axes(
     wire: tuple[float, ...], nose: list[int], left: list[int], up: list[int]
 ) -> None:
     """PX4's VehicleAttitude: Hamilton, w x y z, from FRD body to NED earth; MAVLink: Z-down, X-front, Y-right."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import ldl_solve
+from support.engines import ENGINES, evaluate
 
 RNG = np.random.default_rng(9)
 

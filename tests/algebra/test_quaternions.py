@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate, jax_doubles
 from skyarm.algebra import Quaternion, Vec3
+from support.engines import ENGINES, evaluate, jax_doubles
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 RNG = np.random.default_rng(6)
@@ -73,7 +73,7 @@ def test_the_quaternion_of_a_rotation_vector_is_that_of_scipy_also_near_zero(eng
 
 
 @pytest.mark.parametrize("v", [[0.0, 0.0, 0.0], [3e-5, 0.0, -4e-5], [6e-5, 8.1e-5, 0.0], [0.3, -0.2, 0.9]])
-def test_the_gradient_of_a_rotation_vectors_quaternion_is_right_at_zero_and_beside_it(v):
+def test_the_gradient_of_a_rotation_vectors_quaternion_is_right_at_and_beside_zero(v):
     jax = pytest.importorskip("jax")
 
     def quaternion(vector):

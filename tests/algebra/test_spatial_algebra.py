@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, axis_rotation
-from vehicles_random import array3, inertia33, random_body, random_quaternion, rotation_matrix
+from support.engines import ENGINES, evaluate
+from support.vehicles import array3, inertia33, random_body, random_quaternion, rotation_matrix
 
 ROUNDING = 1e-13
 RNG = np.random.default_rng(8)

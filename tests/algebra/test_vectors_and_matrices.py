@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Sym3, Vec3, axis_rotation
+from support.engines import ENGINES, evaluate
 
 RNG = np.random.default_rng(5)
 LANES = RNG.normal(size=(4, 21))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from sweeps import files_of
+from support.studies import files_of
 
 pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -41,7 +41,7 @@ def _whole(folder: Path, workers: int) -> dict[str, bytes]:
 
 
 @pytest.mark.attack
-def test_twenty_kills_at_random_times_leave_the_bytes_of_an_uninterrupted_reproduction(tmp_path: Path) -> None:
+def test_twenty_kills_at_random_leave_the_bytes_of_an_uninterrupted_reproduction(tmp_path: Path) -> None:
     begin = time.monotonic()
     right = _whole(tmp_path / "whole", 1)
     longest = time.monotonic() - begin

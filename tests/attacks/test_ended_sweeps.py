@@ -15,8 +15,8 @@ import pytest
 
 from skyarm.studies.sweep import run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
-from sweeps import document, files_of, small_study
-from thorough import sampled
+from support.cases import sampled
+from support.studies import document, files_of, small_study
 
 pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals and limits")

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from logged_flights import flown
 from skyarm.flight_data.columns_file import read_columns
 from skyarm.flight_data.flight_data import load_flight
-from thorough import sampled
+from support.cases import sampled
+from support.logs import flown
 
 FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
 HEAD = 3000

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from sweeps import files_of
+from support.studies import files_of
 
 pytest.importorskip("pyarrow")
 pytestmark = [pytest.mark.attack, pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")]

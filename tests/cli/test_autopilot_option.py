@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.cli import run_command
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command, with_typed_options
 from skyarm.cli.output import bar
@@ -19,6 +18,7 @@ from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run, run_until_interrupted
+from support.commands import refused, skyarm
 
 OWN = (
     'schema = 1\nname = "own"\nduration = 1.0\n[plant]\nvehicle = "hummingbird"\n[controller]\nautopilot = "px4"\n'

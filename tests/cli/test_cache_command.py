@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.cli import doctor_command as doctor
 from skyarm.compile.llvm import object_cache
+from support.commands import refused, skyarm
 
 
 @pytest.fixture(autouse=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY
+from support.commands import refused, skyarm
 
 FEW = ("--arm-poses", "4")
 

@@ -10,15 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_files import CASE1, VEHICLE, changed
 
-from commanded import refused, skyarm
 from skyarm.cli.main import main
 from skyarm.records.files import needs_extra
-from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
-
-CASE1 = (SCENARIOS / "case1.toml").read_text("utf-8")
-VEHICLE = (VEHICLES / "hummingbird_arm2_rotors.toml").read_text("utf-8")
+from support.commands import refused, skyarm
 
 
 @pytest.fixture
@@ -30,11 +27,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def written(folder: Path, text: str, name: str = "flight.toml") -> str:
     (folder / name).write_text(text)
     return name
-
-
-def changed(text: str, old: str, new: str) -> str:
-    assert old in text, old
-    return text.replace(old, new, 1)
 
 
 BASE = (

@@ -10,11 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_files import succeeded
 
 import skyarm
-from added_components import registry_kept
-from commanded import Outcome
-from commanded import skyarm as typed
 from skyarm.cli.run_command import earlier_kept
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.scenario.scenario_file import list_scenarios
@@ -22,7 +20,10 @@ from skyarm.simulate import Log
 from skyarm.studies.sweep import list_studies
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from skyarm.vehicle.vehicle_files import list_vehicles
-from thorough import sampled
+from support.cases import sampled
+from support.commands import Outcome
+from support.commands import skyarm as typed
+from support.components import registry_kept
 
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 
@@ -31,13 +32,6 @@ def shell(*arguments: str, cwd: Path | None = None) -> Outcome:
     """As a process of its own."""
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
     return Outcome(done.returncode, done.stdout, done.stderr)
-
-
-def succeeded(result: Outcome) -> str:
-    assert result.code == 0, result.err
-    assert not result.err
-    assert "\x1b" not in result.out, "no colours into a pipe"
-    return result.out
 
 
 def test_the_version_is_printed() -> None:

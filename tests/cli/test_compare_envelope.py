@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.studies.compare.envelope import LAWS, TUNED_LAWS, Envelope
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.flights.store import files_by_label
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 
 @pytest.fixture

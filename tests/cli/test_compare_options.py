@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import VEHICLE
+from command_files import VEHICLE
 
-from commanded import refused, skyarm
 from skyarm.studies.compare.comparison import Comparison
+from support.commands import refused, skyarm
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from commanded import skyarm
 from skyarm.cli.arguments import name_completion
+from support.commands import skyarm
 
 
 def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
 from skyarm.cli.output import write_json
 from skyarm.control.catalogue import (
     LAWS,
@@ -24,7 +23,8 @@ from skyarm.control.catalogue import (
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.simulate import Log
-from thorough import sampled
+from support.cases import sampled
+from support.commands import refused, skyarm
 
 MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))
 KNOWN = {"control_period": 0.0025, "reference_period": 0.01, "delay": 0.005, "delay_periods": 2}

@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 
-from commanded import skyarm
 from skyarm.cli import doctor_command as doctor
 from skyarm.records.files.packages import FLOORS
+from support.commands import skyarm
 
 FINE = {"machine code": ("print('LLVM')", "", True)}
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from added_components import registry_kept
-from commanded import refused, skyarm
-from logged_flights import flown, same
+from support.commands import refused, skyarm
+from support.components import registry_kept
+from support.logs import flown, same
 
 
 @pytest.fixture

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 import skyarm
-from commanded import Outcome
-from commanded import skyarm as typed
 from skyarm.records.identity import log_digest
 from skyarm.records.plain import plain
+from support.commands import Outcome
+from support.commands import skyarm as typed
 
 SCENARIO = dataclasses.replace(
     skyarm.load_scenario("case3_wind", duration=0.3),

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from commanded import skyarm
 from skyarm.cli.commands import COMMANDS
 from skyarm.records.registry.shipped import SECTIONS
+from support.commands import skyarm
 
 LINES, COLUMNS, MOST = 25, 100, 17
 

@@ -10,17 +10,17 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_files import CASE1, VEHICLE, changed
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
-from test_cli_errors import CASE1, VEHICLE, changed
 
 import skyarm.cli
-from commanded import Outcome
 from skyarm.cli import output
 from skyarm.cli.lines import say, say_warning
 from skyarm.cli.main import main
 from skyarm.cli.output import Terminal, bar
+from support.commands import Outcome
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\u202eevil\u2066\u2069\u2028\u0085\r"
 """A title set, a screen cleared (C0 and C1), a reversal, line separators, a line begun anew."""

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.records.registry import plugins
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
-from sweeps import drop_chunk
-from thorough import sampled
-from wrong_laws import RESULTS, Mistake
+from support.cases import sampled
+from support.commands import refused, skyarm
+from support.components import RESULTS, Mistake, registry_kept
+from support.studies import drop_chunk
 
 OWN = Path(__file__).parents[2] / "examples" / "own_law.py"
 LAW = "own_law.py:make_lqr"

@@ -13,35 +13,21 @@ from typing import Annotated, Any
 import numpy as np
 import pytest
 import typer
+from command_files import FALLS, SHORT
 from every_command import CHOOSES, COMMANDS, KEPT, NEEDS, READS, SERVES
 
 import skyarm as package
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli import output
 from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import Terminal
 from skyarm.studies.paper.published import PAPER
-from thorough import sampled
+from support.cases import sampled
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 HEAD = {"schema", "command", "skyarm"}
-SHORT = """
-schema = 1
-name = "short"
-duration = 0.5
-[plant]
-vehicle = "hummingbird_arm2_rotors"
-gravity = 9.81
-[model]
-vehicle = "hummingbird_arm2"
-[controller]
-preset = "paper_pd"
-[reference]
-base = { kind = "hover", position = [0.0, 0.0, 1.0] }
-"""
-FALLS = SHORT.replace("duration = 0.5", "duration = 5.0") + "[initial]\nposition = [0, 0, 1]\nvelocity = [0, 0, -20]\n"
 STUDY = """
 schema = 1
 name = "tiny"

@@ -10,10 +10,10 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
-from urdf_texts import joint, limits, link, robot, saved
+from support.cases import joint, limits, link, robot, saved
+from support.commands import refused, skyarm
 
 TOOL = '<link name="{0}"/><joint name="f{0}" type="fixed"><parent link="{1}"/><child link="{0}"/></joint>'
 ARM = (link("mount"), link("a"), link("b"), joint("ja", "mount", "a", limits()), joint("jb", "a", "b", limits()))

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from commanded import Outcome, skyarm
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.compile.machine_code import NoMachineCodeError, llvm_needed
 from skyarm.control.laws.predictive import law
+from support.commands import Outcome, skyarm
 
 ADVICE = "python -m pip install --upgrade llvmlite"
 PARSING = "LLVM IR parsing error\n<string>:7:21: error: expected type\n  %0 = load ptr\n       ^"

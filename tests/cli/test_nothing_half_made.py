@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.records.files import taken_back
 from skyarm.records.registry import plugins
 from skyarm.records.registry.registrations import _FOUND
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 STUDY = """
 schema = 1

@@ -14,9 +14,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import registry_kept
-from commanded import refused
-from commanded import skyarm as command
 from skyarm.cli.run_command import save_logs
 from skyarm.control.law_checks import memory_mistake
 from skyarm.log.formats import load_log, save_log
@@ -30,6 +27,9 @@ from skyarm.world import Air, Force
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Shape
+from support.commands import refused
+from support.commands import skyarm as command
+from support.components import registry_kept
 
 BASE = skyarm.load_scenario("case1", duration=0.02)
 

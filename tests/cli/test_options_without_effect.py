@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from commanded import refused, skyarm
+from support.commands import refused, skyarm
 
 
 @pytest.mark.parametrize(

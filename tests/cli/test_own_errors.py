@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.records.files.user_code import own_failure
 from skyarm.scenario.scenario_file import LIBRARY
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 CASE = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "mine"')
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from every_command import NEEDS, OVERWRITES
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.records.files.own_inputs import inputs_kept, note_input, require_no_input
 from skyarm.records.files.writing import write_atomically
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 SCENARIO = """
 schema = 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
+from support.commands import refused, skyarm
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +89,8 @@ def test_wrong_input_is_one_line_and_draws_nothing(folder: Path, words: tuple[st
 
 def test_a_sweep_is_drawn_over_an_expression(folder: Path) -> None:
     pytest.importorskip("pyarrow")
-    from sweeps import MASS, WIND
-    from sweeps import flown as fly
+    from support.studies import MASS, WIND
+    from support.studies import flown as fly
 
     fly(folder / "rows", episodes=12, duration=0.3, windows={"steady": [0.1, 0.3]})
     drawn = ("plot", "rows", "-o", "a.png", "--metric", "ee_error_mean", "--over")

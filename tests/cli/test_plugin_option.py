@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept, same_logs
-from commanded import refused, skyarm
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
+from support.commands import refused, skyarm
+from support.components import registry_kept, same_logs
 
-OWN = Path(__file__).parents[1] / "own_plugin.py"
+OWN = Path(__file__).parents[1] / "support" / "own_plugin.py"
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from thorough import sampled
+from support.cases import sampled
 
 if sys.platform == "win32":
     pytest.skip("signals of POSIX", allow_module_level=True)

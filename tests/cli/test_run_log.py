@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import registry_kept
-from commanded import Outcome
-from commanded import skyarm as typed
+from support.commands import Outcome
+from support.commands import skyarm as typed
+from support.components import registry_kept
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_log_format.py"
 

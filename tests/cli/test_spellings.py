@@ -6,15 +6,15 @@ import json
 from pathlib import Path
 
 import pytest
+from command_files import FALLS
 from every_command import CHOOSES
-from test_machine_output import FALLS
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli.arguments import OLDER, law_names
 from skyarm.cli.run_command import _files_by_law
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import load_scenario
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 BOTH = {
     "run": ("case3",),

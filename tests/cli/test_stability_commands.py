@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli import margins_command
 from skyarm.cli.output import bar
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.stability.flight_margins import evidence
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 SHORT = """
 schema = 1

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import skyarm as package
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli.new_command import KINDS
 from skyarm.studies.sweep.study_file import load_study
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 NAMES = {"vehicle": "my_vehicle", "scenario": "my_scenario", "law": "my_law", "study": "my_study"}
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
-from sweeps import drop_chunk
+from support.commands import refused, skyarm
+from support.studies import drop_chunk
 
 pytest.importorskip("pyarrow")
 

@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE
-from test_commands import succeeded
+from command_files import CASE1, VEHICLE, succeeded
 
-from commanded import skyarm
 from skyarm.algebra import Sym3, Vec3
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -20,7 +18,8 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle, unlikely_numbe
 from skyarm.studies.compare.suite import PAPER_CASES
 from skyarm.studies.sweep.study_file import list_studies, load_study
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from thorough import sampled
+from support.cases import sampled
+from support.commands import skyarm
 
 BIRD = load_vehicle("hummingbird_arm2_rotors")
 OCTO = load_vehicle("octo_coaxial_two_arms")

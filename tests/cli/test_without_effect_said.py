@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from commanded import skyarm
 from skyarm.cli.lines import say_suspicious, say_warning
 from skyarm.scenario.scenario_file import load_scenario
+from support.commands import skyarm
 
 SAID = (
     "environment.wind: moves the air along z, where 'hummingbird' has drag by its tilt alone: hardly any effect of that"

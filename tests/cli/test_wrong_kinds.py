@@ -9,14 +9,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE
+from command_files import CASE1, VEHICLE
 
-from commanded import refused, skyarm
 from skyarm.log.flight_log import Log
 from skyarm.records.files import how_to_install, must_be_one_of, needs_extra
 from skyarm.records.files.names import is_result_name
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import study_from
+from support.commands import refused, skyarm
 
 STUDY = (STUDIES / "robustness.toml").read_text("utf-8")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import pytest
 
-from c_compiler import c_function
 from skyarm.algebra import Vec3, scalars
 from skyarm.compile import trace
 from skyarm.compile.c_source import Floats, StepFile, make_struct
 from skyarm.records.leaves import leaves
+from support.engines import c_function
 
 DECLARED = re.compile(r"const (\w+) (v\d+) = (.*);")
 VARIABLE = re.compile(r"v\d+|[01](?!\.)")

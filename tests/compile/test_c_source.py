@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from test_trace_bits import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
+from operation_programs import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
 
-from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 from skyarm.algebra import scalars
 from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
@@ -20,6 +19,7 @@ from skyarm.compile.c_source import Floats, make_struct
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.compile.tracing.tracer import CONDITIONS, is_condition
 from skyarm.records.immutable import immutable
+from support.engines import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")
@@ -101,7 +101,7 @@ def bit_program():
     return lower([x], live(outputs), outputs)
 
 
-def test_powers_exponents_and_mantissas_are_exact_for_every_exponent_and_subnormal_numbers(tmp_path):
+def test_powers_exponents_and_mantissas_are_exact_for_every_exponent_and_subnormals(tmp_path):
     loaded = library(c_function(bit_program(), "p"), tmp_path)
     whole = [float(k) for k in range(-1200, 1024)]  # above, 2**k leaves the doubles and Python raises
     numbers = [math.ldexp(m, k) for k in range(-1074, 1024) for m in (1.0, -1.37)]

@@ -11,7 +11,7 @@ import pytest
 
 from skyarm.algebra import Quaternion, Sym3, Vec3
 from skyarm.records.leaves import leaves, rebuild, shaped_like
-from vehicles_random import random_vehicle
+from support.vehicles import random_vehicle
 
 
 class Colour(Enum):

@@ -11,21 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flying_engines import jax_doubles
-from thorough import sampled
+from support.cases import sampled
+from support.engines import jax_doubles
 
 jax = pytest.importorskip("jax")
 
 # ruff: noqa: E402  the engine needs the library
 from jax_kernel import JaxKernel
-from skyarm.algebra.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
-from skyarm.algebra.scalars import log as ln
-from skyarm.algebra.scalars.functions import copysign
-from skyarm.compile import trace
-from skyarm.compile.jax.jax_operations import evaluate, uniforms
-from skyarm.compile.tracing.lower import repeat
-from skyarm.compile.tracing.program import trace_loop
-from skyarm.records.files import needs_extra
 from stepped_flights import (
     CONSTANTS,
     CONTROLLER,
@@ -40,6 +32,15 @@ from stepped_flights import (
     lanes_of,
     pendulum_step,
 )
+
+from skyarm.algebra.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
+from skyarm.algebra.scalars import log as ln
+from skyarm.algebra.scalars.functions import copysign
+from skyarm.compile import trace
+from skyarm.compile.jax.jax_operations import evaluate, uniforms
+from skyarm.compile.tracing.lower import repeat
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.records.files import needs_extra
 
 
 @pytest.fixture(autouse=True)
@@ -321,10 +322,11 @@ assert flags.startswith("--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vecto
 
 def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
     """A flag that jaxlib does not know would end the process; a user's own flags stay."""
+    bench = Path(__file__).parents[1] / "studies" / "bench"
     environment = os.environ | {
         "XLA_FLAGS": "--xla_cpu_enable_fast_math=false",
         "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
+        "PYTHONPATH": os.pathsep.join([str(bench), os.environ.get("PYTHONPATH", "")]),
     }
     done = subprocess.run(
         [sys.executable, "-c", FRESH], env=environment, capture_output=True, text=True, timeout=120, check=False

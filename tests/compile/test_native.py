@@ -21,7 +21,7 @@ from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from thorough import sampled
+from support.cases import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -199,7 +199,7 @@ def test_contraction_rounds_once_and_stays_close():
     assert np.max(np.abs(contracted - exact)) < 1e-12  # 500 steps of a stable spring, a rounding each
 
 
-def test_only_contraction_flushes_numbers_below_the_normal_range_and_no_caller_notices():
+def test_only_contraction_flushes_subnormal_numbers_and_no_caller_notices():
     loop = trace_loop(lambda c, p, r, u: ((c[0] * 0.5,), ()), (0.0,), (), ())
     smallest = np.array([[2.2250738585072014e-308]])
     ends = {}

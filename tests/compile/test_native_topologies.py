@@ -20,7 +20,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.dynamics import forward_dynamics
-from vehicles_random import random_vehicle
+from support.vehicles import random_vehicle
 
 def factors(vehicle, values):
     scaled = []

@@ -176,7 +176,7 @@ def test_a_link_of_another_user_in_place_of_the_folder_is_not_followed(cache, tm
         assert object_cache.load("a") is None
 
 
-def test_entries_are_not_read_through_links_and_links_are_replaced_not_written_through(tmp_path):
+def test_entries_are_not_read_through_links_and_links_are_replaced_in_writing(tmp_path):
     entry = kept("a")
     planted = tmp_path / "planted"
     entry.rename(planted)

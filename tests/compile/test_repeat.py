@@ -74,7 +74,7 @@ def test_a_loop_of_a_random_function_has_the_bits_of_python_floats():
         assert bits(carry[:, k]) == bits(x)
 
 
-def test_rounds_that_differ_from_lane_to_lane_leave_each_lane_its_own_and_none_passes_by():
+def test_rounds_that_differ_between_lanes_leave_each_lane_its_own():
     """Doubling n times; a call in which no lane asks for a round is counted in no round."""
 
     def step(carry, parameters, row, draws):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from programs_random import oscillator, same_bits
 
-from kernel_threads import interrupted_queue, wait_until
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.shared_steps import SharedSteps, slice_work
 from skyarm.compile.tracing.program import trace_loop
+from support.engines import interrupted_queue, wait_until
 
 LANES, STEPS = 103, 60
 

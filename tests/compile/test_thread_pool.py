@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from programs_random import oscillator, same_bits
 
-from kernel_threads import wait_until
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from thorough import sampled
+from support.cases import sampled
+from support.engines import wait_until
 
 
 @pytest.fixture(autouse=True)

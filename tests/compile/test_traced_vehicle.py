@@ -10,7 +10,7 @@ import pytest
 from skyarm import dynamics
 from skyarm.algebra import Force, Vec3
 from skyarm.compile import trace
-from vehicles_random import random_body, random_state, random_vehicle
+from support.vehicles import random_body, random_state, random_vehicle
 
 
 def forward(vehicle, *inputs):

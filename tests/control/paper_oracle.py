@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-import euler_lagrange as el
-from flown import Case, G
+from support import euler_lagrange as el
+from support.laws import Case, G
 
 MASS = 0.716 + 0.04 + 0.04 + 0.01
 INERTIA = np.diag([0.007, 0.007, 0.012])

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from law_parts import with_parts
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.catalogue import make_controller

@@ -32,7 +32,7 @@ def test_where_the_first_joint_sits_does_not_count_and_an_arm_of_no_length_is_fl
     assert (arm_length(none), damping(none) > 0.0) == (0.0, True)
 
 
-def test_the_damping_goes_with_the_root_of_the_arms_length_and_a_number_that_is_given_is_kept():
+def test_damping_goes_with_the_root_of_the_arms_length_and_a_given_number_is_kept():
     paper, small = skyarm.load_vehicle("hummingbird_arm2"), skyarm.load_vehicle("crazyflie_arm1")
     assert damping(paper) == 0.03
     assert damping(small) == pytest.approx(0.03 * (0.06 / 0.3) ** 0.5)
@@ -71,7 +71,7 @@ def least_inertia(vehicle, h=1e-6):
 
 
 @pytest.mark.parametrize("name", ["hexarotor_arm6", "octo_coaxial_two_arms", "pelican_arm2"])
-def test_how_light_a_tip_is_against_its_vehicle_follows_from_the_energy_of_its_motion(name):
+def test_how_light_a_tip_is_against_its_vehicle_follows_from_energy_of_its_motion(name):
     vehicle = skyarm.load_vehicle(name)
     mobile = float(vehicle.mass) / least_inertia(vehicle)
     assert tip_lightness(vehicle) == pytest.approx(mobile / 38.0, rel=1e-5)

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from law_parts import planned
 from scipy.integrate import solve_bvp
 
 import skyarm
-from law_parts import planned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture, posture, upright

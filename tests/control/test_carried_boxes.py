@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
@@ -38,7 +38,7 @@ def lever(joint):
     return np.linalg.norm(after - before) / 2e-6
 
 
-def test_what_a_joint_near_the_tip_observes_of_a_load_is_left_and_that_of_a_far_one_compensated():
+def test_a_load_on_a_joint_near_the_tip_is_left_and_on_a_far_joint_compensated():
     for mass in (0.0, 0.12, 0.5):
         known = mass**2 / (mass**2 + (0.2 * 0.6) ** 2)
         expected = [known * 0.03**4 / (lever(i) ** 4 + 0.03**4) for i in range(ARM.n)]
@@ -103,7 +103,7 @@ def test_links_may_be_turned_more_slowly_than_the_tip_is_moved():
     assert last[5] == pytest.approx(0.4 * whole[5], rel=0.3)
 
 
-def test_with_a_load_the_observed_torque_of_the_hands_roll_is_left_and_its_link_turned_gently():
+def test_with_a_load_the_roll_torque_of_the_hand_is_left_and_its_link_turned_gently():
     """One period of the law with 0.5 kg held, and the same period of a law for which this is no load."""
     law = make_centroidal(Model(vehicle=ARM, gravity=9.81), mode="tip", load=0.6)
     seen = (*(0.0,) * 5, 0.05)
@@ -158,7 +158,7 @@ def test_the_gripper_itself_says_when_it_holds_something(hanging):
     assert not hanging.load_mass_found[~held].any()  # gone in the period in which the magnet lets go
 
 
-def test_a_load_that_is_told_at_that_instant_is_the_same_to_the_bit_and_one_told_otherwise_counts_alone(hanging):
+def test_a_load_of_that_instant_is_the_same_to_the_bit_and_another_counts_alone(hanging):
     def told(start, stop):
         load = {"kind": "windowed", "signal": 1.0, "start": start, "stop": stop}
         return scenario_from(HANGING | {"reference": HANGING["reference"] | {"load": load}})

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from law_parts import with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks import force_control
 from skyarm.control.blocks.force_control import InteractionGains, Pressing, first_interaction, wanted_of

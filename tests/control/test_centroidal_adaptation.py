@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from centroidal_flights import fly, planned
+from law_parts import demanded, with_parts
 
 import skyarm
-from law_parts import demanded, with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
@@ -21,8 +21,8 @@ from skyarm.control.model import Model
 from skyarm.reference import Sine
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.sensing.measurement import blank_measurement
-from thorough import sampled
-from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
+from support.cases import sampled
+from support.vehicles import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=TRUTH, gravity=9.8)
@@ -126,7 +126,7 @@ def test_a_load_pushes_by_what_pinocchio_needs_more_for_it(joints):
 
 
 @pytest.mark.parametrize("joints", [2, 5])
-def test_what_a_load_takes_of_the_joints_as_measured_is_what_pinocchio_needs_more_for_it(joints):
+def test_a_load_takes_of_the_measured_joints_what_pinocchio_needs_more_for_it(joints):
     """Of the tip's acceleration by differences of its velocity, over a motion of base and joints."""
     pytest.importorskip("pinocchio")
     rng = np.random.default_rng([22, joints])

@@ -27,7 +27,7 @@ from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.world import NO_WIND, Force, Wrench
-from vehicles_random import random_vehicle
+from support.vehicles import random_vehicle
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
 RNG = np.random.default_rng(7)

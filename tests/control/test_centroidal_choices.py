@@ -145,7 +145,7 @@ def test_slow_motors_track_the_rate_of_a_force_slowly():
 
 
 @pytest.mark.parametrize("mode", ["tip", "joint"])
-def test_a_vehicle_that_picks_loads_hears_its_accelerometer_more_calmly_unless_it_is_said(mode):
+def test_a_vehicle_that_picks_loads_filters_its_accelerometer_more_unless_stated(mode):
     def heard(**options):
         gains = make_centroidal(MODEL, mode=mode, **options).par.observer.accelerometer
         return gains and (gains.force, gains.velocity)
@@ -188,7 +188,7 @@ def test_a_stated_adaptation_that_would_learn_nothing_is_refused(options, words)
         make_centroidal(MODEL, **options)
 
 
-def test_an_option_that_a_vehicle_or_another_option_does_not_allow_is_refused_by_its_own_name():
+def test_an_option_that_vehicle_or_another_option_forbids_is_refused_by_its_own_name():
     bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
     with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):
         make_centroidal(bare, adaptation=0.3)

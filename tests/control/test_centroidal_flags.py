@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from law_parts import commanded, demanded
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from law_parts import commanded, demanded
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow

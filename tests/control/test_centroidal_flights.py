@@ -18,7 +18,7 @@ from skyarm.studies.compare import envelope_axes as motions
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
 from skyarm.world import ForceWind
-from thorough import sampled
+from support.cases import sampled
 
 
 def blown(scenario, *force):
@@ -56,7 +56,7 @@ def tilt(flown):
     return np.degrees(np.arccos(1.0 - 2.0 * (x * x + y * y)))
 
 
-def test_perfect_state_joint_mode_keeps_base_and_joints_below_the_fraction_of_a_millimetre():
+def test_joint_mode_with_the_perfect_state_keeps_errors_below_half_a_millimetre():
     wind, arm = fly(planned("case3_wind")), fly(planned("case2"))
     assert wind.mean("base") < 0.25
     assert wind.mean("tip") == pytest.approx(

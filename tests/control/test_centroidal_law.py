@@ -11,8 +11,6 @@ import pytest
 from centroidal_flights import fly, planned
 
 import skyarm
-from flown import MODEL, G, cases, changed, hovering, stacked
-from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
 from skyarm.control.catalogue import ControllerError, make_controller, make_named, preset
@@ -32,6 +30,8 @@ from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import run
 from skyarm.world import ForceWind
+from support.engines import jax_doubles
+from support.laws import MODEL, G, cases, changed, hovering, stacked
 
 CASES = cases(4, seed=77, pitch=np.radians(60.0))
 INPUTS = [(case.measurement(), case.reference()) for case in CASES]

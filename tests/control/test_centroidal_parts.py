@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev
+from published_laws import NODES, differentiated
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -47,18 +47,9 @@ from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
+from support.vehicles import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
-NODES = np.cos(np.pi * (np.arange(24) + 0.5) / 24) * 0.2
-"""Chebyshev nodes on 0.4 s: interpolation differentiates smooth signals four times to about 1e-8."""
-
-
-def differentiated(values, order=4, share=1.0):
-    """Derivatives at t = 0 of samples at ``share`` times NODES, by interpolation."""
-    columns = np.asarray(values, dtype=float).reshape(len(NODES), -1).T
-    fits = [Chebyshev.fit(share * NODES, column, 23, domain=[-0.2 * share, 0.2 * share]) for column in columns]
-    return [np.array([fit.deriv(k)(0.0) if k else fit(0.0) for fit in fits]) for k in range(order + 1)]
 
 
 def array(v):
@@ -260,9 +251,9 @@ def flying():
 
 def test_the_prediction_is_what_mujoco_does_in_that_time():
     pytest.importorskip("mujoco")
-    from flying_vehicles import steady_wind
     from skyarm.plant.interface import Truth
     from skyarm.plant.mujoco import MujocoPlant
+    from support.vehicles import steady_wind
 
     vehicle = TRUTH.with_joints(damping=0.0)
     vehicle = dataclasses.replace(
@@ -520,7 +511,7 @@ def level_flight(vehicle, joint_rates):
 NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
 
 
-def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_references():
+def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_desired():
     dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
     smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
     demand = AccelerationDemand(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))

@@ -23,7 +23,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
-from vehicles_random import TWINS, RandomState, random_quaternion
+from support.vehicles import TWINS, RandomState, random_quaternion
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)
@@ -308,7 +308,7 @@ def test_of_an_attitudes_two_quaternions_the_nearer_is_taken(seed):
     assert array(nearer_sign(Quaternion(*q.tolist()), Quaternion(*before.tolist()))).tolist() == near.tolist()
 
 
-def test_the_filtered_place_goes_with_the_estimated_velocities_and_a_share_to_the_measured():
+def test_the_filtered_place_follows_estimated_velocities_and_a_measured_share():
     """The place is carried, then pulled by the share 1 - exp(-bandwidth dt) along SciPy's arc; at first all the way."""
     start = Rotation.from_euler("ZYX", [2.9, -0.4, 0.6])
     memory = dataclasses.replace(

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import in_small_steps, with_parts
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from law_parts import in_small_steps, with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.late_actuators import first_past
 from skyarm.control.blocks.prediction import Disturbance
@@ -121,7 +121,7 @@ def test_the_queue_moves_on_by_one(name):
 
 
 @pytest.mark.parametrize("periods", [0, 1, 4])
-def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_measurements_own(periods):
+def test_the_first_queue_holds_a_hover_for_each_period_of_both_delays(periods):
     """Told as a time or as periods; the rotors carry the weight, each alike."""
     each = np.sqrt(float(ARM.mass) * 9.8 / (4 * 8.54858e-6))
     stepped_law = make_controller("ct_ladder", MODEL, delay_periods=periods).memory.sent
@@ -239,7 +239,7 @@ def test_a_measurement_without_delay_is_the_present():
 
 
 @pytest.mark.parametrize("mode", ["joint", "tip"])
-def test_the_plan_leans_against_the_force_found_and_in_tip_mode_against_its_slow_part(mode):
+def test_the_plan_leans_against_the_force_found_or_in_tip_mode_its_slow_part(mode):
     """The plan's attitude is told by the torque of a known load at the tip: r x R^T (0, 0, -m g), R e_3 || m g e_3 - d.
 
     Sideways, so that no joint (all turn about y) has a part in it.

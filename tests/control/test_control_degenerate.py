@@ -5,17 +5,31 @@ import math
 
 import numpy as np
 import pytest
+from euler_form import hybrid_computed_torque_euler
+from rotors_node import message_quaternion
 from scipy.spatial.transform import Rotation
 
-import euler_lagrange as el
-from euler_form import hybrid_computed_torque_euler
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
-from rotors_node import message_quaternion
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.geometric import SMALL_SINE, desired_attitude
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import Body
+from support import euler_lagrange as el
+from support.laws import (
+    ARM2,
+    LAWS,
+    MODEL,
+    G,
+    cases,
+    changed,
+    controller,
+    hovering,
+    pushes,
+    raw_squares,
+    step,
+    unclipped,
+    vec,
+)
 
 NAN = math.nan
 FREE = Model(vehicle=ARM2.with_joints(effort_limit=math.inf), gravity=G)
@@ -34,7 +48,7 @@ def finite(command):
 
 
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "decoupled_pd"])
-def test_with_no_commanded_force_the_thrust_is_zero_and_the_attitude_keeps_its_thrust_axis(name):
+def test_without_a_commanded_force_thrust_is_zero_and_the_thrust_axis_stays(name):
     """A reference in free fall: a_d = 0 has no direction, and the vehicle has no reason to tilt."""
     case = changed(hovering(euler=(0.3, -0.2, 0.0)), a_d=(0.0, 0.0, -G))
     command = step(controller(name), case.measurement(), case.reference())
@@ -81,7 +95,7 @@ def test_a_target_that_asks_for_thrust_along_the_heading_gives_a_finite_command(
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_an_attitude_error_of_180_degrees_is_finite_and_asks_for_no_turn_about_that_axis(name, axis):
+def test_an_attitude_error_of_180_degrees_is_finite_and_needs_no_turn_about_its_axis(name, axis):
     half = {"x": (0.0, 1.0, 0.0, 0.0), "y": (0.0, 0.0, 1.0, 0.0), "z": (0.0, 0.0, 0.0, 1.0)}[axis]
     measured = dataclasses.replace(hovering().measurement(), quaternion=Quaternion(*half))
     command = step(controller(name), measured, _reference())

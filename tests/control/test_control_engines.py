@@ -5,13 +5,26 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
-from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.records.leaves import leaves, rebuild
+from support.engines import jax_doubles
+from support.laws import (
+    ARM2,
+    LAWS,
+    MODEL,
+    G,
+    cases,
+    changed,
+    controller,
+    hovering,
+    raw_squares,
+    stacked,
+    step,
+    unclipped,
+)
 
 CASES = cases(6, seed=31)
 INPUTS = [(case.measurement(), case.reference()) for case in CASES]

@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import HUMMINGBIRD, make_controller
 from skyarm.control.model import Model
@@ -16,6 +15,7 @@ from skyarm.plant.interface import Truth
 from skyarm.reference import Constant, Sine, hover
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.simulate import Scenario, run
+from support.laws import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 
 TRUTH = Truth(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
 
@@ -139,7 +139,7 @@ def test_with_the_priority_mixer_the_computed_torque_recovers_from_its_back(axis
     assert_recovered(upset(axis, degrees, law="hybrid_computed_torque", policy="priority", seconds=8.0))
 
 
-def test_computed_torque_turns_the_wrong_way_when_it_wants_more_acceleration_than_rotors_can_give():
+def test_computed_torque_turns_wrongly_if_it_wants_more_than_rotors_can_give():
     """Nearly inverted about x, the arm's share of the torque is computed for an acceleration that is not flown.
 
     The arm hangs 0.015 kg m below the base and asks for 0.015 |a_d| sin(roll) to be carried along; the attitude loop

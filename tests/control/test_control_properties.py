@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import euler_lagrange as el
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -17,6 +15,8 @@ from skyarm.control.blocks.geometric import (
     yaw_of,
 )
 from skyarm.control.catalogue import HUMMINGBIRD
+from support import euler_lagrange as el
+from support.laws import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 
 
 def torque_and_thrust(name, case):
@@ -129,7 +129,7 @@ def test_joint_torques_are_limited_at_the_effort_limit(name, sign):
     assert step(controller(name), *_inputs(case)).efforts == (0.5 * sign, 0.5 * sign)
 
 
-def test_commanded_acceleration_points_down_in_hover_and_up_towards_a_far_lower_target():
+def test_commanded_acceleration_points_down_in_hover_and_up_to_a_far_lower_target():
     zero = Vec3(0.0, 0.0, 0.0)
 
     def a_d(e_p=zero, e_v=zero, a=zero):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import ARM2, MODEL, G, cases, controller, step
 from skyarm.control.catalogue import (
     ACCELERATION,
     HUMMINGBIRD,
@@ -21,6 +20,7 @@ from skyarm.control.law_maker import default_gains, default_joint_gains
 from skyarm.control.laws import paper
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import array_front as arrays
+from support.laws import ARM2, MODEL, G, cases, controller, step
 
 
 def test_an_unknown_law_is_refused_with_the_nearest_choices():
@@ -102,7 +102,7 @@ def test_default_gains_give_every_vehicle_the_hummingbirds_accelerations():
         np.testing.assert_allclose(np.array(tuple(gains.rate)) / moments, (100 / 7, 100 / 7, 25 / 12))
 
 
-def test_default_torque_gains_are_the_acceleration_gains_times_each_joints_own_inertia():
+def test_default_torque_gains_are_acceleration_gains_times_each_joints_own_inertia():
     vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
     M = arrays.mass_matrix(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], np.zeros(vehicle.n))
     own = np.diag(M)[6:]

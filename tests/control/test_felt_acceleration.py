@@ -156,7 +156,7 @@ def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
     assert list(observed.force) == pytest.approx([0.0] * 3, abs=1e-3)
 
 
-def test_thrust_along_the_axis_is_counted_by_its_mean_and_across_by_the_speed_amid_the_period():
+def test_thrust_counts_along_the_axis_by_its_mean_and_across_by_the_mid_speed():
     """Each as the model itself reckons with it, so that the difference to the end of the period is the rotors' own."""
     vehicle, rng = skyarm.load_vehicle("tilted_hexarotor"), np.random.default_rng(3)
     squares, half, speeds = rng.uniform(2e5, 3e5, 6), rng.uniform(400.0, 500.0, 6), rng.uniform(300.0, 600.0, 6)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 import skyarm
-from flown import ARM2, MODEL
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.ladder import EXTRAPOLATION, LAG_INVERSION, OBSERVER
 from skyarm.control.model import Model
+from support.laws import ARM2, MODEL
 
 ARM6 = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
 
 
 @pytest.mark.parametrize("model", [MODEL, ARM6], ids=["arm2", "arm6"])
 @pytest.mark.parametrize("delay", [0, 2])
-def test_the_centroidal_law_begins_with_free_actuators_and_a_command_for_every_period_of_delay(model, delay):
+def test_the_centroidal_law_begins_with_free_actuators_and_commands_for_its_delay(model, delay):
     memory = make_controller("centroidal", model, delay=delay * 0.005).memory
     n = model.vehicle.n
     assert memory.free == (1.0,) * (1 + n)

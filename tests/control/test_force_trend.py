@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from law_parts import demanded
 from scipy.signal import lfilter, lsim
 
 import skyarm
-from law_parts import demanded
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 from scipy.linalg import expm
 
 import skyarm
-from c_compiler import needs_cc
-from exported_law import Loaded
-from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.tip_force import levers
@@ -30,6 +28,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import blank_measurement
+from support.engines import Loaded, needs_cc
 
 M, D, K, PUSH, START = 1.0, 6.0, 9.0, 1.0, 2.25
 SOFT = {"mass": [M] * 3, "damping": [D] * 3, "stiffness": [K] * 3}

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from euler_form import hybrid_computed_torque_euler
 from paper_oracle import (
     ACCELERATION,
     MASS,
@@ -18,15 +19,14 @@ from paper_oracle import (
     rate_matrix,
 )
 
-import euler_lagrange as el
 import skyarm
-from euler_form import hybrid_computed_torque_euler
-from flown import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import ControllerError, make_controller
 from skyarm.control.laws.paper import geometric_accelerations, joint_accelerations
 from skyarm.control.model import Model, Terms
 from skyarm.dynamics.actuators import mix
+from support import euler_lagrange as el
+from support.laws import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
 
 CASES = cases(40, seed=11)
 FREE = Model(vehicle=unlimited(), gravity=G)
@@ -194,7 +194,7 @@ def test_pd_baseline_is_rotors_controller_and_a_pd_with_reduced_gravity():
         assert_command(found, mixed(np.diag([0.007, 0.007, 0.012]) @ alpha, thrust), efforts, 1e-12)
 
 
-def test_rotors_controller_alone_feeds_the_acceleration_forward_and_leaves_the_joints():
+def test_the_rotors_controller_feeds_the_acceleration_forward_and_leaves_the_joints():
     flown = unclipped(controller("rotors_sim_position", FREE))
     for case in CASES[:10]:
         linear, alpha = accelerations(case)

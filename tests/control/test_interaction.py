@@ -27,7 +27,7 @@ from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import blank_measurement
-from standing_walls import NOISE
+from support.worlds import NOISE
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)
@@ -55,7 +55,7 @@ def test_touch_has_a_hysteresis_and_is_lost_after_its_patience():
     assert touched([1.0], asked=False) == [0.0]
 
 
-def test_nothing_is_learned_until_half_a_second_after_contact_nor_under_a_force_that_nobody_asked_for():
+def test_nothing_is_learned_in_half_a_second_of_contact_or_under_an_unwanted_force():
     """A hole's wall pushes a peg that is on its way out: learned as a load, the push would press it there."""
     rested = dataclasses.replace(FREE, free=0.51, force=Vec3(0.1, 0.0, -0.2))
     assert law.contact_cleared(GAINS, rested) == 1.0
@@ -134,7 +134,7 @@ def test_the_reference_comes_follows_and_returns():
 
 
 @pytest.mark.parametrize("touching", [0.0, 1.0])
-def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_within_a_period(touching):
+def test_the_shift_is_of_two_equal_poles_and_a_steady_acceleration_within_a_period(touching):
     """Free, without a push, it comes back; with contact it goes to where the tip is: (s - e) = (a + b t) exp(-w t)."""
     gap, dt, w, s0, v0 = 0.05 * touching, 5e-4, GAINS.follow, 0.1, -0.05
     memory = dataclasses.replace(FREE, shift=s0, shift_rate=v0)

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_published_formulas import (
+from published_laws import (
     ARM,
     DT,
     SEEDS,
@@ -26,18 +26,17 @@ from test_published_formulas import (
     wanted,
 )
 
-from flown import MODEL, pushes
-from law_flights import replaced, scalars
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.published.l1 import _advance_filters, _command, make_l1
 from skyarm.control.model import Model
-from vehicles_random import PinocchioTwin
+from support.laws import MODEL, pushes, replaced, scalars
+from support.vehicles import PinocchioTwin
 
 
 @pytest.mark.parametrize("law", ["l1_adaptive", "l1_adaptive lateral"])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_first_command_is_pinocchios_inverse_dynamics_of_the_wanted_accelerations(law, seed):
+def test_the_first_command_is_pinocchios_inverse_dynamics_of_wanted_accelerations(law, seed):
     """A tilted base, a moving arm: force along body z, torque and joint efforts of base and joints as wanted."""
     controller, state, reference = soft(law), gentle(seed), wanted(seed)
     torque, thrust, efforts = asked(controller, state, reference)
@@ -157,7 +156,7 @@ def test_the_command_is_the_geometric_law_less_what_was_filtered_twice(seed, lat
     assert thrust == pytest.approx(whole[:3] @ b3 - memory.thrust, rel=1e-11)
 
 
-def test_the_torque_that_l1_compensates_is_a_quarter_of_the_weight_on_the_longest_arm_of_its_rotors():
+def test_l1_compensates_the_torque_of_a_quarter_of_the_weight_on_its_longest_arm():
     """Rotors at unlike distances, the farthest neither first nor last nor along an axis."""
     places = [(0.2, 0.0, 0.0), (0.0, 0.25, 0.01), (-0.3, 0.1, -0.05), (0.02, -0.18, 0.0)]
     rotors = tuple(

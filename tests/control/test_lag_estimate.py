@@ -29,7 +29,7 @@ from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.sensing.measurement import Measurement
-from thorough import sampled
+from support.cases import sampled
 
 DT = 0.005
 GAINS = LagGains(base=0.02, joints=0.012, stride=1)

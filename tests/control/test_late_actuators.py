@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from law_parts import in_small_steps
 
 import skyarm
-from law_parts import in_small_steps
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.extrapolation import extrapolate
 from skyarm.control.blocks.late_actuators import first_past
@@ -17,7 +17,7 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from thorough import sampled
+from support.cases import sampled
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.81)
 DT, PERIODS, FINE = 0.005, 9, 500

@@ -114,7 +114,7 @@ def test_joint_gains_for_another_number_of_joints_are_refused(law):
         make_controller(law, MODEL, joint_gains=JointGains(stiffness=(1.0,), damping=(1.0, 2.0)))
 
 
-def test_the_compensated_force_and_torque_of_l1_are_half_of_the_weight_and_that_on_one_side_of_the_rotors():
+def test_l1_compensates_half_of_the_weight_and_its_torque_on_one_side_of_the_rotors():
     par, vehicle = make_controller("l1_adaptive", MODEL).par, MODEL.vehicle
     weight = 9.81 * sum(float(body.mass) for body in vehicle.bodies)
     reach = max(np.linalg.norm([float(c) for c in rotor.position]) for rotor in vehicle.rotors)

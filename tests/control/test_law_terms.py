@@ -9,19 +9,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, DT, UP, asked, gentle, measured, rotation, soft, vec, wanted
 from scipy import signal
-from test_published_formulas import ARM, DT, UP, asked, gentle, measured, rotation, soft, vec, wanted
 
 import skyarm
-from flown import pushes
-from law_flights import replaced, scalars
 from skyarm.control.blocks.common import arm_alone
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.published.indi import _filter_signals, _speeds
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
-from vehicles_random import PinocchioTwin
+from support.laws import pushes, replaced, scalars
+from support.vehicles import PinocchioTwin
 
 pytest.importorskip("pinocchio")
 
@@ -84,7 +83,7 @@ def linear(e, de, kp, kd, group):
 
 @pytest.mark.parametrize("damping", [(20.0, 26.0), (40.0, 33.0)])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_wanted_accelerations_are_linear_part_switching_adaptation_and_the_references(seed, damping):
+def test_wanted_accelerations_are_linear_part_switching_adaptation_and_reference(seed, damping):
     """Joint roots that are real and that are not; all disturbance accelerations learned so far are taken off."""
     law, state, reference = law_with_terms(damping=damping), gentle(seed), wanted(seed)
     memory, delta = adapted(law, seed)

@@ -11,11 +11,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from c_compiler import needs_cc
-from exported_law import Loaded
-from flown import ARM2, MODEL, cases, hovering, pushes
-from log_metrics import Errors
-from logs_synthetic import synthetic_log
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
@@ -43,6 +38,9 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.engines import Loaded, needs_cc
+from support.laws import ARM2, MODEL, cases, hovering, pushes
+from support.logs import Errors, synthetic_log
 
 TRAINING = runpy.run_path(str(Path(__file__).parents[2] / "examples/learned_compensator/train.py"))
 NAMES = ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record", "write_network")
@@ -190,7 +188,7 @@ def test_another_arm_is_refused():
         make_controller("learned_compensator", Model(vehicle=load_vehicle("hexarotor_arm6")))
 
 
-def test_the_shipped_network_is_refused_for_a_vehicle_it_was_not_trained_on_unless_it_is_given():
+def test_the_shipped_network_is_refused_for_an_untrained_vehicle_unless_it_is_given():
     heavy = dataclasses.replace(ARM2, base=dataclasses.replace(ARM2.base, mass=3.0 * ARM2.base.mass))
     first, second = ARM2.links
     joint = dataclasses.replace(second.joint, position=Vec3(0.0, 0.0, -0.4))

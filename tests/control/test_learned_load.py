@@ -71,7 +71,7 @@ def test_mass_and_torque_about_the_tip_are_those_of_the_load_that_hangs_there():
     assert alone == pytest.approx([0.3, 0.0, 0.0], abs=1e-12)
 
 
-def test_what_is_missing_is_the_least_squares_solution_of_numpy_and_a_sliding_joint_has_a_length_of_its_own():
+def test_the_missing_force_is_the_least_squares_and_a_sliding_joint_has_its_length():
     last = ARM.links[-1]
     slide = dataclasses.replace(last, joint=dataclasses.replace(last.joint, kind="prismatic"))
     vehicle, trust = dataclasses.replace(ARM, links=(*ARM.links[:-1], slide)), GAINS.errors
@@ -141,7 +141,7 @@ def test_mass_and_place_have_bounds():
     assert learned((-0.2, AT_TIP), 0.1).mass == 0.0  # what pushes up is no load
 
 
-def test_noise_moves_a_known_mass_by_a_tenth_only_and_no_place_is_learned_while_it_is_far_off():
+def test_noise_moves_a_known_mass_by_a_tenth_and_no_place_is_learned_from_far_off():
     known = dataclasses.replace(NONE, mass=0.3)
     pace = 1.0 - np.exp(-1.5 * 27.0 * STEP)
     for off, share in ((1e-4, 0.1), (-0.29, 1.0)):

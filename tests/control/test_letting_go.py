@@ -16,7 +16,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
-from standing_walls import HEIGHT, NOISE
+from support.worlds import HEIGHT, NOISE
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)

@@ -18,7 +18,7 @@ from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.envelope_axes import slow_circle
 from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.studies.compare.suite import NOISE
-from thorough import sampled
+from support.cases import sampled
 
 DT = 0.005
 GAINS = NoiseGains(density=0.0018, hears=False)

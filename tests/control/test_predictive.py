@@ -8,10 +8,6 @@ import pytest
 import scipy.linalg
 from scipy.optimize import least_squares
 
-from flown import ARM2, MODEL
-from flying_engines import slopes
-from log_metrics import Errors
-from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
 from skyarm.control.blocks.prediction import Disturbance
@@ -53,7 +49,11 @@ from skyarm.studies.compare.cell_flights import CellFlights
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.vehicle.vehicle_files import load_vehicle
-from thorough import sampled
+from support.cases import sampled
+from support.engines import slopes
+from support.flights import fly
+from support.laws import ARM2, MODEL
+from support.logs import Errors
 
 DT = 0.005
 SCALES = np.array([1000.0] * 4 + [0.1] * 2)

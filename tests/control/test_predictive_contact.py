@@ -7,13 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from predictive_models import belief, drawn, goal_of, true_accelerations
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_predictive_memory import belief, drawn, goal_of, true_accelerations
 
 import skyarm
-from flown import MODEL, cases, vec
-from law_flights import scalars
 from skyarm.control.blocks.force_control import InteractionGains
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
@@ -29,7 +27,8 @@ from skyarm.control.model import Model
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.vehicle.vehicle_files import load_vehicle
-from vehicles_random import PinocchioTwin, RandomState
+from support.laws import MODEL, cases, scalars, vec
+from support.vehicles import PinocchioTwin, RandomState
 
 pytest.importorskip("pinocchio")
 
@@ -72,7 +71,7 @@ def tip_motion(model, r, a):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_under_the_foreseen_force_the_tip_is_damped_along_the_normal_as_pinocchio_moves_it(seed):
+def test_under_the_predicted_force_pinocchio_damps_the_tip_along_the_normal(seed):
     model, (r, state, efforts, unknown), contact = belief(seed), drawn(seed), contact_of(seed)
     held, force = under_contact(model, state, efforts, unknown, None, contact)
     v, a = tip_motion(model, r, true_accelerations(model, r, state.rotor_speeds, efforts, held))

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import MODEL, cases
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import floor, where
 from skyarm.control.catalogue import make_controller
@@ -25,6 +24,7 @@ from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.scenario.scenario_record import Change, Delays
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.world import Force, ForceWind, Wrench
+from support.laws import MODEL, cases
 
 DT = 0.005
 PUSH = (1.0, 0.1, -1.0, 0.0, 0.0)

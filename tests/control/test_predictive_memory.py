@@ -12,28 +12,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from predictive_models import ROTORS, belief, drawn, goal_of, true_accelerations
 from scipy.integrate import solve_ivp
 
-import skyarm
-from flown import ARM2, MODEL, cases, vec
-from law_flights import scalars
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.cost import StageGoal, Weights, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.law import PredictiveMemory, engine_key, make_predictive_controller, nmpc
 from skyarm.control.laws.predictive.observer import Observation, ObserverState, first_lateness
 from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, advance, motors
 from skyarm.control.laws.predictive.solver import Bounds, MotionPlan
-from skyarm.control.model import Model
-from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle, rotation_matrix
+from support.laws import ARM2, MODEL, cases, scalars
+from support.vehicles import PinocchioTwin, RandomState, rotation_matrix
 
 DT = 0.005
 NX, NU = 21, 6
@@ -223,8 +219,6 @@ def test_the_horizon_is_a_time_from_50_ms_to_5_s():
 
 pytest.importorskip("pinocchio")
 
-GRAVITY = 9.81
-ROTORS = skyarm.load_vehicle("hummingbird_arm2_rotors").rotors
 
 WEIGHTS = Weights(
     position=2.0,
@@ -241,69 +235,9 @@ WEIGHTS = Weights(
 """No two alike, so that the weight of another residual shows."""
 
 
-def belief(seed, joints=3):
-    """Any arm with damped and dry joints under rotors that drag."""
-    rng = np.random.default_rng(seed)
-    vehicle = random_vehicle(rng, joints=joints)
-
-    def rough(joint):
-        damping, coulomb = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.5))
-        return dataclasses.replace(joint, damping=damping, coulomb=coulomb, coulomb_rate=0.7)
-
-    links = tuple(dataclasses.replace(link, joint=rough(link.joint)) for link in vehicle.links)
-    return Model(vehicle=dataclasses.replace(vehicle, links=links, rotors=ROTORS), gravity=GRAVITY)
-
-
-def drawn(seed, joints=3):
-    rng = np.random.default_rng(seed + 50)
-    r = random_state(rng, joints)
-    state = State(
-        position=vec(r.position),
-        quaternion=Quaternion(*r.quaternion.tolist()),
-        velocity=vec(r.velocity[:3]),
-        rate=vec(r.velocity[3:6]),
-        joints=tuple(r.joints.tolist()),
-        joint_rates=tuple(r.velocity[6:].tolist()),
-        rotor_speeds=tuple(rng.uniform(300.0, 700.0, len(ROTORS)).tolist()),
-    )
-    efforts = tuple(rng.normal(size=joints).tolist())
-    unknown = Disturbance(
-        force=vec(rng.normal(size=3)),
-        torque=vec(rng.normal(size=3)),
-        efforts=tuple(rng.normal(size=joints).tolist()),
-    )
-    return r, state, efforts, unknown
-
-
-def rotor_wrench(speeds, v_B, w_B):
-    """Force and torque about the base origin, rotor by rotor: thrust, drag torque, hub drag and rolling moment."""
-    force, torque = np.zeros(3), np.zeros(3)
-    for rotor, speed in zip(ROTORS, speeds, strict=True):
-        place, axis = scalars(rotor.position), scalars(rotor.axis)
-        wind = v_B + np.cross(w_B, place)
-        across = wind - axis * (axis @ wind)
-        thrust = float(rotor.thrust_coefficient) * speed**2 * axis
-        pull = thrust - float(rotor.drag_coefficient) * speed * across
-        torque += np.cross(place, pull) - rotor.direction * float(rotor.moment_coefficient) * thrust
-        torque -= float(rotor.rolling_moment_coefficient) * speed * across
-        force += pull
-    return force, torque
-
-
-def true_accelerations(model, r, speeds, efforts, unknown, dry_rates=None):
-    R = rotation_matrix(r.quaternion)
-    force, torque = rotor_wrench(speeds, R.T @ r.velocity[:3], r.velocity[3:6])
-    damping = np.array([float(link.joint.damping) for link in model.vehicle.links])
-    dry = np.array([float(link.joint.coulomb) for link in model.vehicle.links])
-    dry = dry * np.tanh((r.velocity[6:] if dry_rates is None else np.array(dry_rates)) / 0.7)
-    pulled = np.array(efforts) - damping * r.velocity[6:] - dry + np.array(unknown.efforts)
-    applied = np.concatenate([R @ force + scalars(unknown.force), torque + scalars(unknown.torque), pulled])
-    return PinocchioTwin(model.vehicle).forward_dynamics(r, applied)
-
-
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("dry_rates", [None, (0.4, -0.9, 0.1)])
-def test_accelerations_of_the_belief_are_pinocchios_with_drag_friction_and_what_is_unknown(seed, dry_rates):
+def test_accelerations_of_the_model_are_pinocchios_with_drag_friction_disturbance(seed, dry_rates):
     model, (r, state, efforts, unknown) = belief(seed), drawn(seed)
     expected = true_accelerations(model, r, state.rotor_speeds, efforts, unknown, dry_rates)
     linear, angular, joints = accelerations(model, state, efforts, unknown, dry_rates)
@@ -348,19 +282,6 @@ def test_after_a_long_step_a_quaternion_is_of_unit_length():
     model, (_, state, efforts, unknown) = belief(1), drawn(1)
     after = advance(model, state, StageInputs(rotor_accelerations=(0.0,) * 4, efforts=efforts), unknown, 0.1)
     assert np.linalg.norm(scalars(after.quaternion)) == pytest.approx(1.0, abs=1e-14)
-
-
-def goal_of(seed, joints):
-    rng = np.random.default_rng(seed + 90)
-    return StageGoal(
-        position=vec(rng.normal(size=3)),
-        velocity=vec(rng.normal(size=3)),
-        yaw=float(rng.uniform(-3.0, 3.0)),
-        joints=tuple(rng.normal(size=joints).tolist()),
-        joint_rates=tuple(rng.normal(size=joints).tolist()),
-        joint_accelerations=tuple(rng.normal(size=joints).tolist()),
-        shift=vec(rng.normal(size=3)),
-    )
 
 
 def plain_residuals(r, goal):

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flown import ARM2, MODEL
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
@@ -20,6 +19,7 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from support.laws import ARM2, MODEL
 
 DT = 0.005
 SHAPES = examples(2, 4)
@@ -73,7 +73,7 @@ def test_a_base_under_moving_joints_accelerates_as_the_whole_vehicle_does(seed):
     np.testing.assert_allclose(leaves(found), [*linear, *angular], rtol=1e-9, atol=1e-9)
 
 
-def test_joints_move_over_a_stage_with_the_accelerations_that_their_torques_give_at_its_start():
+def test_joints_move_over_a_stage_by_the_accelerations_of_torques_at_its_start():
     state, inputs, unknown = random_state(4)
     _, _, qdd = accelerations(MODEL, state, inputs.efforts, unknown, (0.0, 0.0))
     end = integrate_stage(MODEL, state, inputs, unknown, 0.1, (0.0, 0.0))

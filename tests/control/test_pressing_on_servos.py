@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.simulate.batch import Batch
-from standing_walls import before_a_wall
+from support.worlds import before_a_wall
 
 FLIGHTS = 4
 

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from flying_engines import evaluate
-from law_parts import with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks import force_control as law
@@ -30,6 +29,7 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
+from support.engines import evaluate
 
 DT, JOINTS, ZERO = 0.005, (-0.45, -0.9), Vec3(0.0, 0.0, 0.0)
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -94,7 +94,7 @@ def test_friction_is_let_go_near_a_limit_and_the_base_follows_no_faster_than_it_
     assert far == [4.0, -4.0]
 
 
-def test_a_quarter_of_the_push_is_answered_across_while_the_tip_stands_and_all_of_it_while_it_slides():
+def test_a_quarter_of_the_push_is_answered_across_at_rest_and_all_of_it_in_sliding():
     """Of 1.2 N across a push of 2.1 N; the size counts, whatever the direction."""
     order = 2.0 + 0.1 + 4.0 * 0.5 * DT
     for moving, share in ((0.0, 0.25), (0.5, 0.625), (1.0, 1.0)):
@@ -104,7 +104,7 @@ def test_a_quarter_of_the_push_is_answered_across_while_the_tip_stands_and_all_o
             assert found.kept * 1.2 == pytest.approx(min(share * order, 1.2))
 
 
-def test_a_reference_that_moves_along_the_surface_slides_at_once_or_after_two_seconds():
+def test_a_reference_that_moves_along_the_surface_slides_at_once_or_after_2_seconds():
     def after(share, speed, periods):
         for _ in range(periods):
             share = motion_share(GAINS, share, Vec3(0.0, 0.6 * speed, -0.8 * speed), DT)
@@ -147,7 +147,7 @@ def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():
     assert doubts == pytest.approx([DT / 0.015, 0.0, 0.0])
 
 
-def test_a_load_is_that_of_the_joint_or_rotor_nearest_to_its_limit_unless_the_tip_is_led_along():
+def test_a_load_is_of_the_joint_or_rotor_nearest_its_limit_unless_the_tip_is_guided():
     limit, highest = float(ARM.links[0].joint.effort_limit), float(ARM.rotors[0].max_speed)
     up = Vec3(0.0, 0.0, 0.1)
     cases = [{}, {"efforts": (-limit, 0.0)}, {"speed": highest}, {"speed": highest * np.sqrt(0.95)}]

@@ -9,10 +9,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_published_formulas import DT, gentle, measured, vec, wanted
+from published_laws import DT, gentle, measured, vec, wanted
 
 import skyarm
-from law_flights import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, make_law, scalars
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import attitude
@@ -21,7 +20,8 @@ from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.sensing.measurement import Measurement
 from skyarm.world import ForceWind
-from thorough import sampled
+from support.cases import sampled
+from support.laws import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, make_law, scalars
 
 ARM = "hummingbird_arm2_rotors"
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from pushed_boxes import START, beside_a_box, by_force, by_place
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.force_control import (
     DesiredContact,
@@ -21,6 +20,7 @@ from skyarm.control.blocks.tip_force import levers
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
+from support.worlds import START, beside_a_box, by_force, by_place
 
 DT, TIP, BOX, WEIGHT = 0.005, 0.076, 0.25, 9.81
 """s; kg, of the tip along the normal and of the box; m/s^2."""

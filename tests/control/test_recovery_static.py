@@ -6,17 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, MODEL, measured, vec
 from scipy.spatial.transform import Rotation
-from test_published_formulas import ARM, MODEL, measured, vec
 
-from flown import pushes
-from law_flights import scalars
 from skyarm.control.catalogue import make_controller
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.recovery import recover
 from skyarm.reference import Reference
-from thorough import sampled
-from vehicles_random import PinocchioTwin, RandomState
+from support.cases import sampled
+from support.laws import pushes, scalars
+from support.vehicles import PinocchioTwin, RandomState
 
 
 @pytest.mark.parametrize("joints", [(0.0, 0.0), (0.5, -0.3), (-0.8, 1.1)])

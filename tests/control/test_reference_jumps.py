@@ -22,7 +22,7 @@ def count_after(first, second, miss):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("first", "second"), [(5.0, 5.0), (0.0, 8.0), (8.0, 0.0), (-6.0, 3.0), (-4.0, -4.0)])
-def test_a_rate_has_jumped_that_misses_a_tenth_of_the_change_and_a_fiftieth_of_the_size(first, second, sign):
+def test_a_rate_jumps_if_it_misses_a_tenth_of_the_change_and_a_fiftieth_of_the_size(first, second, sign):
     allowed = 0.1 * abs(second - first) + 0.02 * (abs(first) + abs(second))
     assert count_after(first, second, sign * 0.995 * allowed) == 1.0
     assert count_after(first, second, sign * 1.005 * allowed) == 0.0

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.fold import data
 from skyarm.control.blocks.force_control import Pressing
@@ -26,6 +25,7 @@ from skyarm.control.laws.pressing import (
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.controller_table import controller_by_name
+from support.laws import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 
 DT = 0.005
 BASIS = {"hybrid_ct": "hybrid_computed_torque", "admittance_pd": "decoupled_pd"}
@@ -107,7 +107,7 @@ def test_the_tip_is_left_damping_alone_along_the_normal():
         )
 
 
-def test_the_tip_that_goes_into_the_surface_and_the_level_tip_are_those_of_kinematics():
+def test_the_tip_that_enters_the_surface_and_the_level_tip_are_those_of_kinematics():
     vehicle, case = MODEL.vehicle, CASES[0]
     touch, _ = contact(case)
     reference = case.reference()

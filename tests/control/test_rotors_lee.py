@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rotors_node import message_quaternion, rotors_sim_lee_command
 
 import skyarm
-from flown import G, cases, controller, step, vec
-from rotors_node import message_quaternion, rotors_sim_lee_command
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.control.blocks.geometric import yaw_of
@@ -18,6 +17,7 @@ from skyarm.control.catalogue import HUMMINGBIRD
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import mix
 from skyarm.records.leaves import leaves
+from support.laws import G, cases, controller, step, vec
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text(encoding="utf-8"))
 VEHICLE = skyarm.load_vehicle("hummingbird")

@@ -19,7 +19,7 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.payload import Payload
-from thorough import sampled
+from support.cases import sampled
 
 WIND = skyarm.load_scenario("case3_wind")
 HOVER = Trajectory(z=Constant(3.0), joints=(Constant(0.0), Constant(0.0)))

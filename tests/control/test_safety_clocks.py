@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flown import cases, controller, vec
 from skyarm.algebra import Quaternion
 from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import Confidence, update_confidence
+from support.laws import cases, controller, vec
 
 DT = 0.01
 LIMITS = limits_for(

@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from flown import ARM2, MODEL, controller
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import limits_for
+from support.laws import ARM2, MODEL, controller
 
 
 def sliding():

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import fly
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.control.catalogue import make_controller
@@ -24,7 +23,8 @@ from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import Fault
-from thorough import sampled
+from support.cases import sampled
+from support.flights import fly
 
 LIFT = Constant(3.0)
 
@@ -307,7 +307,7 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
     assert np.abs(log.joints).max() < math.pi
 
 
-def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trusts_the_joints_less():
+def test_a_guard_that_trusts_joints_less_survives_a_lost_rotor_and_both_drives():
     """By default it waits 0.25 s beyond 0.6 rad, more than any law's own errors: that is too late."""
     lost = (FRONT, SHOULDER, ELBOW)
     status = [

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from flown import ARM2, cases, controller, vec
 from skyarm.control.model import Model
 from skyarm.control.safety.bounds import govern_base, govern_joints
 from skyarm.control.safety.limits import limits_for
+from support.laws import ARM2, cases, controller, vec
 
 STIFFNESS, DAMPING, GRAVITY = 6.0, 3.5, 9.3
 LIMITS = limits_for(

@@ -10,12 +10,9 @@ import math
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from flown import ARM2, cases, controller, vec
-from law_flights import PAPER
-from law_parts import with_parts
-from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import logical_and, where
 from skyarm.control.catalogue import LAWS, make_controller
@@ -30,7 +27,9 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.reference.signals import Ramp
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate import run
-from thorough import sampled
+from support.cases import sampled
+from support.flights import fly
+from support.laws import ARM2, PAPER, cases, controller, vec
 
 START, RELEASE, END = 1.0, 2.0, 5.0
 EFFORT, SLEW = 0.03, 3e3
@@ -149,7 +148,7 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
 
 
 @pytest.mark.parametrize("changed", ["rotor", "joint"])
-def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_sent_is_not_what_it_wished(changed):
+def test_centroidal_trim_and_adaptation_stand_still_while_another_command_is_sent(changed):
     scenario = skyarm.load_scenario("case1", duration=0.05)
     law = make_controller("centroidal", scenario.controller.par.model, adaptation=1.0)
     reading = reading_of(run(dataclasses.replace(scenario, reference=MOVED)))
@@ -327,7 +326,7 @@ def test_a_law_that_comes_back_is_asked_for_no_jump_of_the_joints():
     np.testing.assert_allclose(then.reference.joints, joints + 2.0 * DT * slew, rtol=1e-12)
 
 
-def test_the_recovery_hovers_where_the_law_was_given_up_and_takes_the_arm_from_where_it_is():
+def test_the_recovery_hovers_where_the_law_ended_and_takes_the_arm_from_its_pose():
     seen = level((0.5, -0.4))
     _, after = step(flying(0.0), seen, reference((0.9, 0.9)), failed=True)
     assert after.hold == seen.position
@@ -349,7 +348,7 @@ def test_while_the_law_flies_place_and_heading_are_kept_up_to_date():
 
 
 @pytest.mark.parametrize("given_up", [False, True])
-def test_what_is_sent_is_the_laws_command_until_it_is_given_up_and_then_the_recoverys(given_up):
+def test_the_laws_command_is_sent_until_it_is_given_up_and_then_the_recoverys(given_up):
     """Level over the place it holds, the arm hanging: the recovery carries the weight and nothing else."""
     free = guard(rotor_slew=math.inf, effort_slew=math.inf)
     seen = level((0.0, 0.0))

@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import ARM2, MODEL, cases, controller, pushes, vec
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
@@ -30,6 +29,7 @@ from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import Confidence, steep_error, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
 from skyarm.dynamics.workspace import middle_position
+from support.laws import ARM2, MODEL, cases, controller, pushes, vec
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
@@ -301,7 +301,7 @@ def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
         assert update_confidence(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
 
 
-def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_is_left():
+def test_near_its_largest_speed_a_joint_accelerates_by_four_poles_times_the_rest():
     model = limited_arm(-1e3, 1e3)
     limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0, joint_pole=20.0)
     seen = dataclasses.replace(CASES[0].measurement(), joints=(0.0, 0.0), joint_rates=(1.5, -1.0))

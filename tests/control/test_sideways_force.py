@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from law_parts import demanded
 from scipy.spatial.transform import Rotation
+from sideways_program import array, largest, lopsided
 
 import skyarm
-from flown import cases, vec
-from law_parts import demanded
-from sideways_program import array, largest, lopsided
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import trace
@@ -41,6 +40,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from support.laws import cases, vec
 
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM = dataclasses.replace(skyarm.load_vehicle("hummingbird_arm2"), rotors=HEXA.rotors)
@@ -143,7 +143,7 @@ def test_what_leans_is_little_inside_all_beyond_and_has_its_derivative():
     )
 
 
-def test_a_held_attitude_is_that_of_its_angles_and_gives_way_where_sideways_force_ends():
+def test_a_held_attitude_is_that_of_its_angles_and_yields_where_sideways_force_ends():
     """Z-Y-X angles by SciPy, under a yaw that turns; what hovers within the reach leans nowhere else."""
     yaw, angles = Taylor([0.7, 0.4, 0.1]), (0.12, -0.1)
     axis = thrust_axis(angles, yaw)
@@ -219,7 +219,7 @@ def test_rotors_follow_a_force_that_changes_as_planned_without_lag(share, sign):
     assert led_off < 0.06 * plain_off
 
 
-def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_disturbance():
+def test_sideways_force_of_the_rotors_is_no_disturbance_of_the_planned_attitude():
     """Beyond the reach, so that there is a tilt: with rotors that push sideways now and with even ones."""
     flown = make_centroidal(Model(vehicle=ARM), mode="tip", sideways=0.9)
     signals = [Taylor([float(v), 0.0, 0.0, 0.0, 0.0]) for v in (0.0, 0.0, 1.5, 0.0, 0.3, -0.2)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from test_published_formulas import DT, MODEL, gentle, measured, vec
+from published_laws import DT, MODEL, gentle, measured, vec
 
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws import ladder as room

@@ -6,13 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, DT, MODEL, NOTHING, UP, gentle, measured, rotation, vec, wanted
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_published_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
-from flown import pushes
-from law_flights import make_law, scalars
-from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
 from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.control.model import Model
@@ -20,9 +17,8 @@ from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
-from vehicles_random import PinocchioTwin
-
-NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
+from support.laws import make_law, pushes, scalars
+from support.vehicles import PinocchioTwin
 
 
 def commanded(law, state, reference, **options):
@@ -74,7 +70,7 @@ def test_a_consistent_law_gets_the_joint_accelerations_it_wants(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust_makes(seed):
+def test_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust_makes(seed):
     """SciPy integrates p'' = (b3 (F . b3) + d) / m - g e_z at a constant body rate; F by central differences.
 
     Differences of 1e-3 s leave 1e-6 of the first and 1e-4 of the second derivative, integration 1e-12.

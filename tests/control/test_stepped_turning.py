@@ -6,13 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_centroidal_parts import NODES, differentiated
-from test_published_formulas import UP, gentle, measured, rotation, vec, wanted
-from test_stepped_law import MODEL, NOTHING
+from published_laws import MODEL, NODES, NOTHING, UP, differentiated, gentle, measured, rotation, vec, wanted
 
-from law_flights import scalars
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.ladder import _force_series, _turn
+from support.laws import scalars
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -63,7 +63,7 @@ def test_the_force_is_the_least_squares_solution_of_numpy(vehicle, joints):
 
 
 @pytest.mark.parametrize(("vehicle", "joints"), POSTURES)
-def test_a_push_at_the_tip_is_found_beside_a_bias_and_wind_on_the_base_is_hardly_taken_for_one(vehicle, joints):
+def test_a_push_at_the_tip_is_found_beside_a_bias_and_wind_is_hardly_taken_for_one(vehicle, joints):
     R, force = tilted(11), Vec3(-1.0, 0.3, 0.2)
     at = levers(vehicle, R, joints)
     bias = Disturbance(force=Vec3(0.5, 0.1, -2.0), torque=Vec3(0.02, 0.1, 0.0), efforts=(0.03,) * vehicle.n)

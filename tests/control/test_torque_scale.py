@@ -92,7 +92,7 @@ def in_flight(wanted=0.0, holds=(), acted=(0.1, 0.2), **memory):
     return after.squares, after.met
 
 
-def test_the_scale_is_learned_of_the_command_that_acted_while_the_tip_is_free_and_empty():
+def test_the_scale_is_learned_from_the_command_that_acted_at_a_free_and_empty_tip():
     """Of the period before the measurement; the touch of the period before is remembered."""
     assert in_flight()[0] == pytest.approx([DT * 0.01, DT * 0.04])
     assert in_flight(wanted=1.0)[0] == in_flight(holds=(1.0,))[0] == (0.0, 0.0)

@@ -6,16 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from law_flights import STEPS, make_law
-from law_parts import with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from support.laws import STEPS, make_law
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
 DT = 0.005

@@ -86,7 +86,7 @@ def test_it_gives_back_no_more_energy_than_it_was_given():
 
 
 @pytest.mark.parametrize(("M", "D", "K"), [(0.01, 0.5, 0.0), (0.02, 0.0, 50.0), (0.1, 5.0, 250.0), (1.0, 6.0, 9.0)])
-def test_a_light_body_starts_no_faster_than_it_can_go_however_late_the_force_is_heard(M, D, K):
+def test_a_light_body_starts_no_faster_than_it_can_go_at_any_delay_of_the_force(M, D, K):
     """A body that damper or spring stop within the lag has not gathered all of the impulse, one of 1 kg has."""
     late, force = 0.06, -1.5
     gains = Compliance(inertia=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=late)

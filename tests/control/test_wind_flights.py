@@ -13,7 +13,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.envelope_axes import AXES, TIP
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.world.faults import Fault
-from thorough import sampled
+from support.cases import sampled
 
 SEED = 431
 

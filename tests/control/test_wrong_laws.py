@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept, same_logs
 from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import LawError, checked_law, try_law
@@ -22,7 +21,7 @@ from skyarm.sensing.measurement import blank_measurement, measurement_of
 from skyarm.simulate.loop import run
 from skyarm.simulate.user_code import check_law
 from skyarm.vehicle.vehicle_files import load_vehicle
-from wrong_laws import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, returning
+from support.components import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, registry_kept, returning, same_logs
 
 
 @dataclasses.dataclass(frozen=True)

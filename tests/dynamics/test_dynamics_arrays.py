@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics import array_front as arrays
-from vehicles_random import random_quaternion, random_state, random_vehicle
+from support.vehicles import random_quaternion, random_state, random_vehicle
 
 BATCH = 5
 
@@ -114,7 +114,7 @@ def test_leading_axes_that_do_not_broadcast_raise(rng):
         arrays.forward_dynamics(vehicle, *inputs)
 
 
-def test_leading_axes_of_different_joint_arguments_that_do_not_broadcast_raise_by_name(rng):
+def test_leading_axes_of_joint_arguments_that_do_not_broadcast_are_errors_by_name(rng):
     vehicle = random_vehicle(rng, 1)
     inputs = list(batch_of(rng, 1, (3,)))
     inputs[3] = np.zeros((2, 7))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate, jax_doubles, slopes
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics import array_front as arrays
-from vehicles_random import random_state, random_vehicle
+from support.engines import ENGINES, evaluate, jax_doubles, slopes
+from support.vehicles import random_state, random_vehicle
 
 N = 2
 VEHICLE = random_vehicle(np.random.default_rng(31), N)

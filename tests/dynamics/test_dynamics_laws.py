@@ -12,7 +12,7 @@ from skyarm.dynamics import Pose, frame_pose
 from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Vehicle
-from vehicles_random import (
+from support.vehicles import (
     array3,
     array33,
     inertia33,

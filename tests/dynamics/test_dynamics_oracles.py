@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.dynamics import array_front as arrays
-from vehicles_random import TWINS, random_state, random_vehicle, with_armature
+from support.vehicles import TWINS, random_state, random_vehicle, with_armature
 
 # relative to the largest entry: three recursions of up to seven joints, in other orders, on three sets of axes
 TOLERANCE = 1e-10

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flying_vehicles import steady_wind
 from skyarm.dynamics import array_front as arrays
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.point_motion import PointMotion
@@ -16,7 +15,7 @@ from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
-from vehicles_random import PinocchioTwin, random_state, random_vehicle, rotation_matrix, with_armature
+from support.vehicles import PinocchioTwin, random_state, random_vehicle, rotation_matrix, steady_wind, with_armature
 
 HOW = {"joint3": Mimic("joint1", -1.3, 0.2), "joint4": Mimic("joint3", 0.5, 0.0), "joint5": Mimic("joint0", 0.7, -0.1)}
 """Of a random vehicle of six joints: a leader of two, one of them through the other, and a leader of one."""

@@ -8,7 +8,7 @@ import pytest
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from vehicles_random import TWINS, random_state, random_vehicle
+from support.vehicles import TWINS, random_state, random_vehicle
 
 TOLERANCE = 1e-11
 """Relative to the largest entry: products of up to six rotations."""

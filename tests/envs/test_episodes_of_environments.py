@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
+from small_environments import MASS, bare, noisy, one_program_a_task
 
 import skyarm
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -22,8 +23,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import Uniform, distribution_from
 from skyarm.studies.sweep.study import Study
-from small_environments import MASS, bare, noisy, one_program_a_task
-from thorough import sampled
+from support.cases import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -241,7 +241,7 @@ class Gate(skyarm.Ending):
 
 
 @pytest.mark.parametrize(("line", "ended"), sampled([(0.045, False), (0.035, True)], 2))
-def test_endings_look_at_the_reference_of_the_next_period_and_after_the_last_at_its_own(line, ended):
+def test_endings_read_the_reference_of_the_next_period_and_after_the_last_its_own(line, ended):
     """As a session does: the reference is at 0.04 m in the last of five periods, and at 0.05 after it."""
     moving = dataclasses.replace(skyarm.hover([0.0, 0.0, 1.0]), x=skyarm.Ramp(height=1.0, duration=1.0, start=0.0))
     planned = dataclasses.replace(bare()["scenario"], reference=moving, duration=0.05, endings=(Gate(x=line),))

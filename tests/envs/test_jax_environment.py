@@ -15,8 +15,8 @@ jax = pytest.importorskip("jax", reason="needs the extra 'jax'")
 
 # ruff: noqa: E402  they need the libraries
 import jax.numpy as jnp
+from small_environments import bare, noisy, one_program_a_task
 
-from flying_engines import jax_doubles
 from skyarm.compile.jax import jax_cpu
 from skyarm.compile.jax.jax_cpu import EXTRA_OPTIONS
 from skyarm.envs import make_jax
@@ -25,7 +25,7 @@ from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.sweep.distributions import distribution_from
-from small_environments import bare, noisy, one_program_a_task
+from support.engines import jax_doubles
 
 # tests of one process share a JAX, which starts here without flags; none of them is to set some for the others
 jax.devices()
@@ -112,7 +112,7 @@ CASES = {
 def test_it_flies_what_the_native_one_flies_with_all_that_draws(case):
     """In a process of its own: with the flags, which JAX reads once, XLA takes seconds in place of minutes."""
     here = Path(__file__).resolve().parent
-    code = ALONE.format(paths=[str(here), str(here.parent)], case=case)
+    code = ALONE.format(paths=[str(here), str(here.parent), str(here.parent / "studies" / "bench")], case=case)
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

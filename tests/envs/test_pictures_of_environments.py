@@ -9,14 +9,14 @@ pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RenderCollection
+from small_environments import bare, one_program_a_task
 
 import skyarm
-from film_flights import needs_display
 from skyarm.envs import single_environment
 from skyarm.envs.named_tasks import make_single
 from skyarm.envs.single_environment import Environment
 from skyarm.view.film import offscreen
-from small_environments import bare, one_program_a_task
+from support.pictures import needs_display
 
 SMALL = {"width": 96, "height": 64}
 

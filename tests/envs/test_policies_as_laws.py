@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+from small_environments import bare, noisy, one_program_a_task
+
 import skyarm
-from exported_law import Loaded
 from skyarm.control.controller import ControllerError
 from skyarm.control.onboard.export_c import export_c
 from skyarm.envs import as_law, network
 from skyarm.envs.env_task import make_task
 from skyarm.envs.single_environment import Environment
-from small_environments import bare, noisy, one_program_a_task
-from thorough import sampled
+from support.cases import sampled
+from support.engines import Loaded
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -14,9 +14,9 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 pytest.importorskip("jax", reason="needs the extra 'jax'")
 import skyarm
-from exported_law import Loaded
 from skyarm.control.onboard.export_c import export_c
 from skyarm.envs import as_law
+from support.engines import Loaded
 
 SOURCE = Path(__file__).resolve().parents[2] / "examples" / "ppo_residual.py"
 

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
+from small_environments import MASS, bare, one_program_a_task
 
 import skyarm
 from skyarm.algebra.scalars import where
@@ -19,7 +20,6 @@ from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
 from skyarm.records.coerce import RecordError
 from skyarm.world.wind import wind_from
-from small_environments import MASS, bare, one_program_a_task
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -163,7 +163,7 @@ def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
     assert observed in one.observation_space
 
 
-def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_it_ended():
+def test_a_single_environment_refuses_calls_at_the_wrong_time_and_names_its_end():
     reward = [REWARDS["position_distance"](), "lost"]
     one = Environment(**bare(actions=skyarm.envs.RotorsAndJoints(span=1.0), reward=reward))
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
@@ -220,7 +220,7 @@ def test_what_diverges_ends_the_episode_with_a_finite_observation():
     assert reward == 0.0
 
 
-def test_what_has_diverged_is_rewarded_by_what_reads_no_state_and_a_term_without_a_number_leaves_the_others():
+def test_a_diverged_flight_has_rewards_without_state_and_no_term_spoils_the_others():
     """A push that no vehicle survives; then a term that is no number; then one that is too large."""
     push = {"environment.wind.force_W.x": {"uniform": [1.0e9, 1.1e9]}}
     planned = dataclasses.replace(

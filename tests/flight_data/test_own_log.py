@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import skyarm
-from estimated_flight import estimated
-from logged_flights import flown
 from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import rows_of
 from skyarm.simulate import Log, run
+from support.flights import estimated
+from support.logs import flown
 
 
 @cache

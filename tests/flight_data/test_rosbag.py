@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from logged_flights import flown
 from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.motion import joints_in_order
+from support.logs import flown
 
 pytest.importorskip("rosbags", reason="needs the extra 'flights'")
 from rosbags.highlevel import AnyReader

@@ -28,7 +28,7 @@ def test_a_slower_measurement_is_interpolated_and_stays_beyond_its_ends() -> Non
     np.testing.assert_array_equal(found, columns_at(time, slow, np.stack([slow**2, -slow], axis=1)))
 
 
-def test_a_faster_measurement_is_averaged_so_that_vibration_does_not_become_slow_motion() -> None:
+def test_a_faster_measurement_is_averaged_against_vibration_as_slow_motion() -> None:
     time, clock = np.arange(0, 4, 1e-3), np.arange(0.0, 3.999, 0.01)
     shake = np.sin(2 * np.pi * 101.0 * time)  # aliases to 1 Hz at 100 Hz
     found = measured_at(channel(time, time + shake), clock, 0.01)

@@ -262,7 +262,7 @@ def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
 QUATERNION = '[quaternion]\ncolumns = ["w", "x", "y", "z"]\n'
 
 
-def test_rows_whose_quaternion_is_no_rotation_are_left_out_and_the_first_begins_with_a_positive_number(
+def test_rows_whose_quaternion_is_no_rotation_are_left_out_and_the_first_is_positive(
     tmp_path: Path,
 ) -> None:
     rows = ["0,-2,0,0,0", "1,0,0,0,0", "2,-1,-1e-9,0,0", "3,1e9,0,0,0", "4,1,0,0,0"]

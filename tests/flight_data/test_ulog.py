@@ -286,7 +286,7 @@ def test_the_rows_behind_damage_are_read(tmp_path: Path) -> None:
     assert flight.notes == ("file: is damaged at 2 places; messages there are left out.",)
 
 
-def test_a_file_cut_at_any_byte_of_its_last_message_is_said_to_be_cut_and_not_damaged(tmp_path: Path) -> None:
+def test_a_file_cut_at_any_byte_of_its_last_message_is_called_cut_and_not_damaged(tmp_path: Path) -> None:
     data = packed([combined(1_500_000 + 4000 * k) for k in range(4)])
     size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
     for left in range(1, size):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_flight_messages import Rotation, by_rosbags, composed
+from messages_by_rosbags import Rotation, by_rosbags, composed
 
 import skyarm
-from logged_flights import drawn
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
+from support.logs import drawn
 
 
 @pytest.fixture(scope="module", params=["hummingbird_arm2_rotors", "tilted_hexarotor"])

@@ -4,37 +4,21 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pytest
+from messages_by_rosbags import Rotation, by_rosbags, composed, rosbags
 
 import skyarm
-from logged_flights import drawn, flown
 from skyarm.world.scene.vehicle_shapes import body_poses
-from thorough import sampled
+from support.cases import sampled
+from support.logs import drawn, flown
 
-rosbags = pytest.importorskip("rosbags.highlevel", reason="needs the extra 'logs'")
 mcap_reader = pytest.importorskip("mcap.reader", reason="needs the extra 'test'")
 mcap_ros2 = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra 'test'")
-Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 
 FAST = {"/odom", "/joint_states", "/skyarm/flight"}
 ONCE = {"/tf_static", "/vehicle"}
-
-
-def by_rosbags(path: Path):
-    """Topic -> (type, times in ns, messages), and how many were the same bytes once written again."""
-    found, same = {}, 0
-    with rosbags.AnyReader([path]) as reader:
-        for connection, time, raw in reader.messages():
-            message = reader.deserialize(raw, connection.msgtype)
-            store = reader.typestore
-            same += bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(raw)
-            _, times, messages = found.setdefault(connection.topic, (connection.msgtype, [], []))
-            times.append(time)
-            messages.append(message)
-    return found, same
 
 
 @pytest.fixture(scope="module")
@@ -143,17 +127,6 @@ def test_frames_lead_to_where_the_bodies_and_the_tip_are(name, tmp_path):
             assert np.abs(R[:, 2] - R_WB @ np.array(rotor.axis)).max() < 1e-14
     drawn_in = {marker.header.frame_id for marker in found["/vehicle"][2][0].markers}
     assert drawn_in == {"base_link", *links}
-
-
-def composed(tree, name):
-    """Rotation and position of a frame in the world."""
-    R, p = np.eye(3), np.zeros(3)
-    while name != "world":
-        moved = tree[name]
-        q, t = moved.transform.rotation, moved.transform.translation
-        turn = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
-        R, p, name = turn @ R, turn @ p + [t.x, t.y, t.z], moved.header.frame_id
-    return R, p
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ import re
 import pytest
 
 import skyarm
-from logged_flights import drawn
 from skyarm.dynamics.actuators.drive import Drive, TorqueDrive
 from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
 from skyarm.log.log_columns import columns, distinct, layout, names_of, word
 from skyarm.records.plain import plain
 from skyarm.vehicle.vehicle_records import MountedDrive
+from support.logs import drawn
 
 VEHICLES = [skyarm.load_vehicle(name) for name in skyarm.list_vehicles()]
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from logged_flights import drawn, flown, same
-from thorough import sampled
+from support.cases import sampled
+from support.logs import drawn, flown, same
 
 FORMATS = ("npz", "mcap")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from logged_flights import drawn
 from skyarm.log.log_columns import columns
 from skyarm.log.log_tables import log_frame, log_table
+from support.logs import drawn
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from added_components import Fix, same_logs
-from estimated_flight import COMPASS, GPS, document, estimated
-from logged_flights import same
 from skyarm.log.log_columns import columns
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.sensing.measurement import SensorNoise
@@ -22,7 +19,10 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Encoders
 from skyarm.simulate import Delays
 from skyarm.simulate.loop import run_in_python
-from thorough import sampled
+from support.cases import sampled
+from support.components import Fix, same_logs
+from support.flights import COMPASS, GPS, estimated, estimated_document
+from support.logs import same
 
 RATE = 200
 FORMATS = ("npz", "mcap")
@@ -144,7 +144,7 @@ def test_the_other_plant_keeps_them():
     assert log.measured_position.size == 0
 
 
-def test_without_sensors_or_estimator_nothing_is_added_and_measured_is_what_the_law_received():
+def test_without_sensors_or_estimator_the_measurement_is_what_the_law_received():
     scenario = skyarm.load_scenario("case1", duration=0.1)
     log = skyarm.run(scenario)
     assert log.received == log.readings == log.estimate == {}
@@ -176,7 +176,7 @@ def test_the_full_states_reading_stands_beside_an_estimate_where_it_is_not_the_t
 
 def test_parts_of_a_flight_without_estimate_have_none():
     """An estimator that is switched on in flight: what is not there is no number, and never the truth."""
-    made = {name: each for name, each in document().items() if name != "estimator"}
+    made = {name: each for name, each in estimated_document().items() if name != "estimator"}
     ekf = {"kind": "ekf", "delay_periods": 2, "gravity": 9.8}
     made |= {"duration": 0.1, "changes": [{"at": 0.05, "path": "estimator", "value": ekf}]}
     scenario = skyarm.scenario_from(made)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from logged_flights import drawn
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.metric_catalogue import metric_names
@@ -18,6 +17,7 @@ from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.view.figures.flight_panels import panels_of
+from support.logs import drawn
 
 SERVOS = Path(__file__).resolve().parents[1] / "data" / "servo_arm.toml"
 

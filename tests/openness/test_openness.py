@@ -18,11 +18,11 @@ import pytest
 from added_flight import DOCUMENT, EXAMPLES, HERE, PLUGINS, VARIED
 
 import skyarm
-from added_components import registry_kept
-from commanded import skyarm as typed
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.other_process import TRIED
+from support.commands import skyarm as typed
+from support.components import registry_kept
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -13,11 +13,11 @@ import pytest
 from added_flight import EXAMPLES, PLUGINS, toml
 
 import skyarm
-from added_components import registry_kept
-from commanded import Outcome
-from commanded import skyarm as typed
 from skyarm.records.registry.plugins import load_plugin
-from thorough import sampled
+from support.cases import sampled
+from support.commands import Outcome
+from support.commands import skyarm as typed
+from support.components import registry_kept
 
 EVERY = (*PLUGINS, EXAMPLES / "own_metric.py")
 LAW = f"{EXAMPLES / 'own_law.py'}:make_lqr"

@@ -15,13 +15,13 @@ import pytest
 from added_flight import EXAMPLES, PLUGINS, toml
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.registry.plugins import identities, load_plugin
 from skyarm.studies.sweep import Study, run_sweep
 from skyarm.studies.sweep.plan import at_episode
 from skyarm.studies.sweep.stats import Rows, statistics
 from skyarm.studies.sweep.study_file import study_from
-from sweeps import drop_chunk, files_of, read
+from support.components import registry_kept
+from support.studies import drop_chunk, files_of, read
 
 pytest.importorskip("pyarrow")
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from vehicles_random import MujocoTwin, RandomState, rotation_matrix
+from support.vehicles import MujocoTwin, RandomState, rotation_matrix
 
 
 def array(v):

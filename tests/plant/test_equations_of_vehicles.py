@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from mujoco_equations import Equations
 from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
 from skyarm.vehicle.vehicle_files import list_vehicles
-from thorough import sampled
+from support.cases import sampled
+from support.mujoco_plants import Equations
 
 STATES, GRAVITY = 50, 9.81
 BODIES = [name for name in list_vehicles() if not skyarm.load_vehicle(name).planar]

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_vehicles import steady_wind
-from shared_programs import fly
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -18,6 +16,8 @@ from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
 from skyarm.world import Effectiveness, Fault
+from support.flights import fly
+from support.vehicles import steady_wind
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flying_vehicles import steady_wind
 from skyarm.dynamics import kinetic_energy
 from skyarm.dynamics.actuators import stop_force
 from skyarm.plant.compiled import RigidBodyPlant, example_state
@@ -21,6 +20,7 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.stops import STIFFEST, with_stops
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.vehicles import steady_wind
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 STILL = steady_wind()

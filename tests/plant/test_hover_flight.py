@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import hovering, hummingbird_arm, steady_wind
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
+from support.vehicles import hovering, hummingbird_arm, steady_wind
 
 G = 9.8
 

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
-from flying_engines import jax_doubles
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant
@@ -17,7 +15,19 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
 from skyarm.records.leaves import leaves
-from vehicles_random import MujocoTwin, RandomState, random_vehicle
+from support.engines import jax_doubles
+from support.vehicles import (
+    HOVER,
+    WIND,
+    MujocoTwin,
+    RandomState,
+    hovering,
+    hummingbird_arm,
+    random_flyer,
+    random_vehicle,
+    steady_wind,
+    tumbling,
+)
 
 G = 9.8
 SPEEDS = (HOVER + 60.0, HOVER - 150.0, HOVER - 20.0, 900.0)
@@ -69,7 +79,7 @@ def test_semi_implicit_euler_is_of_first_order(tumbled):
     assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
 
 
-def test_mujocos_runge_kutta_under_held_forces_is_of_first_order_and_converges_to_the_same_flight(tumbled):
+def test_runge_kutta_of_mujoco_under_held_forces_has_first_order_and_the_same_limit(tumbled):
     world, x, command, end = tumbled
     errors = []
     for dt in (0.002, 0.001, 0.0005, 0.00025):

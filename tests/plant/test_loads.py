@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 from independent_flight import Flight, array
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import flat
 from skyarm.plant.loads import applied_force
 from skyarm.vehicle.vehicle_records import BodyDrag
-from vehicles_random import rotation_matrix
+from support.vehicles import (
+    HOVER,
+    WIND,
+    hovering,
+    hummingbird_arm,
+    random_flyer,
+    rotation_matrix,
+    steady_wind,
+    tumbling,
+)
 
 STILL = Vec3(0.0, 0.0, 0.0)
 

@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from free_scenes import Scene
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
@@ -18,10 +17,10 @@ from skyarm.records.leaves import leaves
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
-from standing_vehicles import GRAVITY, SKIDS, at_rest, limp, states
+from support.worlds import GRAVITY, SKIDS, Scene, at_rest, limp, states
 
 pytest.importorskip("mujoco")
-from mujoco_contacts import (
+from support.mujoco_plants import (
     IMPEDANCE,
     SLIP_STIFFER,
     Felt,

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from flying_vehicles import HOVER, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Vec3
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
@@ -20,6 +19,7 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag
+from support.vehicles import HOVER, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 
 STILL = steady_wind(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
 VEHICLES = {"hummingbird_arm": hummingbird_arm(armature=1e-4), "random": random_flyer(2, 5)}

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.dynamics import array_front as arrays
 from skyarm.plant.compiled import RigidBodyPlant
@@ -18,7 +17,17 @@ from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from vehicles_random import random_state, random_vehicle
+from support.vehicles import (
+    HOVER,
+    WIND,
+    hovering,
+    hummingbird_arm,
+    random_flyer,
+    random_state,
+    random_vehicle,
+    steady_wind,
+    tumbling,
+)
 
 mujoco = pytest.importorskip("mujoco")
 from skyarm.plant.mujoco import MujocoPlant  # noqa: E402

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm import dynamics
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.compile import trace
@@ -24,7 +23,8 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, shaped_like
 from skyarm.vehicle.vehicle_files import load_vehicle
-from thorough import sampled
+from support.cases import sampled
+from support.vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
 TOLERANCE = 1e-9

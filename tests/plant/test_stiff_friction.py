@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
-from flying_vehicles import steady_wind
 from skyarm.plant.compiled import RigidBodyPlant, example_command
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import friction_rate
@@ -16,7 +15,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
-from vehicles_random import MujocoTwin, RandomState
+from support.vehicles import MujocoTwin, RandomState, steady_wind
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 
@@ -133,7 +132,7 @@ def test_mujoco_holds_stiff_friction_for_short_steps_only():
     assert np.abs(ours - theirs)[13:15].max() < 2e-3
 
 
-def test_mujocos_bodies_with_loads_at_each_stage_take_shorter_steps_where_friction_is_stiff():
+def test_mujocos_bodies_with_stage_loads_take_shorter_steps_in_stiff_friction():
     vehicle = TRUTH.with_joints(damping=0.3)
     assert 0.001 * friction_rate(vehicle) > 2.8, "beyond which a step of fourth order is unstable"
     world = Truth(vehicle=vehicle)

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from added_components import RandomPush, Shear, SteadyWrench, Tether, Turbulence, telling, with_law
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -20,7 +19,8 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import MovingAir
-from vehicles_random import TWINS, random_state, random_vehicle
+from support.components import RandomPush, Shear, SteadyWrench, Tether, Turbulence, telling, with_law
+from support.vehicles import TWINS, random_state, random_vehicle
 
 
 def record(state, rotors=0):

@@ -24,7 +24,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Force, SignalVector
 from skyarm.world.component import Wrench
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
-from standing_vehicles import around, at_rest, ground, limp
+from support.worlds import around, at_rest, ground, limp
 
 BIRD, ARM = limp(), limp("hummingbird_arm2_rotors")
 MASS = float(BIRD.mass)
@@ -139,7 +139,7 @@ def test_rotors_push_with_the_speed_of_the_middle_and_end_where_their_lag_takes_
     assert float(state.velocity.z) == pytest.approx(h * (thrust / float(vehicle.mass) - 9.8), rel=1e-6)
 
 
-def test_bristles_bend_by_the_slip_of_a_whole_step_and_a_body_beside_the_vehicle_falls():
+def test_bristles_bend_by_the_slip_of_a_step_and_a_body_beside_the_vehicle_falls():
     """The first step of a slide: z = z_s (1 - exp(-v h / z_s)). The depth of a body that falls is g h^2 / 2."""
     h, rough = 1e-3, ground(friction=0.5)
     start = at_rest(BIRD, (0.0, 0.0, 0.119), velocity=Vec3(0.03, -0.04, 0.0))
@@ -203,7 +203,7 @@ class Beside(Force):
     largest_step = 2.5e-3
 
 
-def test_they_are_taken_near_contact_where_they_are_fewer_than_evaluations_of_runge_kutta():
+def test_short_steps_are_taken_near_contact_where_runge_kutta_evaluates_more_often():
     touch = Contact(surfaces=(Surface(name="ground"),), points=UNDER)
     count = plant(BIRD, touch)[0].substeps(0.005)
     assert count == (4, 1, 3, True, touch.hit_steps)

@@ -54,7 +54,7 @@ def imported(path: Path) -> set[str]:
     return found
 
 
-def test_every_library_that_is_imported_is_declared_and_every_declared_one_is_imported():
+def test_every_imported_library_is_declared_and_every_declared_one_is_imported():
     taken = set().union(*map(imported, SOURCES)) - set(sys.stdlib_module_names) - {"skyarm"} - PEERS
     table = project()
 

@@ -14,7 +14,7 @@ import yaml
 
 from lowest import project
 from skyarm.view.film.offscreen import NEEDS
-from thorough import sampled
+from support.cases import sampled
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOWS: dict[str, dict[str, Any]] = {

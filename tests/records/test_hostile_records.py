@@ -21,8 +21,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import skyarm
-from added_components import same_logs
-from simulate_flights import document
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import LAWS
 from skyarm.control.safety import with_safety_layer
@@ -30,7 +28,9 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.records.leaves import field_names
 from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.suite import PAPER_CASES
-from thorough import sampled
+from support.cases import sampled
+from support.components import same_logs
+from support.flights import document
 
 SECONDS = 0.015
 """Of a flight: three control periods."""

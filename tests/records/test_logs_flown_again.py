@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import registry_kept, same_logs
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import digest
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.compare.suite import PAPER_CASES
-from thorough import sampled
+from support.cases import sampled
+from support.components import registry_kept, same_logs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.files.user_code import identity_of
 from skyarm.records.registry import RegistryError, names
 from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.travel import luggage
+from support.components import registry_kept
 
 PLUGIN = """
 import skyarm
@@ -77,7 +77,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_another_process_loads_what_was_loaded_here_and_names_it_alike_when_the_files_are_gone(
+def test_another_process_loads_the_same_plugins_by_the_same_names_without_files(
     tmp_path: Path, plugin: Path, monkeypatch: pytest.MonkeyPatch, relative: bool
 ) -> None:
     monkeypatch.chdir(plugin.parent)
@@ -103,7 +103,7 @@ def test_a_file_that_changed_since_flies_as_it_was_loaded(tmp_path: Path, plugin
         assert found == identities()
 
 
-def test_a_module_that_the_script_imported_before_the_plugin_comes_along_and_no_other(
+def test_a_module_that_a_script_imported_before_the_plugin_comes_along_and_no_other(
     tmp_path: Path, plugin: Path
 ) -> None:
     import_module("lug_beside")

@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.files.user_code import PACKAGE, is_beside, source_of
 from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, own_files
 from skyarm.records.plain import digest, plain
@@ -23,7 +22,8 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.sweep.plan import prepare
-from sweeps import drop_chunk, small_study
+from support.components import registry_kept
+from support.studies import drop_chunk, small_study
 
 FORCE = """
 from dataclasses import dataclass

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import travelling_laws
 
 import skyarm
-import travelling_laws
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.records.travel import pack, unpack
 from skyarm.scenario.scenario_file import list_scenarios

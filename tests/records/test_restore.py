@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from record_text import whole_text
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import AUTOPILOTS, LAWS
 from skyarm.control.laws.paper import hybrid_computed_torque
@@ -22,7 +21,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.studies.compare.suite import PAPER_CASES
-from thorough import sampled
+from support.cases import sampled, whole_text
 
 
 def written(value: Any) -> Any:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from logged_flights import flown
-from record_text import whole_text
 from skyarm.records.identity import identity
 from skyarm.records.immutable import LONGEST, immutable, short_repr
+from support.cases import whole_text
+from support.logs import flown
 
 PUBLIC = [getattr(skyarm, name) for name in skyarm.__all__]
 

@@ -12,7 +12,7 @@ import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference.tip_plan import TipChoices, follow, rotation_vector, solve_pose, task_of
-from thorough import sampled
+from support.cases import sampled
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
 POSTURE = (0.1, 0.6, -1.0, 0.2, 0.5, 0.1)
@@ -88,7 +88,7 @@ def test_the_rotation_vector_is_scipys():
 
 
 @pytest.mark.parametrize(("beside", "exact"), sampled([(0.1, True), (0.0, False), (0.0, True), (0.1, False)], 2))
-def test_a_goal_that_moves_evenly_moves_the_joints_evenly_to_the_stretched_arm_and_beyond(beside, exact):
+def test_a_goal_of_even_motion_moves_joints_evenly_to_the_stretched_arm_and_beyond(beside, exact):
     """A planar arm cannot follow sideways, and a stretched one no further: neither may make it chatter."""
     task = dataclasses.replace(task_of(ARM2, (0, 1), TipChoices(posture=(0.3, -0.6)), exact=exact), rates=(2.0, 2.0))
     path = [Vec3(0.02 + 0.001 * k, beside * k / 60, -0.27 - 0.001 * k) for k in range(60)]

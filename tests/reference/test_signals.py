@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import jax_doubles
 from skyarm.compile import trace
 from skyarm.reference import Constant, Ramp, Shifted, Sine, Sum, Windowed, sequence
+from support.engines import jax_doubles
 
 # 0.3 sin(2 pi 0.5 (t - 6)) and 0.2 sin(2 pi 0.5 (t - 6) + pi/2) on [6, 21): the paper's Case 2
 CASE2_TH1 = Windowed(Shifted(Sine(amplitude=0.3, frequency_hz=0.5), 6.0), 6.0, 21.0)

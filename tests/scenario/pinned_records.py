@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from shipped_files import NAMES, PINS, RICH, ROOT, only_shipped, scenario
 
-import flight_digests
 import skyarm
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.records.identity import identity
@@ -35,6 +34,7 @@ from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.paper import flights
 from skyarm.studies.sweep import Study, list_studies, load_study
+from support import flight_digests
 
 FILE = PINS / "records.json"
 

@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.registry import plugins
 from skyarm.records.registry.registrations import _FOUND, SHIPPED
 from skyarm.scenario.scenario_file import kind_of_file
+from support.components import registry_kept
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = Path(__file__).with_name("pins")

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import skyarm
-from commanded import refused
-from commanded import skyarm as command
 from skyarm.algebra import Sym3
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.scenario_record import Change
 from skyarm.studies.assess.assessment import assess_vehicle
 from skyarm.vehicle import Body
-from thorough import sampled
+from support.cases import sampled
+from support.commands import refused
+from support.commands import skyarm as command
 
 CASE = skyarm.load_scenario("case3")
 ARM = skyarm.load_vehicle("hexarotor_arm6")

@@ -14,8 +14,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from added_components import Fix
-from simulate_flights import FULL, document
 from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
@@ -25,8 +23,9 @@ from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import Change, NamedSensor
-from thorough import sampled
-from toml_text import toml_text
+from support.cases import sampled, toml_text
+from support.components import Fix
+from support.flights import FULL, document
 
 BASE = document("case3_wind", duration=1.0)
 GAIN = "controller.gains.position.x"

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from added_components import registry_kept
-from commanded import skyarm as command
 from skyarm.records.files import read_toml
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.controller_table import controller_of_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
+from support.commands import skyarm as command
+from support.components import registry_kept
 
 GAINS = """
 schema = 1

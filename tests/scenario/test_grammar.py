@@ -8,9 +8,9 @@ import tomllib
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from shown_commands import ROOT
 from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar
+from support.components import registry_kept
 
 ROWS = grammar()
 PAGE = (ROOT / "docs/scenario_files.md").read_text("utf-8")

@@ -255,7 +255,7 @@ environment = { wind = { mode = "moving_air", velocity = [0.0, 0.0, 1.5] } }
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [name for name in list_vehicles() if name != "hummingbird_arm2"])
-def test_vertical_air_is_said_of_each_shipped_vehicle_whose_rotors_stand_upright_without_an_area(name, tmp_path):
+def test_vertical_air_is_reported_of_shipped_vehicles_of_upright_rotors_without_area(name, tmp_path):
     vehicle = skyarm.load_vehicle(name)
     still = '{ kind = "constant", value = 0.0 }'
     joints = f", joints = [{', '.join([still] * vehicle.n)}]" if vehicle.n else ""

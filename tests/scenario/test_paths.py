@@ -6,8 +6,6 @@ import dataclasses
 
 import pytest
 
-from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.paths import roots, variable_words
@@ -15,6 +13,8 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Change, JointDrive, NamedSensor, ScenarioError
 from skyarm.world import Fault, TimedPayload
 from skyarm.world.contact import Contact, Material, Surface
+from support.components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
+from support.flights import document
 
 
 @pytest.fixture(scope="module")

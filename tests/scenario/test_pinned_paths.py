@@ -13,7 +13,7 @@ import pytest
 import refused_paths
 from shipped_files import NAMES, RICH, only_shipped, scenario
 
-from thorough import sampled
+from support.cases import sampled
 
 HELD: dict[str, dict[str, list[Any]]] = json.loads(pinned_paths.FILE.read_text("utf-8"))
 ANSWERS: dict[str, list[dict[str, Any]]] = json.loads(refused_paths.FILE.read_text("utf-8"))

@@ -9,7 +9,6 @@ from typing import Annotated
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import plain
@@ -22,6 +21,7 @@ from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.world.contact import Contact
 from skyarm.world.wind import ForceWind
+from support.components import registry_kept
 
 
 @immutable

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
@@ -23,6 +22,7 @@ from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.world.aerodynamic_forces import RotorDrag
+from support.components import registry_kept
 
 PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}}
 HEALED = {"rotor": "front", "effectiveness": 0.5, "signal": 1.0}

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from simulate_flights import FULL, SHIPPED
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
-from thorough import sampled
+from support.cases import sampled
+from support.flights import FULL, SHIPPED
 
 JUNK: tuple[Any, ...] = (
     None, True, False, 0, 1, -1, 3, 10**400, -(10**30), 0.0, -0.0, -1.5, 0.3, 1e-320, 1e9, 1e308, -1e308,

@@ -14,7 +14,7 @@ import wrong_files
 from shipped_files import only_shipped
 
 import skyarm
-from toml_text import toml_text
+from support.cases import toml_text
 
 ENTRIES = wrong_files.entries()
 EVERY = 4

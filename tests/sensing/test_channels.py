@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
 from skyarm.records.coerce import RecordError
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.sensor_kinds import Encoders, Heading, Imu, Pose, Position
+from support.vehicles import hummingbird_arm, tumbling
 
 VEHICLE = hummingbird_arm()
 STATE = tumbling(VEHICLE)
@@ -184,7 +184,7 @@ def test_a_wrong_number_is_refused_in_one_line(sensor, words):
     assert "\n" not in str(refused.value)
 
 
-def test_noise_of_a_channel_changes_the_noise_of_those_after_it_in_its_sensor_and_of_no_other():
+def test_noise_of_a_channel_changes_only_that_of_later_channels_of_its_sensor():
     """Readings of an inertial unit and of a compass after three periods, with noise of one channel more or less."""
 
     def read(**channels):

@@ -25,7 +25,7 @@ from skyarm.sensing.sensor_kinds import ForceTorque, TactileSwitch
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages, beyond, push_at
 from skyarm.world.timed_payload import TimedPayload
-from standing_vehicles import at_rest
+from support.worlds import at_rest
 
 FORCE, TORQUE, WEIGHT = np.array([0.3, -0.2, 0.5]), np.array([0.01, 0.0, -0.02]), 0.05
 DOCUMENT = {

@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from added_components import same_logs
-from estimated_flight import estimated
-from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.records.coerce import RecordError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer, standard_air
 from skyarm.simulate.loop import run_in_python
+from support.components import same_logs
+from support.flights import estimated
+from support.vehicles import hummingbird_arm, tumbling
 
 VEHICLE = hummingbird_arm()
 STATE = tumbling(VEHICLE)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
 from skyarm.sensing.measurement import SensorNoise, measure, noise_count
+from support.vehicles import hummingbird_arm, tumbling
 
 STATE = tumbling(hummingbird_arm())
 COUNT = noise_count(2, 4)

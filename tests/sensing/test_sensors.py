@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
 from skyarm.records.leaves import leaves
 from skyarm.sensing.measurement import SensorNoise, measure, noise_count
-from vehicles_random import rotation_matrix
+from support.vehicles import hummingbird_arm, rotation_matrix, tumbling
 
 STATE = tumbling(hummingbird_arm())
 FORCE = Vec3(0.3, -0.2, 9.7)

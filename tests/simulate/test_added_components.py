@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, Tether, Turbulence, equal_logs, same_logs
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -19,6 +18,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import MovingAir, dryden
 from skyarm.world.wind import wind_from
+from support.components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, Tether, Turbulence, equal_logs, same_logs
 
 TURBULENT = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
 

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from shared_programs import fly
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -16,7 +15,8 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.inputs import episode_inputs
-from thorough import sampled
+from support.cases import sampled
+from support.flights import fly
 
 pytest.importorskip("unicorn", reason="unicorn emulates the ARM processor")
 from arm64_machine import Arm64, compiled

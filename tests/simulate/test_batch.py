@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from simulate_flights import document
 from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
+from support.flights import document
 
 
 @pytest.fixture(autouse=True, scope="module")

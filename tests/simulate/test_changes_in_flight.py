@@ -8,9 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from added_components import same_logs
-from shared_programs import shared_programs
-from simulate_flights import document
 from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.scenario.in_flight import is_traceable
@@ -21,6 +18,8 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import carry_over
+from support.components import same_logs
+from support.flights import document, shared_programs
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"
@@ -199,7 +198,7 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     assert session.scenario.plant.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
 
 
-def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
+def test_changes_by_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
     session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
     for _ in range(10):
         session.step()

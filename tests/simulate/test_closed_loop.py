@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.dynamics import State
@@ -23,7 +22,8 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import measure
 from skyarm.simulate import Log, Scenario, run
-from wind_samples import wind as blown
+from support.flights import document
+from support.worlds import wind as blown
 
 NOISY = document(
     "case3_wind",

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.algebra import Vec3
 from skyarm.log.formats import load_log
 from skyarm.log.metrics.accumulate import added_metric
@@ -24,6 +23,7 @@ from skyarm.reference import Signal, signal_from
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.simulate.user_code import require_shapes
+from support.components import registry_kept
 
 BASE = load_scenario("case1", duration=0.25)
 

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import with_law
-from simulate_flights import document
 from skyarm import Batch, Session
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import where
@@ -22,6 +20,8 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Log, Scenario, run
 from skyarm.simulate.check_endings import Ended, find_ending
+from support.components import with_law
+from support.flights import document
 
 
 def _same_ending(log: Log, status: str) -> None:

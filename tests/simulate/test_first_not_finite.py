@@ -12,8 +12,6 @@ from typing import Any
 
 import pytest
 
-from added_components import Blend, Fix, Lag, SteadyWrench, Turbulence, with_law
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import divide, log, maximum, sqrt, where
 from skyarm.dynamics.actuators import Command
@@ -23,6 +21,8 @@ from skyarm.simulate import run
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.session import Session
+from support.components import Blend, Fix, Lag, SteadyWrench, Turbulence, with_law
+from support.flights import document
 
 BASE = scenario_from(document("case1", duration=0.05))
 LINES = Path(__file__).read_text("utf-8").splitlines()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulate_flights import document
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.world import dryden
+from support.flights import document
 
 WIND = {"mode": "moving_air", "velocity": [4.0, 1.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
 

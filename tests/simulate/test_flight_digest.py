@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simulate_flights import document
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import digest, plain
 from skyarm.reference import Constant, Sine
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
 from skyarm.studies.compare.suite import PAPER_CASES
+from support.flights import document
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-import flight_digests as digests
-from thorough import sampled
+from support import flight_digests as digests
+from support.cases import sampled
 
 HELD: dict[str, Any] = json.loads((Path(__file__).parents[1] / "data" / "flight_digests.json").read_text("utf-8"))
 

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_programs import fly, shared_programs
-from simulate_flights import document
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import where
 from skyarm.algebra.scalars.philox import uniforms
@@ -30,7 +28,8 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Log, Scenario, draws, run
 from skyarm.simulate import engine as native
 from skyarm.simulate.loop import run_in_python
-from thorough import sampled
+from support.cases import sampled
+from support.flights import document, fly, shared_programs
 
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joints": 0.002, "rotor_speeds": 1.0}
 TURBULENT = {

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simulate_flights import FULL, document
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Rates, run
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from thorough import sampled
+from support.cases import sampled
+from support.flights import FULL, document
 
 FLYABLE = [name for name in list_vehicles() if not load_vehicle(name).planar]
 

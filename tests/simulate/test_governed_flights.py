@@ -63,7 +63,7 @@ def test_a_batch_flies_it_too_with_its_lag_among_the_metrics(log):
     assert alone["reference_lag_max"] == (log.time - log.path_time).max() > 0.3
 
 
-def test_the_law_is_told_the_governed_sample_and_errors_are_taken_against_the_command(log):
+def test_the_law_gets_the_governed_sample_and_errors_are_taken_against_the_command(log):
     told = []
 
     def listen(memory, measurement, reference, dt, *, par):

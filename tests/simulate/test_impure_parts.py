@@ -15,10 +15,6 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
-from commanded import refused
-from commanded import skyarm as typed
-from in_processes import elsewhere
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario
@@ -26,6 +22,10 @@ from skyarm.scenario.without_effect import without_effect
 from skyarm.simulate import other_process
 from skyarm.simulate.other_process import TRIED
 from skyarm.simulate.user_code import check_law, require_shapes
+from support.commands import refused
+from support.commands import skyarm as typed
+from support.components import registry_kept
+from support.flights import elsewhere
 
 BASE = load_scenario("case1", duration=0.02)
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import Lag, Servo, same_logs, with_law
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TorqueDrive
@@ -21,6 +20,7 @@ from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import Fault
+from support.components import Lag, Servo, same_logs, with_law
 
 BASE = load_scenario("case1", duration=0.1)
 

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from added_components import Tether
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -15,6 +14,7 @@ from skyarm.simulate import lane_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.lane_numbers import LaneRules
 from skyarm.world import ForceWind, Gust
+from support.components import Tether
 
 BASE = load_scenario("case1", duration=0.05)
 GUSTY = dataclasses.replace(BASE, wind=ForceWind(gust=Gust(start=0.01, duration=0.01)))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import Servo, SteadyWrench, same_logs, with_law
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics.actuators import Command
@@ -39,6 +38,7 @@ from skyarm.studies.sweep.design import extremes
 from skyarm.studies.sweep.plan import prepare
 from skyarm.studies.sweep.study_file import study_from
 from skyarm.world import WindSample
+from support.components import Servo, SteadyWrench, same_logs, with_law
 
 BASE = load_scenario("case1", duration=0.25)
 INERTIA = 8e-5

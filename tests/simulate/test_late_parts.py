@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import fly
-from simulate_flights import circling
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.dynamics.actuators import Command
@@ -23,7 +21,8 @@ from skyarm.simulate.command_delay import switches
 from skyarm.simulate.first_state import commands_waiting
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import joined_reference
-from thorough import sampled
+from support.cases import sampled
+from support.flights import circling, fly
 
 ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"
 

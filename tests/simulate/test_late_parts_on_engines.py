@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -31,6 +30,7 @@ from skyarm.simulate.loop_state import InputRow, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages, joined_reference
+from support.engines import ENGINES, evaluate
 
 VALUES = {
     "reference.tracking_start": (0.0, 0.06, 0.121, 0.2),

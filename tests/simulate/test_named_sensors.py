@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import Blend, Fix, telling, with_law
 from skyarm.algebra.scalars.philox import normals, uniforms
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import Steps
@@ -25,6 +24,7 @@ from skyarm.simulate.loop_state import InputRow
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
+from support.components import Blend, Fix, telling, with_law
 
 BASE = load_scenario("case1", duration=0.2)
 

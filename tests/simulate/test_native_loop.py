@@ -7,8 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from shared_programs import fly, shared_programs
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.compile.llvm.kernel import Kernel
@@ -21,7 +19,8 @@ from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import dryden
-from thorough import sampled
+from support.cases import sampled
+from support.flights import document, fly, shared_programs
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import Ceiling, same_logs
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import Ending
@@ -21,6 +19,8 @@ from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.check_endings import endings_of, find_ending, statuses
 from skyarm.simulate.loop import run_in_python
+from support.components import Ceiling, same_logs
+from support.flights import document
 
 UP = {"kind": "signals", "z": [1.0, {"kind": "ramp", "start": 0.1, "duration": 1.0, "height": 1.0}]}
 RISING = dataclasses.replace(
@@ -124,7 +124,7 @@ def test_statuses_of_lanes_are_those_of_single_states_in_their_order():
     assert statuses(scenario, {}, state, goals, np.zeros(300, dtype=bool)).tolist() == named
 
 
-def test_a_lane_just_inside_an_own_limit_that_machine_code_found_outside_keeps_that_cause():
+def test_a_lane_inside_an_own_limit_that_machine_code_found_outside_keeps_its_cause():
     scenario = load_scenario("case1")
     scenario = dataclasses.replace(scenario, endings=(Ceiling(height=1.0 + 1e-8),))
     state = rebuild(first_state(scenario), iter([np.full(1, leaf) for leaf in leaves(first_state(scenario))]))

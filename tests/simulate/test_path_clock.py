@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
 from skyarm.control.law_estimates import observed_push
 from skyarm.records.leaves import leaves, rebuild
@@ -24,7 +23,8 @@ from skyarm.scenario.in_flight import Overrides
 from skyarm.simulate.first_state import component_places, first_loop_state
 from skyarm.simulate.loop_state import carry_over
 from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clock_of_change, due, is_other_reference
-from thorough import sampled
+from support.cases import sampled
+from support.engines import ENGINES, evaluate
 
 OUT = (0.6, 0.0, 0.8)
 """Out of the surface."""

@@ -14,7 +14,7 @@ from skyarm.reference.task_records import Guard
 from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.simulate.reference_clock import Waits
 from skyarm.world import TimedPayload
-from thorough import sampled
+from support.cases import sampled
 
 FILE = Path(__file__).resolve().parents[2] / "examples" / "pick_and_place.toml"
 DOCUMENT = tomllib.loads(FILE.read_text("utf-8"))

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from bench_engines import Flight
 
-from simulate_flights import document
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.plant.compiled import Steps
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop import run
-from thorough import sampled
+from support.cases import sampled
+from support.flights import document
 
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 SECONDS = {"case1": 8.0, "case2": 8.0, "case2_gust": 8.0, "case3": 12.0, "case3_wind": 12.0}

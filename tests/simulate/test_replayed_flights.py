@@ -16,7 +16,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
 from skyarm.simulate.replay import CommandReplay
 from skyarm.studies.identify.windows import held_over
-from window_flights import GRAVITY, ONE, QUAD, STEP, flown, on_servo, rotations
+from support.flights import GRAVITY, ONE, QUAD, STEP, flown, on_servo, rotations
 
 FIELDS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds")
 ROTORS, JOINTS = 0.0033, 0.0047

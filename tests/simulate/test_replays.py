@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import same_logs
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.scenario.scenario_record import Change
 from skyarm.sensing.measurement import SensorNoise
+from support.components import same_logs
 
 SCENARIO = dataclasses.replace(
     skyarm.load_scenario("case2_gust", duration=0.3),
@@ -44,7 +44,7 @@ def test_a_log_is_flown_again_to_its_bits_from_its_file(plant: str, log: Any, tm
 
 
 @pytest.mark.thorough
-def test_another_law_meets_the_same_noise_and_changes_but_for_those_of_the_law_before(log: Any) -> None:
+def test_another_law_meets_the_same_noise_and_changes_except_those_of_the_former_law(log: Any) -> None:
     other = skyarm.replay(log, "centroidal_tip")
     assert other.info["controller"] == "centroidal_tip"
     assert [each.path for each in other.scenario.changes] == ["plant.payload.mass"]

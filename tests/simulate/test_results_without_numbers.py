@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.log.metrics.metric import Metric
@@ -22,7 +21,8 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.simulate.check_endings import Ending
 from skyarm.simulate.user_code import require_shapes
 from skyarm.world import Air, Force, Wrench
-from thorough import sampled
+from support.cases import sampled
+from support.components import registry_kept
 
 BASE = skyarm.load_scenario("case1", duration=0.25)
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.signals import Constant
@@ -22,7 +21,8 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate.reference_clock import Seen, Waits
-from thorough import sampled
+from support.cases import sampled
+from support.engines import ENGINES, evaluate
 
 OUT = (-0.6, 0.0, 0.8)
 GUARDS = (

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import same_logs
 from skyarm.control.actuator_layer import ActuatorParameters, plain_model, with_actuators
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import ControllerError
@@ -28,7 +27,8 @@ from skyarm.simulate.session import Session
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
-from thorough import sampled
+from support.cases import sampled
+from support.components import same_logs
 
 DATA = Path(__file__).parents[1] / "data"
 CASE = load_scenario("case3", duration=14.0)

@@ -8,9 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
-from shared_programs import shared_programs
-from simulate_flights import document
 from skyarm import Session
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
@@ -20,7 +17,9 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Log, ScenarioError, run
-from thorough import sampled
+from support.cases import sampled
+from support.components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
+from support.flights import document, shared_programs
 
 NOISY = dataclasses.replace(
     load_scenario("case3_wind", duration=0.5),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from simulate_flights import document
 from skyarm.simulate import session as sessions
+from support.flights import document
 
 PATHS = (
     "controller.gains.position.x",

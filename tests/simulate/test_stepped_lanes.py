@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from kernel_threads import interrupted_queue
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.records.leaves import leaves
 from skyarm.world.wind import wind_from
-from stepped_lanes import BatchSession
+from support.engines import BatchSession, interrupted_queue
 
 MASS = "plant.payload.mass"
 
@@ -140,7 +139,7 @@ def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, m
 
 FORKED = """
 import os, sys, numpy as np, skyarm
-from stepped_lanes import BatchSession
+from support.engines import BatchSession
 from skyarm.compile.llvm import lane_stepper, shared_steps
 lane_stepper.ALONE, shared_steps.SHARED = 0, 1e-12
 batch = BatchSession(skyarm.load_scenario("case3", duration=1.0), 103, threads=3)

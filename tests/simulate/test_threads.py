@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from simulate_flights import document
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
+from support.flights import document
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from skyarm.log.formats import save_log
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
-from thorough import sampled
+from support.cases import sampled
 
 TASK = {
     "name": "task",

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from simulate_flights import circling
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import commands_waiting
+from support.flights import circling
 
 DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 

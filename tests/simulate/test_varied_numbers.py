@@ -8,7 +8,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from simulate_flights import document
 from skyarm.algebra import Quaternion
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.plain import digest, plain
@@ -17,7 +16,8 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from thorough import sampled
+from support.cases import sampled
+from support.flights import document
 
 TEXT = document(
     "everything",

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from log_metrics import Errors, tracking
-from simulate_flights import document
 from skyarm.log.metrics.metric_catalogue import GROUPS, metric_names
 from skyarm.log.metrics.windows import NAMES, Window, Windows
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
@@ -21,6 +19,8 @@ from skyarm.studies.compare.suite import CASES as SUITE
 from skyarm.studies.paper import flights as paper
 from skyarm.studies.paper.published import CASES
 from skyarm.studies.sweep.study_file import StudyError, study_from
+from support.flights import document
+from support.logs import Errors, tracking
 
 PAPER = Windows(
     steady=Window(10.0, 20.0),

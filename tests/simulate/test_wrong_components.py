@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.scenario.scenario_file import load_scenario
@@ -22,6 +21,7 @@ from skyarm.simulate import run, user_code
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.user_code import require_shapes
 from skyarm.world import Air, Force, Wrench
+from support.components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
 
 BASE = load_scenario("case1", duration=0.25)
 

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.control.law_checks import LawError
 from skyarm.control.onboard.export_c import export_c
 from skyarm.control.safety import with_safety_layer
@@ -21,7 +20,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.simulate.user_code import check_law
 from skyarm.studies.stability.flight_margins import evidence
-from wrong_laws import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake
+from support.components import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake, registry_kept
 
 PLANES: dict[str, Callable[[Any], Any]] = {
     "run": run,

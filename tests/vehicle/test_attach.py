@@ -9,8 +9,7 @@ import pytest
 
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
-from toml_text import toml_text
-from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
+from support.cases import agrees, joint, limits, link, pinocchio_of, robot, saved, toml_text
 
 FRAME = (
     link("body", mass=2.0),
@@ -126,7 +125,7 @@ def test_an_arm_may_say_itself_what_becomes_of_its_followers(tmp_path, file, arm
     assert len(vehicle.followers) == followers
 
 
-def test_drives_of_an_arm_and_of_an_airframe_come_with_them_and_the_file_may_state_others(tmp_path):
+def test_drives_of_arm_and_airframe_come_with_them_and_the_file_may_state_others(tmp_path):
     servo = Path(__file__).resolve().parents[1] / "data" / "servo_arm.toml"
     text = servo.read_text("utf-8")
     saved(tmp_path, text, "whole.toml")

@@ -76,7 +76,7 @@ def test_a_thin_rod_is_accepted_across_its_axis_and_refused_along_it():
         Vehicle(name="v", base=SOLID, links=(along,))
 
 
-def test_a_massless_wrist_that_is_singular_when_straight_is_refused_with_its_joint_values():
+def test_a_massless_wrist_that_is_singular_when_straight_is_refused_with_its_values():
     """Two parallel joints and a point: stretched out, the inner one only does what the outer one can."""
     empty, point = Body(mass=0.0), Body(mass=0.2, com=Vec3(0, 0, -0.1))
     links = (

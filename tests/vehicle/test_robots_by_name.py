@@ -9,7 +9,7 @@ import pytest
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle import vehicle_files as robots
 from skyarm.vehicle.vehicle_files import load_vehicle
-from urdf_texts import joint, limits, link, robot, saved
+from support.cases import joint, limits, link, robot, saved
 
 ARM = robot(link("b"), link("a"), joint("j", "b", "a", limits()))
 

@@ -49,7 +49,7 @@ COLUMNS = {"speed": list(SPEED), "thrust": [2.0 * each for each in THRUST], "tor
 
 def tabled(tmp_path: Path, columns: dict[str, Any] = COLUMNS, head: str = "") -> Path:
     """The servo arm with rotors of a table, as a file."""
-    from toml_text import toml_text
+    from support.cases import toml_text
 
     document = tomllib.loads((DATA / "servo_arm.toml").read_text())
     defaults = document["rotor_defaults"]

@@ -13,7 +13,7 @@ from skyarm.plant.joint_rate import friction_rate
 from skyarm.vehicle import Body, VehicleError
 from skyarm.vehicle.inertia_repair import nearest_inertia
 from skyarm.vehicle.vehicle_files import load_vehicle
-from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
+from support.cases import agrees, joint, limits, link, pinocchio_of, robot, saved
 
 
 def loaded(tmp_path, text):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_vehicle_errors import DOCUMENT, file_of
+from vehicle_documents import DOCUMENT, file_of
 
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.vehicle import Body, Joint, Link, Vehicle, VehicleError, description

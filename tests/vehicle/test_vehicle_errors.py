@@ -3,42 +3,12 @@
 import copy
 import math
 import random
-import tomllib
-from pathlib import Path
 
 import pytest
+from vehicle_documents import DOCUMENT, file_of
 
 from skyarm.vehicle import VehicleError, description
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-
-DOCUMENT = tomllib.loads(
-    next(
-        block
-        for block in (Path(__file__).parents[2] / "docs" / "vehicle_files.md")
-        .read_text(encoding="utf-8")
-        .split("```toml\n")
-        if block.startswith("schema")
-    ).split("```")[0]
-)
-
-
-def written(value):
-    """TOML text of a value (inline tables; enough for these files)."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "{" + ", ".join(f'"{key}" = {written(inner)}' for key, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(written(inner) for inner in value) + "]"
-    if isinstance(value, str):
-        return f'"{value}"'
-    return repr(value)
-
-
-def file_of(folder, document, name="v.toml"):
-    path = folder / name
-    path.write_text("".join(f"{key} = {written(value)}\n" for key, value in document.items()), encoding="utf-8")
-    return path
 
 
 def changed(path, value):

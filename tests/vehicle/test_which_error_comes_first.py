@@ -15,7 +15,7 @@ from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle, VehicleError, mobility
 from skyarm.vehicle.check import TOLERANCE
 from skyarm.vehicle.vehicle_files import load_vehicle
-from toml_text import toml_text
+from support.cases import toml_text
 
 BODY = {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]}
 ROTOR = {
@@ -154,7 +154,7 @@ def test_rows_of_a_rotation_have_unit_length(row):
                 make()
 
 
-def test_joints_are_tried_at_zero_and_at_two_values_apart_from_it_and_from_each_other():
+def test_joints_are_tried_at_zero_and_at_two_values_apart_from_it_and_each_other():
     """The search for joints without mass looks where symmetry hides none: no joint within 0.2 of zero or of another."""
     free = Joint(name="j")
     assert [mobility._joint_value(free, 0, index) for index in range(30)] == [0.0] * 30

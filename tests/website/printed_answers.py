@@ -17,7 +17,7 @@ from pathlib import Path
 def main() -> int:
     """Exit code: 1 where lines differ that were not written."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
-    import test_website_snippets as pages
+    import shown_pages as pages
     from page_snippets import rewritten
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

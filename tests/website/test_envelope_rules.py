@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from envelope_rules import violation_rows, violations
 
-from envelope_points import AXES_FLOWN, LOST, axis, plants, point
+from support.studies import AXES_FLOWN, LOST, axis, plants, point
 
 
-def test_violations_are_a_loss_that_another_law_survives_and_ten_per_cent_over_the_paper():
+def test_violations_are_a_loss_that_another_law_survives_and_10_percent_over_paper():
     found = violations(AXES_FLOWN)
     assert [(each["axis"], each["value"], each["rule"]) for each in found] == [
         ("circle", 3.0, "worse"),

@@ -9,8 +9,8 @@ from pathlib import Path
 from envelope_of_laws import BLOCK, PAGE, PICTURE, ROOT, block
 from envelope_rules import FLAGSHIP
 
-from compared_flights import cell_of
 from skyarm.studies.compare.envelope import Envelope, summary_rows
+from support.studies import cell_of
 
 TEXT = (ROOT / PAGE).read_text("utf-8")
 FLOWN = ("circle", "payload")

@@ -46,7 +46,7 @@ TESTS = {
     "skyarm.world.gust.Gust.at": "tests/world/test_wind.py::test_one_minus_cosine_rises_smoothly_to_its_peak_and_back",
     "skyarm.world.dryden.step": "tests/world/test_dryden.py::test_variance_is_the_intensity_squared_at_any_step",
     "skyarm.control.blocks.geometric.downward_acceleration": (
-        "tests/control/test_control_properties.py::test_commanded_acceleration_points_down_in_hover_and_up_towards_a_far_lower_target"
+        "tests/control/test_control_properties.py::test_commanded_acceleration_points_down_in_hover_and_up_to_a_far_lower_target"
     ),
     "skyarm.control.blocks.geometric.desired_attitude": (
         "tests/control/test_control_properties.py::test_desired_attitude_is_a_rotation_with_thrust_up_and_nose_to_the_heading"
@@ -103,13 +103,13 @@ TESTS = {
         "tests/control/test_published_formulas.py::test_the_locked_body_turns_about_its_centre_as_wanted"
     ),
     "skyarm.control.laws.published.li.li_feedforward": (
-        "tests/control/test_published_formulas.py::test_the_feed_forward_base_is_pinocchios_inverse_dynamics_with_the_references_joint_accelerations"
+        "tests/control/test_published_formulas.py::test_the_base_feed_forward_is_pinocchios_inverse_dynamics_of_the_reference"
     ),
     "skyarm.control.laws.published.bulut.bulut_computed_torque": (
         "tests/control/test_published_formulas.py::test_the_simplified_mass_matrix_is_pinocchios_without_its_blocks_of_translation"
     ),
     "skyarm.control.laws.published.kim.sliding_mode": (
-        "tests/control/test_published_formulas.py::test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_gains"
+        "tests/control/test_published_formulas.py::test_without_switching_and_adaptation_sliding_mode_is_the_pd_law_of_its_gains"
     ),
     "skyarm.control.laws.published.l1.adaptation": (
         "tests/control/test_published_formulas.py::test_piecewise_constant_adaptation_is_the_publications_matrix_formula"

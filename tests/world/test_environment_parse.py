@@ -10,7 +10,7 @@ from skyarm.records.leaves import leaves
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, wind_from
 from skyarm.world import wind as module
 from skyarm.world.dryden import DrydenMemory
-from wind_samples import wind
+from support.worlds import wind
 
 
 def examples():

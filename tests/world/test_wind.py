@@ -12,7 +12,7 @@ from skyarm.records.leaves import leaves
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, WindSample
 from skyarm.world.dryden import Dryden, DrydenMemory
-from wind_samples import wind
+from support.worlds import wind
 
 CASE3 = ForceWind(force_W=Vec3(2.0, 0, 0), air_velocity_W=Vec3(2.0, 0, 0))
 CASE2_GUST = ForceWind(gust=Gust(peak=Vec3(2.0, 0, 0), start=7.5, duration=3.0))

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate
 from skyarm.algebra import scalars
+from support.engines import ENGINES, evaluate
 
 INF, NAN = math.inf, math.nan
 

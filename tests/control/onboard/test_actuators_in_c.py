@@ -10,9 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from c_compiler import CAREFUL, needs_cc
-from exported_law import Loaded
-from flown import cases
 from skyarm.control.actuator_layer import plain_model, with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
@@ -25,6 +22,8 @@ from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
+from support.engines import CAREFUL, Loaded, needs_cc
+from support.laws import cases
 
 VEHICLE = Path(__file__).parents[2] / "data" / "servo_arm.toml"
 FLIGHT = VEHICLE.with_name("servo_flight.toml")

@@ -12,11 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_inputs import inputs, same_bits, text_of
 
 import skyarm
-from c_compiler import CAREFUL, CC, LIBM, STRICT, needs_cc, object_file, run, undefined
-from exported_law import Loaded, fill
-from flown import G, cases, changed, hovering, step
 from skyarm.algebra import Vec3
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
@@ -29,7 +27,9 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import units
-from thorough import sampled
+from support.cases import sampled
+from support.engines import CAREFUL, CC, LIBM, STRICT, Loaded, fill, needs_cc, object_file, run, undefined
+from support.laws import G, step
 
 PAPER_LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
 
@@ -47,10 +47,6 @@ def built(vehicle: str, name: str) -> Controller:
     return preset(name, model) if name in PRESETS else make_controller(name, model)
 
 
-def text_of(controller: Controller, name: str = "law", **options) -> str:
-    return export_c(controller, name=name, period=0.005, **options).text
-
-
 def expected(controller: Controller, measurement, reference) -> list[float]:
     command = step(controller, measurement, reference)
     return [float(x) for x in (*command.rotor_speeds, *command.efforts)]
@@ -66,29 +62,6 @@ class InPython:
         law, par = self.controller.law, self.controller.par
         self.memory, command = law(self.memory, measurement, reference, 0.005, par=par)
         return [float(x) for x in (*command.rotor_speeds, *command.efforts)]
-
-
-def same_bits(found, wanted) -> bool:
-    """Equal to the last bit, every NaN alike."""
-    a, b = np.array(found), np.array(wanted)
-    return bool(np.all((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b))))
-
-
-def inputs(vehicle: str, count: int = 20, seed: int = 5, preview: int = 0):
-    """Drawn measurements and references, with some samples to come (``preview`` instants)."""
-    loaded = skyarm.load_vehicle(vehicle)
-    rng = np.random.default_rng(seed)
-    for measurement, reference in held_inputs(loaded, count, seed):
-        ahead = rng.normal(0.0, 0.5, 3 * (4 + loaded.n) * preview)
-        yield measurement, dataclasses.replace(reference, ahead=tuple(ahead.tolist()))
-
-
-def held_inputs(loaded, count: int, seed: int):
-    drawn = [*cases(count, seed, joints=loaded.n), hovering(joints=(0.0,) * loaded.n)]
-    drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))  # no commanded force: the guarded case
-    for case in drawn:
-        measurement = dataclasses.replace(case.measurement(), rotor_speeds=(480.0,) * len(loaded.rotors))
-        yield measurement, case.reference()
 
 
 @needs_cc

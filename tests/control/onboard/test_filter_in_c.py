@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from c_compiler import needs_cc
-from commanded import skyarm as typed
-from estimated_flight import TEXT, estimated
-from exported_law import Loaded
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.onboard.export_c import (
     EstimatedConstants,
@@ -24,6 +20,9 @@ from skyarm.control.onboard.export_c import (
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.sensing.sensor_kinds import EncoderReading
+from support.commands import skyarm as typed
+from support.engines import Loaded, needs_cc
+from support.flights import TEXT, estimated
 
 
 class WithReadings(Loaded):

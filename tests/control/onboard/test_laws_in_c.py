@@ -6,16 +6,15 @@ import dataclasses
 import re
 
 import pytest
-from test_export_c import CAREFUL, LIBM, inputs, object_file, same_bits, text_of, undefined
+from drawn_inputs import inputs, same_bits, text_of
 
 import skyarm
-from c_compiler import needs_cc
-from exported_law import Loaded
-from law_flights import PAPER, covering
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import preview_leads
 from skyarm.control.model import Model
-from thorough import sampled
+from support.cases import sampled
+from support.engines import CAREFUL, LIBM, Loaded, needs_cc, object_file, undefined
+from support.laws import PAPER, covering
 
 BEYOND = [law for law in covering() if law not in PAPER and law != "nmpc"]
 

@@ -53,7 +53,7 @@ def test_torque_and_force_in_any_direction_are_given_exactly_where_they_fit(name
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_of_what_does_not_fit_torque_and_thrust_are_kept_and_the_largest_share_of_the_rest(name):
+def test_of_a_wish_too_large_torque_and_thrust_are_kept_and_a_share_of_the_rest(name):
     """The share from a linear program in one unknown; with six rotors nothing else reaches further that way."""
     vehicle, rng = VEHICLES[name], np.random.default_rng(3)
     A, top = columns(vehicle), np.array([float(r.max_speed) ** 2 for r in vehicle.rotors])

@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flying_vehicles import steady_wind
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command, rotor_forces
 from skyarm.dynamics.actuators.tilting import angle_after, turn_rotors, with_rest
@@ -20,6 +19,7 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import derivative
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.tilt import Tilt
+from support.vehicles import steady_wind
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
 SERVO = Tilt(axis=(1, 0, 0), lower=-1.0, upper=0.8, time_constant=0.05, max_rate=6.0)

@@ -5,10 +5,10 @@ import pytest
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 from lagrangian_twin import potential_energy, states
 
-import euler_lagrange as el
-from euler_lagrange import coriolis, gravity, mass
-from euler_lagrange import euler_kinematics as kinematics
 from skyarm import compile as program
+from support import euler_lagrange as el
+from support.euler_lagrange import coriolis, gravity, mass
+from support.euler_lagrange import euler_kinematics as kinematics
 
 Q, QD = states(20, seed=2)
 
@@ -21,7 +21,7 @@ def trajectory(t):
 
 
 @pytest.mark.parametrize("t", [0.0, 0.4, 1.1, 2.7, 5.0])
-def test_mass_rate_minus_twice_c_is_skew_with_the_rate_differenced_along_a_trajectory(t):
+def test_mass_rate_minus_twice_c_is_skew_by_differences_along_a_trajectory(t):
     h = 3e-4
     M = [twin_mass_matrix(trajectory(t + k * h)[0]) for k in (-2, -1, 1, 2)]
     rate = (M[0] - 8 * M[1] + 8 * M[2] - M[3]) / (12 * h)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from lagrangian_twin import states
 
-import euler_lagrange as el
-from euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
-from flying_engines import jax_doubles
 from skyarm import compile as program
 from skyarm.algebra import Vec3
 from skyarm.algebra.quaternion import euler_angles
+from support import euler_lagrange as el
+from support.engines import jax_doubles
+from support.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 
 Q, QD = states(7, seed=5)
 

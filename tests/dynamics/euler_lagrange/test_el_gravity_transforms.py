@@ -7,11 +7,11 @@ from lagrangian_twin import potential_energy as twin_potential_energy
 from lagrangian_twin import rotation as twin_rotation
 from lagrangian_twin import states, velocity_jacobians
 
-import euler_lagrange as el
-from euler_lagrange import euler_kinematics as kinematics
-from euler_lagrange import gravity, transforms
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.quaternion import euler_angles
+from support import euler_lagrange as el
+from support.euler_lagrange import euler_kinematics as kinematics
+from support.euler_lagrange import gravity, transforms
 
 Q, QD = states(20, seed=3)
 

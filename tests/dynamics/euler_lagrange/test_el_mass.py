@@ -5,9 +5,9 @@ import pytest
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 from lagrangian_twin import states
 
-import euler_lagrange as el
-from euler_lagrange import euler_kinematics as kinematics
-from euler_lagrange import mass, mass_derivative
+from support import euler_lagrange as el
+from support.euler_lagrange import euler_kinematics as kinematics
+from support.euler_lagrange import mass, mass_derivative
 
 BLOCKS = {
     "tt": (slice(0, 3), slice(0, 3)),

@@ -5,13 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 from lagrangian_twin import rotation, states, velocity_jacobians
+from planar_vehicles import planar_vehicle, quaternion_wxyz
 
-import euler_lagrange as el
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import array_front as arrays
-from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+from support import euler_lagrange as el
 
 Q, QD = states(20, seed=4)
 
@@ -74,35 +75,6 @@ def test_coriolis_and_gravity_are_pinocchios_bias_mapped_to_euler_rates(pin, mod
         found = el.coriolis_matrix(q, qd) @ qd + el.gravity_vector(q)
         # forces up to 8 N; the map's rate carries |qd|^2 |v| = 30 of intermediate size
         np.testing.assert_allclose(found, pinocchio_terms(pin, model, q, qd)[1], atol=2e-14)
-
-
-def planar_vehicle(tip=0.01, rod=None):
-    inertia = rod or Sym3(0, 7.5e-5, 0)
-    link = Body(mass=0.04, com=Vec3(0, 0, -0.075), inertia=inertia, planar=True)
-    vehicle = Vehicle(
-        name="planar",
-        base=Body(mass=0.716, inertia=Sym3(7e-3, 7e-3, 1.2e-2)),
-        links=(
-            Link(name="upper", parent=BASE, joint=Joint(name="shoulder"), body=link),
-            Link(name="lower", parent=0, joint=Joint(name="elbow", position=Vec3(0, 0, -0.15)), body=link),
-        ),
-        frames=(Frame(name="tip", link=1, position=Vec3(0, 0, -0.15)),),
-        end_effector="tip",
-    )
-    return vehicle.with_payload(tip)
-
-
-def quaternion_wxyz(q):
-    half = 0.5 * q[3:6]
-    (a, b, c), (sa, sb, sc) = np.cos(half), np.sin(half)
-    return np.array(
-        [
-            a * b * c + sa * sb * sc,
-            sa * b * c - a * sb * sc,
-            a * sb * c + sa * b * sc,
-            a * b * sc - sa * sb * c,
-        ]
-    )
 
 
 def test_mass_matrix_is_that_of_the_tree_mapped_to_euler_rates():

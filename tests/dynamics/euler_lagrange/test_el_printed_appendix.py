@@ -5,8 +5,8 @@ import pytest
 from lagrangian_twin import MASSES, L, rotation, states
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 
-import euler_lagrange as el
-from thorough import sampled
+from support import euler_lagrange as el
+from support.cases import sampled
 
 Q, QD = states(200, seed=2)
 LINKS = tuple(zip(MASSES[1:], (L / 2, L, L), (0.0, L / 2, L), strict=True))

@@ -6,9 +6,9 @@ import dataclasses
 
 import pytest
 
-import euler_lagrange as el
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support import euler_lagrange as el
 
 PAPER = load_vehicle("hummingbird_arm2")
 

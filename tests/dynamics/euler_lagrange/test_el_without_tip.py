@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 from lagrangian_twin import states, velocity_jacobians
-from test_el_pinocchio import planar_vehicle, quaternion_wxyz
+from planar_vehicles import planar_vehicle, quaternion_wxyz
 
-import euler_lagrange as el
 from skyarm.algebra import Vec3
 from skyarm.dynamics import array_front as arrays
+from support import euler_lagrange as el
 
 Q, _ = states(5, seed=9)
 

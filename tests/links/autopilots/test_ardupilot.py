@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import ardupilot_stand_in
 import skyarm
 from skyarm.links import mavlink
 from skyarm.links.autopilots import ardupilot
@@ -32,6 +31,7 @@ from skyarm.links.transcript import SENT, WORDS, rows_of
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate.session import open_session
+from support import ardupilot_stand_in
 
 SOURCE = str(Path(skyarm.__file__).parents[1])
 
@@ -424,7 +424,7 @@ def commands(sent: list[mavlink.Message]) -> list[int]:
     return [message["command"] for message in sent if message.name == "COMMAND_LONG"]
 
 
-def test_it_asks_for_mode_arming_and_take_off_one_after_the_other_and_then_sends_goals():
+def test_it_requests_mode_arming_and_take_off_one_by_one_and_then_sends_goals():
     talk = Talk()
     assert set(commands(talk.fly(2.5, STAND, GOAL))) <= {511}
     assert set(commands(talk.fly(2.0, STAND, GOAL))) == {176}

@@ -258,7 +258,7 @@ def soon(monkeypatch):
     monkeypatch.setattr(betaflight, "WARM", 0.2)
 
 
-def test_stand_in_takes_off_and_hovers_through_a_pause_and_its_transcript_flies_again_to_the_bit(tmp_path, ports, soon):
+def test_stand_in_hovers_through_a_pause_and_its_transcript_flies_again_to_the_bit(tmp_path, ports, soon):
     tape = tmp_path / "flight.gz"
     session = open_session(scenario_with(stand_in(tmp_path), transcript=str(tape)))
     try:

@@ -139,7 +139,7 @@ def test_stated_parameters_are_asked_for_once_a_second_until_they_have_come() ->
     assert not sent
 
 
-def test_many_stated_parameters_are_asked_for_few_at_a_time_with_patience_from_the_last_answer() -> None:
+def test_many_parameters_are_requested_few_at_a_time_and_timed_from_the_last_answer() -> None:
     names = [f"P{k}" for k in range(20)]
     vehicle, sent = stating(*((name, 1.0) for name in names))
     for k in range(12):  # 0.5 s each, 6 s in all

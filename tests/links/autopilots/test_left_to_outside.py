@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from px4_flights import free_instance
 
-from commanded import skyarm
 from links.autopilots.test_px4 import begun
 from skyarm import load_scenario
 from skyarm.links.autopilots import px4
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.joint_port import UdpJoints
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from support.commands import skyarm
 
 
 @pytest.fixture(autouse=True)

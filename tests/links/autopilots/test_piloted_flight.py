@@ -428,7 +428,7 @@ def test_signals_that_are_none_end_the_flight(
     assert session._link.closed == 1  # type: ignore[union-attr]
 
 
-def test_a_program_outside_gets_the_measured_joints_and_its_set_points_move_the_joints(
+def test_a_program_outside_gets_measured_joints_and_its_setpoints_move_the_joints(
     resting: Callable[..., PilotedSession], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = []

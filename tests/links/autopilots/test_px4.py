@@ -77,7 +77,7 @@ def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path
         assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1  # the last period asks for nothing
 
 
-def test_a_hexarotor_with_parameters_of_the_user_flies_and_refuses_a_second_connection(
+def test_a_hexarotor_with_a_users_parameters_flies_and_refuses_a_second_connection(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PX4_PARAM_OF_THE_SHELL", "1")

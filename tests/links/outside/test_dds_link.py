@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="needs the extra 'ros'")
 
-from commanded import skyarm
 from links.outside.dds_stand_in import DdsStandIn
 from links.outside.test_offboard import SCENARIO
 from skyarm import load_scenario
@@ -25,6 +24,7 @@ from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.ros.ros2_node import CONFIGURATION, LOOPBACK_ONLY
 from skyarm.records.coerce import RecordError
+from support.commands import skyarm
 
 DOMAIN = 100 + os.getpid() % 100
 """Of this process alone: another one of the tests flies at the same time."""

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from commanded import skyarm
 from links.outside.stand_in import StandIn, free_port
 from links.outside.test_offboard import SCENARIO
 from skyarm.links.outside import offboard
 from skyarm.log.formats import load_log
+from support.commands import skyarm
 
 
 @pytest.fixture(autouse=True)

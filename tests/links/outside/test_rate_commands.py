@@ -79,7 +79,7 @@ def test_an_ideal_rate_loop_gives_the_acceleration_of_the_law(seed):
     assert given == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_behind_an_attitude_loop_that_integrates_rates_the_acceleration_is_the_laws_too():
+def test_behind_an_attitude_loop_that_integrates_rates_the_acceleration_is_the_laws():
     """A body of one axis each under ArduPilot's loop: desired angle from the rates, rate set point from both."""
     gain, dt = np.array([4.5, 3.0, 6.0]), 1e-3
     loop = GuidedRateLoop(bandwidth=BANDWIDTH, gain=tuple(gain.tolist()))

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 import skyarm as package
-from commanded import refused, skyarm
-from ros_stand_ins import MemoryNode, asked, framed, master, subscribe
 from skyarm.links.ros import RosError, live_flight
 from skyarm.links.ros.live_flight import Pace, fly_live
 from skyarm.log.ros.message_bytes import decode
 from skyarm.log.ros.messages import ROS1_DEFINITIONS
+from support.commands import refused, skyarm
+from support.peers import MemoryNode, asked, framed, master, subscribe
 
 SHORT = 0.5
 

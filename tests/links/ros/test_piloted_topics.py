@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import ardupilot_stand_in
 import skyarm
-from ros_stand_ins import MemoryNode
 from skyarm.links.ros.live_flight import fly_live
 from skyarm.links.ros.ros_link import COMMAND, GOAL
 from skyarm.log.ros.message_bytes import encode
 from skyarm.log.ros.messages import DEFINITIONS
+from support import ardupilot_stand_in
+from support.peers import MemoryNode
 
 
 class Steering(MemoryNode):

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ros_stand_ins import Talker, asked, exactly, framed, header, master, subscribe
 from skyarm.links.ros import RosError, open_node
 from skyarm.links.ros.node import Inbox
 from skyarm.links.ros.ros1_connections import MOST_CONNECTIONS, Identity, Subscription, read_header
 from skyarm.links.ros.ros1_node import Ros1Node
 from skyarm.log.ros.message_bytes import decode, encode
 from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum
+from support.peers import Talker, asked, exactly, framed, header, master, subscribe
 
 ODOMETRY, NUMBERS = "nav_msgs/Odometry", "std_msgs/Float64MultiArray"
 SUMS = {kind: checksum(kind, ROS1_DEFINITIONS) for kind in (ODOMETRY, NUMBERS)}

@@ -11,8 +11,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from estimated_flight import estimated
-from ros_stand_ins import MemoryNode
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
 from skyarm.links.ros.goals import FARTHEST, base_goal, changes_to, check_reach, joint_goal
@@ -21,6 +19,8 @@ from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.simulate.session import Session
+from support.flights import estimated
+from support.peers import MemoryNode
 
 POSE, JOINTS, NUMBERS = "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "std_msgs/Float64MultiArray"
 

@@ -76,7 +76,7 @@ def test_a_handle_that_turns_against_its_coordinate_is_behind_by_sizes():
     assert found["grip_lag_max"] == pytest.approx(0.3)
 
 
-def test_a_handle_that_follows_through_more_than_half_a_turn_is_not_behind_and_one_that_goes_back_is():
+def test_a_handle_is_not_behind_after_half_a_turn_and_is_behind_when_it_goes_back():
     followed = [instant(angle, angle, 0.0) for angle in (0.0, 1.5, 3.0, 4.5)]
     assert numbers_of(*followed)["grip_lag_max"] == pytest.approx(0.0, abs=1e-9)
     assert numbers_of(instant(0.0, 0.0, 0.0), instant(0.5, -0.5, 0.0))["grip_lag_max"] == pytest.approx(1.0)

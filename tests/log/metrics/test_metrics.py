@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import log_metrics as m
 import skyarm
 from skyarm.algebra import Sym3, Vec3
 from skyarm.log.metrics.score import over_log, settling_time
@@ -22,6 +21,7 @@ from skyarm.studies.paper.flights import GUST, HOLDS, HOVER, STEADY, TRANSIENT
 from skyarm.studies.paper.flights import metrics as paper_metrics
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from support import logs as m
 
 RATE, SECONDS = 200, 30.0
 Array = npt.NDArray[np.float64]

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import skyarm
-from commanded import skyarm as command
-from logged_flights import with_components
 from skyarm.log.flight_log import rows_of
 from skyarm.log.flight_summary import facts, summary
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.vehicle.battery import Battery, CellCurve
+from support.commands import skyarm as command
+from support.logs import with_components
 
 UP = np.array([0.0, 0.0, 1.0])
 

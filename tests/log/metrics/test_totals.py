@@ -7,9 +7,6 @@ import math
 import numpy as np
 import pytest
 
-import log_metrics as of_log
-from log_metrics import Errors
-from simulate_flights import document
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -26,6 +23,9 @@ from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.tip_and_goal import goal_of
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support import logs as of_log
+from support.flights import document
+from support.logs import Errors
 
 WINDOWS = Windows(
     steady=Window(0.8, 1.6),

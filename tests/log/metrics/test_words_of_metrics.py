@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.log.metrics.metric_catalogue import measures, metric_words
 from skyarm.records.registry.registrations import SHIPPED, add, names
+from support.components import registry_kept
 
 
 @pytest.mark.parametrize("name", sorted(measures(2)))

@@ -46,7 +46,7 @@ def test_members_that_no_array_is_packed_in_are_refused() -> None:
         npz_arrays(packed(zipfile.ZIP_BZIP2))
 
 
-def test_a_mesh_that_is_not_there_or_a_pipe_is_one_line_and_one_that_is_there_is_read(tmp_path: Path) -> None:
+def test_a_missing_mesh_or_a_pipe_is_one_line_and_one_that_is_there_is_read(tmp_path: Path) -> None:
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     lines = ["solid one"]
     for left in range(4):

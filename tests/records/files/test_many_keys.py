@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.records.files import Fields, read_toml
 from skyarm.records.files import toml as module
+from support.commands import refused, skyarm
 
 MANY = 200_000
 

@@ -12,10 +12,6 @@ from typing import Any
 
 import pytest
 
-import added_components as own
-from added_components import registry_kept, same_logs
-from in_processes import elsewhere, processes
-from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, load_plugin
@@ -23,8 +19,11 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, ScenarioError
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
+from support import components as own
+from support.components import registry_kept, same_logs
+from support.flights import document, elsewhere, processes
 
-OWN = Path(__file__).parents[2] / "own_plugin.py"
+OWN = Path(__file__).parents[2] / "support" / "own_plugin.py"
 
 
 @pytest.fixture(autouse=True)

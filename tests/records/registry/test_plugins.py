@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
 from skyarm import Force
 from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.records.registry.plugins import (
@@ -21,8 +20,9 @@ from skyarm.records.registry.plugins import (
     loaded_plugins,
     register_law_of_file,
 )
+from support.components import registry_kept
 
-OWN = Path(__file__).parents[2] / "own_plugin.py"
+OWN = Path(__file__).parents[2] / "support" / "own_plugin.py"
 
 
 @pytest.fixture(autouse=True)

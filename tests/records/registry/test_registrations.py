@@ -8,11 +8,11 @@ import sys
 import pytest
 
 import skyarm
-from added_components import Ceiling, Tether, registry_kept
 from skyarm.records.files import must_be_one_of
 from skyarm.records.registry import KINDS, RegistryError, find, names, register, registrations
 from skyarm.records.registry.registrations import add, registering_for
 from skyarm.records.registry.shipped import SHIPPED
+from support.components import Ceiling, Tether, registry_kept
 
 
 @pytest.fixture(autouse=True)

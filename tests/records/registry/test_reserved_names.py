@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from added_components import registry_kept
 from skyarm.cli.commands import COMMANDS
 from skyarm.control.catalogue import PRESETS
 from skyarm.records.files.messages import present_names
@@ -12,6 +11,7 @@ from skyarm.records.registry import RegistryError, names, register
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.shipped import RESERVED, SHIPPED
 from skyarm.studies.compare.own_scenario import OWN
+from support.components import registry_kept
 
 
 @pytest.fixture(autouse=True)

@@ -11,8 +11,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from estimated_flight import GPS, estimated, with_satellites
-from flying_vehicles import tumbling
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate
@@ -25,6 +23,8 @@ from skyarm.sensing.sensor_kinds import Encoders, Imu, Pose
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.vehicle_records import BodyDrag
+from support.flights import GPS, estimated, with_satellites
+from support.vehicles import tumbling
 
 PERIOD = 0.005
 
@@ -214,7 +214,7 @@ def test_readings_that_do_not_come_are_not_used():
     assert gap.aiding[0][-1].time == pytest.approx(0.18)
 
 
-def test_a_reading_that_cannot_be_is_refused_and_one_that_stays_is_believed_in_the_end():
+def test_an_impossible_reading_is_refused_and_one_that_stays_is_taken_in_the_end():
     """Motion capture jumps by 0.5 m at 0.3 s: refused at first, then the covariance has grown enough to take it."""
     jumped = {"at": 0.3, "sensors.mocap.position.bias": [0.5, 0.0, 0.0]}
     scenario = estimated(sensors__mocap__position={"sigma": 0.005, "bias": [0.0, 0.0, 0.0]})
@@ -297,7 +297,7 @@ def test_a_vehicle_of_servos_flies_by_the_measured_force_only():
         ErrorStateFilter(force="modelled").require_sensors(sensors, 200.0, vehicle)
 
 
-def test_drives_of_the_scenario_alone_are_refused_too_but_for_one_that_takes_its_torque():
+def test_drives_of_the_scenario_alone_are_refused_too_except_one_of_its_torque():
     """The belief has none, and the law may send setpoints."""
     servo = {"kind": "position_servo", "stiffness": 1.0, "inertia": 0.01}
     estimated(plant__drives={"joint1": servo})
@@ -312,7 +312,7 @@ def test_the_filter_may_be_named_by_its_kind_alone():
     assert scenario.estimator.gravity is None
 
 
-def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_modelled_force():
+def test_the_present_state_is_less_its_biases_and_carried_by_each_modelled_force():
     scenario = estimated(estimator__force="modelled", duration=0.5)
     session = skyarm.Session(scenario, machine_code=False)
     for _ in range(60):

@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from filter_errors import errors_of
 
 import skyarm
-from estimated_flight import estimated
-from filter_errors import errors_of
 from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.world import ForceWind
+from support.flights import estimated
 
 CASE3 = {
     "duration": 20.0,

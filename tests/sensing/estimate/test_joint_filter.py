@@ -69,7 +69,7 @@ def test_the_clock_of_the_readings_counts_not_the_period_that_is_stated():
     assert memory.rates[0] == pytest.approx(0.7, abs=1e-6)
 
 
-def test_a_steady_acceleration_leaves_an_error_of_the_rate_of_two_accelerations_by_bandwidth():
+def test_a_steady_acceleration_leaves_a_rate_error_of_twice_its_size_by_bandwidth():
     memory, t = flown(lambda t: 0.5 * 3.0 * t * t)
     assert 3.0 * t - memory.rates[0] == pytest.approx(2 * 3.0 / BANDWIDTH, rel=0.2)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
-from toml_text import toml_text
+from support.cases import toml_text
 
 Document = dict[str, Any]
 

@@ -21,7 +21,7 @@ from skyarm.studies.assess.finding import FAULT, OK, worst_level
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.world import HangingPayload, Reach, TimedPayload
-from thorough import sampled
+from support.cases import sampled
 
 EXAMPLES = tuple(
     str(file) for file in sorted(Path("examples").glob("*.toml")) if "\n[plant]\n" in file.read_text("utf-8")

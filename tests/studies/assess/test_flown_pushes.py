@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-import standing_walls
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import preset
 from skyarm.dynamics import forward_dynamics
@@ -18,12 +17,13 @@ from skyarm.studies.assess import pressing_flights as flights
 from skyarm.studies.assess.finding import FAULT, NOTE, OK
 from skyarm.studies.assess.pressing_flights import base_recoil, contact_steps, pressing_flights, reach_left, tip_mass
 from skyarm.studies.assess.push_limits import largest_push
+from support import worlds
 
 
 def before_a_wall(name, joints, force, duration=5.0, **law):
     """A vehicle that presses with gains for small forces."""
     usual = {"interaction": [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]}
-    return standing_walls.before_a_wall(name, joints, force, duration, **(usual | law))
+    return worlds.before_a_wall(name, joints, force, duration, **(usual | law))
 
 
 def said_of(name, joints, force, **more):
@@ -60,7 +60,7 @@ def test_a_geared_arm_that_is_stretched_bounces():
     assert "the tip weighs 3.6 kg along the normal and bounces" in found.text
 
 
-def test_a_tip_too_light_for_the_steps_of_the_contact_is_a_fault_and_the_remedy_mends_it():
+def test_a_tip_too_light_for_the_steps_of_contact_is_a_fault_that_the_remedy_mends():
     scenario = before_a_wall("crazyflie_arm1", (-0.6,), 0.023)
     (found,) = pressing_flights(scenario)
     assert (found.question, found.level) == ("steps of the contact", FAULT)
@@ -118,7 +118,7 @@ def judged(monkeypatch, off, ended=(), limited=0.0):
     return found
 
 
-def test_a_force_is_held_within_a_twentieth_in_every_flight_and_else_the_most_that_is_held_is_said(monkeypatch):
+def test_a_force_is_held_within_a_twentieth_in_all_flights_or_the_largest_is_named(monkeypatch):
     one_bad = np.full((4, 8), 0.02)
     one_bad[3, 0] = np.nan
     assert [judged(monkeypatch, [0.01, 0.01, 0.01, last]).level for last in (0.049, 0.051)] == [OK, FAULT]

@@ -17,7 +17,7 @@ from skyarm.studies.assess.arm_poses import arm_poses, rest_of_hanging
 from skyarm.studies.assess.assessment import assess_vehicle
 from skyarm.studies.assess.thrust import locked_inertia
 from skyarm.vehicle.vehicle_records import undriven_joints
-from thorough import sampled
+from support.cases import sampled
 
 CARRIER = skyarm.load_vehicle("pelican_arm2")
 

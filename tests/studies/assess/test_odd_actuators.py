@@ -78,7 +78,7 @@ def test_a_rotor_s_inertia_is_less_than_the_base_s():
     assert line.startswith(f"rotors[{rotors[0].name}].inertia = 600 kg m^2: is more than 1; kg m^2, not")
 
 
-def test_one_cause_in_all_rotors_is_one_line_and_a_link_without_mass_is_named_by_its_mass():
+def test_one_cause_in_all_rotors_is_one_line_and_a_massless_link_is_named():
     slow = [dataclasses.replace(rotor, time_constant_up=40.0) for rotor in arm().rotors]
     (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), rotors=tuple(slow)))
     assert line.startswith(f"rotors[{slow[0].name}].time_constant_up = 40 s: is more than 1; s, not ms? (and")

@@ -11,7 +11,7 @@ from planted_faults import HEALTHY, PLANTED, Planted, document
 
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from thorough import sampled
+from support.cases import sampled
 
 POSES = 8
 """Few: the corners of the joint ranges and the search find the worst pose of all these arms."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from pushed_boxes import beside_a_box
 from skyarm.control.catalogue import preset
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, link_poses
@@ -16,6 +15,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.finding import FAULT, OK, WARNING
 from skyarm.studies.assess.push_limits import push_limits
+from support.worlds import beside_a_box
 
 POSE = (-0.45, -0.9)
 

@@ -10,7 +10,6 @@ import pytest
 from planted_faults import PLANTED, Planted
 
 import skyarm
-import standing_walls
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.scenario.scenario_record import first_state
@@ -20,13 +19,14 @@ from skyarm.studies.assess.before_flight import warnings_before_flight
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING
 from skyarm.studies.assess.push_limits import largest_push
 from skyarm.world import MovingAir
+from support import worlds
 
 CASE = skyarm.load_scenario("case3")
 
 
 def before_a_wall(name, joints, force, duration=5.0):
     gains = [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]
-    return standing_walls.before_a_wall(name, joints, force, duration, interaction=gains)
+    return worlds.before_a_wall(name, joints, force, duration, interaction=gains)
 
 
 @pytest.mark.parametrize(

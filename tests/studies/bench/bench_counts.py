@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from flying_vehicles import steady_wind
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Vec3
 from skyarm.compile import trace
@@ -14,6 +13,7 @@ from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import COUPLED_STEP, derivative
 from skyarm.vehicle.vehicle_records import Vehicle
+from support.vehicles import steady_wind
 
 
 def counts(vehicle: Vehicle) -> dict[str, int]:

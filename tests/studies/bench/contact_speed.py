@@ -82,7 +82,7 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
         threads: of the batch.
         steps: of an episode.
     """
-    from mujoco_contacts import MujocoContactPlant, plant_contact
+    from support.mujoco_plants import MujocoContactPlant, plant_contact
 
     first, contact = first_loop_state(scenario), plant_contact(scenario.world)
     around = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))

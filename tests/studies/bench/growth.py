@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from flying_vehicles import steady_wind
 from skyarm.compile.llvm.kernel import build, host_width
 from skyarm.compile.llvm.llvm_loop import assembly
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -17,6 +16,7 @@ from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
+from support.vehicles import steady_wind
 
 
 def chain(vehicle: Vehicle, joints: int) -> Vehicle:

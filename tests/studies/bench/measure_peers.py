@@ -36,6 +36,7 @@ class Size:
         rounds: of each group but the environments, which have ``more`` times as many.
         seconds: simulated, of the paper's vehicle (None: as its file has it), of skids, of a long arm, without an arm.
         blocks: flights of a thread. worlds: of crazyflow, a contender each. joints: of the growing arm.
+        extent: of the environments.
     """
 
     rounds: int
@@ -44,11 +45,12 @@ class Size:
     blocks: int
     worlds: tuple[int, ...]
     joints: range
+    extent: peers.Extent = peers.USUAL
 
 
 WHOLE = Size(9, 4, (None, 10.0, 5.0, 30.0), 8, (1024, 4096, 16384), range(0, 13, 2))
 QUICK = replace(WHOLE, rounds=3, seconds=(10.0, 3.0, 1.0, 5.0))
-SMALL = Size(1, 1, (0.5, 0.1, 0.1, 0.1), 1, (16,), range(0, 3, 2))
+SMALL = Size(1, 1, (0.5, 0.1, 0.1, 0.1), 1, (16,), range(0, 3, 2), peers.Extent(16, 2, 5))
 """Every contender flies; its rate means nothing."""
 
 
@@ -70,7 +72,7 @@ def groups(size: Size) -> Iterator[tuple[str, list[Contender], int]]:
         bare = peers.bare_quadrotor(no_arm, threads, 8 * blocks)
         yield "a quadrotor without an arm", [*(peers.crazyflow(worlds) for worlds in size.worlds), bare], 1
     yield "standing on four skids", contact_speed.standing_contenders(skids, threads, blocks), 1
-    for group in (peers.environments(), *peers.peers()):
+    for group in (peers.environments(size.extent), *peers.peers(size.extent)):
         if group:
             yield f"steps of a world per second, beside {group[0].name}", group, size.more
 
@@ -88,8 +90,6 @@ def main(words: Sequence[str] | None = None) -> None:
     from jax_kernel import configure_cpu
 
     configure_cpu()  # before anyone starts JAX
-    if size is SMALL:
-        peers.WORLDS, peers.STEPS, peers.SINGLE_STEPS = 16, 2, 5
     for title, contenders, times in groups(size):
         scores = contest(contenders, times * size.rounds)
         print("", title, *speed_lines([vars_of(score) for score in scores]), sep="\n", flush=True)

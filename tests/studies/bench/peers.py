@@ -13,6 +13,7 @@ import importlib.util
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,21 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
-WORLDS, STEPS, SINGLE_STEPS = 1024, 64, 500
-"""Worlds and steps of vector environments; steps a round of single ones."""
+
+@dataclass(frozen=True)
+class Extent:
+    """Extent of the environments' contests.
+
+    Attributes:
+        worlds: of vector environments. steps: of these a round. single_steps: of single ones a round.
+    """
+
+    worlds: int = 1024
+    steps: int = 64
+    single_steps: int = 500
+
+
+USUAL = Extent()
 
 VEHICLES = {"no arm": "hummingbird", "two-joint arm": "hummingbird_arm2_rotors"}
 
@@ -135,7 +149,7 @@ def rotorpy(steps: int = 100) -> Contender:
     return Contender("rotorpy", "plant of its own quadrotor, no arm, a call each 1 ms, one core", run)
 
 
-def environments() -> list[Contender]:
+def environments(extent: Extent = USUAL) -> list[Contender]:
     """Environments with drawn actions, whose episodes end and begin; none without Gymnasium."""
     if not installed("gymnasium"):
         return []
@@ -144,34 +158,45 @@ def environments() -> list[Contender]:
 
     windy = "the paper's Case 3 in wind"
     return [
-        stepped(VectorEnvironment(WORLDS, scenario="case3_wind"), "env commands", f"{windy}, rotors and joints"),
         stepped(
-            VectorEnvironment(WORLDS, scenario="case3_wind", actions="residual"),
+            VectorEnvironment(extent.worlds, scenario="case3_wind"),
+            "env commands",
+            f"{windy}, rotors and joints",
+            extent.steps,
+        ),
+        stepped(
+            VectorEnvironment(extent.worlds, scenario="case3_wind", actions="residual"),
             "env residual",
             f"{windy}, residual on the paper's law",
+            extent.steps,
         ),
-        stepped(make_vector(WORLDS, task="Hover"), "env no arm", "a quadrotor without an arm, starts drawn"),
+        stepped(
+            make_vector(extent.worlds, task="Hover"),
+            "env no arm",
+            "a quadrotor without an arm, starts drawn",
+            extent.steps,
+        ),
     ]
 
 
-def stepped(envs: Any, name: str, words: str) -> Contender:
+def stepped(envs: Any, name: str, words: str, steps: int) -> Contender:
     """Some steps of all worlds by drawn actions; it returns environment steps in place of simulated seconds."""
-    shape = (STEPS, *(envs.action_space.shape or ()))
+    shape = (steps, *(envs.action_space.shape or ()))
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     envs.reset(seed=0)
 
     def run() -> float:
         for action in actions:
             envs.step(action)
-        return float(envs.num_envs * STEPS)
+        return float(envs.num_envs * steps)
 
     return Contender(name, f"{words}, f32, {envs.num_envs} worlds, 1 thread", run)
 
 
-def peers() -> Iterator[list[Contender]]:
+def peers(extent: Extent = USUAL) -> Iterator[list[Contender]]:
     """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium."""
     if installed("gymnasium"):
-        yield from (make() for name, make in PEERS.items() if installed(name))
+        yield from (make(extent) for name, make in PEERS.items() if installed(name))
 
 
 def absent() -> list[str]:
@@ -180,7 +205,7 @@ def absent() -> list[str]:
     return [name for name in dict.fromkeys(names) if not installed(name)]
 
 
-def beside_crazyflow() -> list[Contender]:
+def beside_crazyflow(extent: Extent) -> list[Contender]:
     """Vector environments at 500 Hz, one Euler step a control period, f32, drawn actions, episodes that begin anew.
 
     crazyflow's drones take angles and thrust, with its usual dynamics (a fitted second-order response of the angles,
@@ -193,9 +218,9 @@ def beside_crazyflow() -> list[Contender]:
     wait: Any = jax.block_until_ready
 
     def flown(dynamics: Any) -> Contender:
-        envs: Any = ReachPosEnv(num_envs=WORLDS, dynamics=dynamics)
+        envs: Any = ReachPosEnv(num_envs=extent.worlds, dynamics=dynamics)
         space = envs.single_action_space
-        drawn = np.random.default_rng(0).uniform(space.low, space.high, (STEPS, WORLDS, *space.shape))
+        drawn = np.random.default_rng(0).uniform(space.low, space.high, (extent.steps, extent.worlds, *space.shape))
         actions = [jax.numpy.asarray(each, np.float32) for each in drawn]
         envs.reset(seed=0)
 
@@ -203,24 +228,26 @@ def beside_crazyflow() -> list[Contender]:
             for action in actions:
                 found = envs.step(action)
             wait(found[:4])
-            return float(STEPS * WORLDS)
+            return float(extent.steps * extent.worlds)
 
-        return Contender(f"crazyflow {dynamics}", f"its position task, angles and thrust, f32, {WORLDS} worlds", run)
+        words = f"its position task, angles and thrust, f32, {extent.worlds} worlds"
+        return Contender(f"crazyflow {dynamics}", words, run)
 
-    return [*(flown(each) for each in (Dynamics.so_rpy, Dynamics.first_principles)), *_vectors(500)]
+    return [*(flown(each) for each in (Dynamics.so_rpy, Dynamics.first_principles)), *_vectors(500, extent)]
 
 
-def beside_pyflyt() -> list[Contender]:
+def beside_pyflyt(extent: Extent) -> list[Contender]:
     """Single environments at 120 Hz, two integration steps a control period, body rates and thrust."""
     from PyFlyt.gym_envs.quadx_envs.quadx_hover_env import QuadXHoverEnv
 
     env: Any = QuadXHoverEnv(agent_hz=120, flight_dome_size=np.inf, max_duration_seconds=1e9)
     climbing = np.array([0.0, 0.0, 0.0, 0.6])
     name = "PyFlyt QuadX-Hover"
-    return [_single(env, climbing, name, "rates and thrust"), *_singles(120, 240, "rates_and_thrust")]
+    peer = _single(env, climbing, name, "rates and thrust", extent.single_steps)
+    return [peer, *_singles(120, 240, "rates_and_thrust", extent)]
 
 
-def beside_pybullet_drones() -> list[Contender]:
+def beside_pybullet_drones(extent: Extent) -> list[Contender]:
     """Single environments at 30 Hz, eight integration steps a control period, speeds of the rotors."""
     from gym_pybullet_drones.envs.HoverAviary import HoverAviary
     from gym_pybullet_drones.utils.enums import ActionType
@@ -228,7 +255,8 @@ def beside_pybullet_drones() -> list[Contender]:
     env: Any = HoverAviary(act=ActionType.RPM, ctrl_freq=30, pyb_freq=240)
     hover = np.zeros(env.action_space.shape)
     name = "gym-pybullet-drones Hover"
-    return [_single(env, hover, name, "speeds of rotors"), *_singles(30, 240, "rotors_and_joints")]
+    peer = _single(env, hover, name, "speeds of rotors", extent.single_steps)
+    return [peer, *_singles(30, 240, "rotors_and_joints", extent)]
 
 
 def place_to_reach(vehicle: str, control: int, physics: int, duration: float) -> Scenario:
@@ -247,25 +275,25 @@ def place_to_reach(vehicle: str, control: int, physics: int, duration: float) ->
     return scenario_from(table, "place_to_reach")
 
 
-def _vectors(rate: int) -> list[Contender]:
+def _vectors(rate: int, extent: Extent) -> list[Contender]:
     """Ours: many worlds, one integration step a control period, one thread."""
     from skyarm.envs.vector_environment import VectorEnvironment
 
     found = []
     for words, vehicle in VEHICLES.items():
         envs = VectorEnvironment(
-            WORLDS,
+            extent.worlds,
             scenario=place_to_reach(vehicle, rate, rate, 10.0),
             actions="rates_and_thrust",
             observation=("position_error", "attitude", "velocity_error", "body_rate"),
             reward=("position_near", "lost"),
             randomise=STARTS,
         )
-        found.append(stepped(envs, f"ours, {words}", f"place to hold, rates and thrust, {rate} Hz"))
+        found.append(stepped(envs, f"ours, {words}", f"place to hold, rates and thrust, {rate} Hz", extent.steps))
     return found
 
 
-def _singles(control: int, physics: int, actions: str) -> list[Contender]:
+def _singles(control: int, physics: int, actions: str, extent: Extent) -> list[Contender]:
     """Ours: one world, double precision."""
     from skyarm.envs.single_environment import Environment
 
@@ -274,20 +302,21 @@ def _singles(control: int, physics: int, actions: str) -> list[Contender]:
         scenario = place_to_reach(vehicle, control, physics, 60.0)
         env = Environment(scenario=scenario, actions=actions, precision="double", reward=("position_near", "lost"))
         action = np.zeros(env.action_space.shape or ())
-        found.append(_single(env, action, f"ours, {words}", f"{actions}, f64", begins_anew=True))
+        steps = extent.single_steps
+        found.append(_single(env, action, f"ours, {words}", f"{actions}, f64", steps, begins_anew=True))
     return found
 
 
-def _single(env: Any, action: Any, name: str, words: str, *, begins_anew: bool = False) -> Contender:
+def _single(env: Any, action: Any, name: str, words: str, steps: int, *, begins_anew: bool = False) -> Contender:
     """Some steps of one world from Python."""
     env.reset(seed=0)
 
     def run() -> float:
-        for _ in range(SINGLE_STEPS):
+        for _ in range(steps):
             *_, ended, truncated, _ = env.step(action)
             if begins_anew and (ended or truncated):
                 env.reset()
-        return float(SINGLE_STEPS)
+        return float(steps)
 
     return Contender(name, f"single environment, {words}", run)
 
@@ -299,7 +328,7 @@ GUESTS: dict[str, Callable[[Vehicle], Contender]] = {
 }
 """Name of a library as it is imported -> its simulation of the paper's vehicle, or of its own."""
 
-PEERS: dict[str, Callable[[], list[Contender]]] = {
+PEERS: dict[str, Callable[[Extent], list[Contender]]] = {
     "crazyflow": beside_crazyflow,
     "PyFlyt": beside_pyflyt,
     "gym_pybullet_drones": beside_pybullet_drones,

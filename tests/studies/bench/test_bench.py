@@ -121,9 +121,7 @@ def test_the_machine_is_described():
 @pytest.mark.thorough
 def test_environments_are_stepped_with_drawn_actions(monkeypatch):
     pytest.importorskip("gymnasium", reason="the extra gym is not installed")
-    monkeypatch.setattr(peers, "WORLDS", 3)
-    monkeypatch.setattr(peers, "STEPS", 5)
-    *_, bare = peers.environments()
+    *_, bare = peers.environments(peers.Extent(worlds=3, steps=5))
     assert (bare.name, bare.run()) == ("env no arm", 15.0)
     monkeypatch.setattr(peers, "installed", lambda name: name != "gymnasium")
     assert peers.environments() == []

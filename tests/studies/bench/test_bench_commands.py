@@ -94,8 +94,6 @@ def test_every_group_of_peers_has_a_contest_and_absent_ones_are_named(monkeypatc
     monkeypatch.setattr(peers, "bare_quadrotor", lambda *_: one("bare")()[0])
     monkeypatch.setattr(peers, "installed", lambda name: name in ("gymnasium", "crazyflow", "there"))
     monkeypatch.setattr(measure_peers.growth, "growth", lambda *_: [])
-    for size in ("WORLDS", "STEPS", "SINGLE_STEPS"):
-        monkeypatch.setattr(peers, size, getattr(peers, size))
     measure_peers.main(["--small"])
     out = capsys.readouterr().out
     for name in ("pinocchio", "jax", "crazyflow", "crazyflow 16", "bare", "standing_contenders", "there"):

@@ -15,14 +15,16 @@ import peers as environment_peers
 
 @pytest.fixture(autouse=True)
 def _small(tmp_path, monkeypatch):
-    """A cache of its own, machine code that is compiled quickly, one vehicle, few steps."""
+    """A cache of its own, machine code that is compiled quickly, one vehicle."""
     from skyarm.compile.llvm import kernel
 
     quick = kernel._make_engine
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
     monkeypatch.setattr(kernel, "_make_engine", lambda text, effort: quick(text, 0))
     monkeypatch.setattr(environment_peers, "VEHICLES", {"no arm": "hummingbird"})
-    monkeypatch.setattr(environment_peers, "SINGLE_STEPS", 7)
+
+
+FEW = environment_peers.Extent(worlds=3, single_steps=7)
 
 
 class Falling:
@@ -41,7 +43,7 @@ class Falling:
 
 def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkeypatch):
     peers_known = environment_peers.PEERS
-    monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda: ["flown"], "away": pytest.fail})
+    monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda _: ["flown"], "away": pytest.fail})
     monkeypatch.setattr(environment_peers, "installed", lambda name: name in ("gymnasium", "there"))
     assert list(environment_peers.peers()) == [["flown"]]
     assert "away" in environment_peers.absent()
@@ -60,7 +62,7 @@ def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
     monkeypatch.setitem(sys.modules, module.__name__, module)
     rates, place = [], environment_peers.place_to_reach
     monkeypatch.setattr(environment_peers, "place_to_reach", lambda *given: rates.append(given[1:3]) or place(*given))
-    peer, ours = environment_peers.beside_pyflyt()
+    peer, ours = environment_peers.beside_pyflyt(FEW)
     assert rates == [(120, 240)]
     assert peer.run() == 7.0
     assert (made[0].resets, len(made[0].actions)) == (1, 7)
@@ -70,7 +72,7 @@ def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
 
 def test_ours_begins_anew_where_an_episode_is_over():
     env = Falling()
-    contender = environment_peers._single(env, np.zeros(4), "name", "words", begins_anew=True)
+    contender = environment_peers._single(env, np.zeros(4), "name", "words", 7, begins_anew=True)
     assert contender.run() == 7.0
     # the first beginning, and one after each of the steps 3 to 7
     assert env.resets == 6
@@ -85,9 +87,8 @@ def test_a_control_period_has_the_peers_number_of_integration_steps(control, phy
     assert environment_peers.place_to_reach("hummingbird", control, physics, 2.0).plant.vehicle.n == 0
 
 
-def test_vector_and_single_environments_of_ours_fly_on(monkeypatch):
-    monkeypatch.setattr(environment_peers, "WORLDS", 3)
-    (many,) = environment_peers._vectors(500)
-    assert many.run() == 3.0 * environment_peers.STEPS
-    (one,) = environment_peers._singles(30, 240, "rotors_and_joints")
+def test_vector_and_single_environments_of_ours_fly_on():
+    (many,) = environment_peers._vectors(500, FEW)
+    assert many.run() == 3.0 * FEW.steps
+    (one,) = environment_peers._singles(30, 240, "rotors_and_joints", FEW)
     assert one.run() == 7.0

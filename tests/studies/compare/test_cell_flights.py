@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.paths import LATE
 from skyarm.sensing.measurement import SensorNoise
@@ -18,6 +17,7 @@ from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.studies.flights.fly import one_scenario
+from support.studies import cell_of
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
 

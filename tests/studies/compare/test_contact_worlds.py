@@ -9,7 +9,6 @@ import math
 import numpy as np
 import pytest
 
-from compared_flights import cell_of
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.catalogue import make_controller
 from skyarm.scenario.controller_table import controller_by_name
@@ -29,6 +28,7 @@ from skyarm.studies.compare.contact_tasks import (
 )
 from skyarm.studies.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, feasible_worlds
 from skyarm.world.contact.material import Material
+from support.studies import cell_of
 
 COUNT = 60
 

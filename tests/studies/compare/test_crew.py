@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
 from skyarm.studies.compare import cell_flights
@@ -17,6 +16,7 @@ from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Crew
 from skyarm.studies.flights.executor import PROCESSES
+from support.studies import cell_of
 
 EARLY = Windows(steady=Window(0.1, 0.4), gust=Window(0.1, 0.4), last=0.1)
 

@@ -14,7 +14,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import list_vehicles
-from thorough import sampled
+from support.cases import sampled
 
 ARMED = [name for name in list_vehicles() if load_vehicle(name).n and not load_vehicle(name).planar]
 BATCHED = [axis for axis in AXES.values() if axis.numbers is not None]
@@ -49,7 +49,7 @@ def test_the_circle_goes_at_its_speed_about_its_radius():
 
 
 @pytest.mark.parametrize("name", sampled(ARMED, 4))
-def test_joints_stay_within_their_limits_and_other_vehicles_are_asked_for_what_they_can(name):
+def test_joints_stay_within_limits_and_other_vehicles_get_motions_that_they_can_fly(name):
     setting, paper = setting_of(name, 10.0), setting_of(PAPER, 10.0)
     truth = load_vehicle(name)
     times = np.linspace(0.0, 10.0, 2001)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from compared_flights import cell_of
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope import Envelope, axis_flights
@@ -18,6 +17,7 @@ from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.studies import cell_of
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
 FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
@@ -45,7 +45,7 @@ def test_every_file_is_there_and_holds_what_was_flown(flown):
     assert len(list((folder / "rows").iterdir())) == 8
 
 
-def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_carry(flown):
+def test_a_lane_is_the_flight_of_its_value_with_the_tip_of_a_level_base(flown):
     found, _, _ = flown
     axis, setting = AXES["circle"], QUICK.setting
     (planned_cell,) = axis_flights("paper_ct", QUICK.axis("circle"), setting)
@@ -87,7 +87,7 @@ def test_every_value_meets_the_same_noise():
     assert lanes[0] == lanes[1] == alone[0] != lanes[2]
 
 
-def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_the_same_ones():
+def test_a_lane_of_wrong_plants_is_the_flight_of_one_and_values_meet_the_same_ones():
     (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
     scenario = cell.scenario()
     values = cell.values(scenario)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from envelope_points import AXES_FLOWN, LOST, plants, point
 from skyarm.studies.compare.cell_flights import Cell
 from skyarm.studies.compare.envelope import (
     JUDGED,
@@ -20,6 +19,7 @@ from skyarm.studies.compare.envelope import (
     within,
 )
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
+from support.studies import AXES_FLOWN, LOST, plants, point
 
 
 def test_a_law_is_good_up_to_the_first_value_where_it_is_not():
@@ -95,7 +95,7 @@ def test_the_page_holds_every_number_and_lets_no_name_through_unescaped():
     assert "1 / 2; 50, 25 %" in summary_section(envelope()).html()
 
 
-def test_a_value_of_wrong_plants_is_judged_by_the_worst_that_flies_and_lost_where_one_is():
+def test_a_value_of_wrong_plants_counts_by_the_worst_that_flies_and_is_lost_with_one():
     both = plants(point(0.004, largest=0.0201), point(0.002, largest=0.0199), point(0.009, largest=0.019))
     assert (both["judged"], both["tip_mean"], both["tip_max"], both["lost"]) == (0.009, 0.004, 0.0201, False)
     assert [both["plants"][key] for key in ("of", "held", "lost")] == [3, 2, 0]

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 import skyarm
-from commanded import refused
-from commanded import skyarm as typed
 from skyarm.records.files.writing import TakenError
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.flights import Store, executor, store
 from skyarm.studies.flights.store import KEY, files_by_label, pack_rows, unpack_rows
 from skyarm.studies.sweep import run_sweep
-from sweeps import files_of, small_study
+from support.commands import refused
+from support.commands import skyarm as typed
+from support.studies import files_of, small_study
 
 LABELS = ["given__case1__own", "given__case1__paper_pd", "given__case1__paper_ct"]
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from added_components import registry_kept
 from skyarm.control.catalogue import ControllerError, require_different
 from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
@@ -19,7 +18,8 @@ from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.flights.store import files_by_label
 from skyarm.studies.sweep import StudyError
-from sweeps import small_study
+from support.components import registry_kept
+from support.studies import small_study
 
 OWN = Path(__file__).parents[3] / "examples" / "own_law.py"
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import same_logs
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import log_from_npz
 from skyarm.scenario.numbers import with_numbers
@@ -17,6 +16,7 @@ from skyarm.studies.flights import Work
 from skyarm.studies.flights import work as module
 from skyarm.studies.flights.fly import fly
 from skyarm.studies.flights.store import pack_rows, unpack_rows
+from support.components import same_logs
 
 NOISY = with_numbers(skyarm.load_scenario("case3_wind", duration=0.1), {"sensors.position": 0.005})
 SHORT = dataclasses.replace(NOISY, seed=5, episode=3)

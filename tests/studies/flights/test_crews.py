@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.log.flight_log import Log
 from skyarm.records.files.writing import TakenError
 from skyarm.records.registry import RegistryError
@@ -25,7 +24,8 @@ from skyarm.studies.flights import Crew, Store, Work, executor, processes, ray_c
 from skyarm.studies.flights.processes import MOST_TRIES, Processes
 from skyarm.studies.paper.reproduce import run_campaign
 from skyarm.studies.sweep import run_sweep
-from sweeps import small_study
+from support.components import registry_kept
+from support.studies import small_study
 
 CASE = load_scenario("case1", controller="paper_pd", duration=0.02)
 

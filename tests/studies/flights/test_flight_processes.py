@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from in_processes import elsewhere, processes
 from skyarm.records.files.user_code import OwnCodeError
 from skyarm.records.travel import luggage
 from skyarm.studies.flights.processes import MOST_TRIES, serve
+from support.flights import elsewhere, processes
 
 CUT_OFF = """
 import os, struct, sys, time

@@ -21,8 +21,8 @@ from skyarm.records.travel import luggage, pack
 from skyarm.studies.flights import ray_cluster
 from skyarm.studies.flights.ray_cluster import Ray
 from skyarm.studies.sweep import run_sweep
-from sweeps import document, files_of, small_study
-from toml_text import toml_text
+from support.cases import toml_text
+from support.studies import document, files_of, small_study
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 
@@ -32,7 +32,7 @@ SWEEP = """
 import json, sys
 from pathlib import Path
 from skyarm.studies.sweep import run_sweep
-from sweeps import small_study
+from support.studies import small_study
 
 if __name__ == "__main__":
     out, on, fields = Path(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])
@@ -146,9 +146,7 @@ class TestWithRay:
                 Ray(address, 1)
 
     @posix
-    def test_a_cluster_begun_here_is_reached_from_this_machine_alone_says_nothing_and_ends(
-        self, tmp_path: Path
-    ) -> None:
+    def test_a_cluster_begun_here_is_reached_from_here_alone_prints_nothing_and_ends(self, tmp_path: Path) -> None:
         program = Program.of_text(tmp_path, SWEEP.replace("TOLD", LOOKS), "ray", json.dumps(SMALL | {"episodes": 8}))
         code, out, err = program.end()
         assert (code, err) == (0, "")

@@ -16,7 +16,7 @@ from ray_stand import Program, cluster
 
 from skyarm.studies.flights import ray_cluster
 from skyarm.studies.sweep import run_sweep
-from sweeps import files_of, small_study
+from support.studies import files_of, small_study
 
 ray = pytest.importorskip("ray", reason="needs the extra ray: make ray")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="clusters of several nodes on one machine")
@@ -87,7 +87,7 @@ from pathlib import Path
 import skyarm
 from skyarm.algebra import scalars
 from skyarm.studies.sweep import run_sweep
-from sweeps import files_of, small_study
+from support.studies import files_of, small_study
 
 PLUGIN = '''
 import skyarm
@@ -164,7 +164,7 @@ from pathlib import Path
 
 import skyarm
 from skyarm.studies.sweep import run_sweep
-from sweeps import small_study
+from support.studies import small_study
 
 PLUGIN = '''
 import skyarm

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import registry_kept, same_logs
-from in_processes import elsewhere
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.travel import pack
 from skyarm.simulate.loop import run
+from support.components import registry_kept, same_logs
+from support.flights import elsewhere
 
 MADE_INSIDE = """
 import skyarm

@@ -23,9 +23,9 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[2]))  # the tests' own vehicles, when this is run as a program
 
 import numpy as np
+from planted_flights import KINDS, LANES, POSES, measured, planted
 
 import skyarm
-from planted_flights import KINDS, LANES, POSES, measured, planted
 
 CHANNELS: Mapping[str, tuple[str, ...]] = {
     "all": (),

@@ -21,10 +21,11 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).parents[2]))  # the tests' own vehicles, when this is run as a program
 
-import skyarm
 from judged_flights import unpacked
-from logged_vehicles import crazyflie, iris
 from planted_flights import measured, planted
+
+import skyarm
+from support.vehicles import crazyflie, iris
 
 HORIZONS, PREDICTORS = (0.5, 1.0), ("identified", "with past")
 SPLIT = 40.0

@@ -12,7 +12,7 @@ from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.studies.identify.windows import ClockedWindows, on_clock
-from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
+from support.flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy")
 

@@ -31,7 +31,7 @@ from skyarm.studies.identify.multisines import axes_of, draw_segment, mutate_seg
 from skyarm.studies.identify.required_flight import arm_clearance, required_flight
 from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_fit import fit_windows
-from window_flights import QUAD, flown, measured
+from support.flights import QUAD, flown, measured
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
 GRAVITY, PERIOD, LENGTH = 9.81, 0.01, 10.0

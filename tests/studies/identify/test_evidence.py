@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_identification import METRICS, STUDY, THICK
+from small_studies import METRICS, STUDY, THICK
 
 from inference.evidence import Evidence, _range
 from inference.study import read_identification

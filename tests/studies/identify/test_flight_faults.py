@@ -7,13 +7,13 @@ import re
 
 import numpy as np
 import pytest
+from planted_vehicles import NOMINAL, fly_designed
 
 import skyarm
-from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris, logged
-from planted_vehicles import NOMINAL, fly_designed
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, require_no_refusal
+from support.vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris, logged
 
 SEED, SECONDS = 0, 34.0
 START = NOMINAL

@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from planted_vehicles import NOMINAL, fly_designed, weighed
 
 import skyarm
-from planted_vehicles import NOMINAL, fly_designed, weighed
 from skyarm.studies.identify.identify_windows import identify_by_windows
 from skyarm.studies.identify.unknowns import unknowns_of
 

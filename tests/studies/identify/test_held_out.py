@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_windows import clocked
+from made_up_fits import clocked
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel
@@ -46,7 +46,7 @@ from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.open_loop import OpenLoopPredictor, places_of
 from skyarm.studies.identify.windows import ClockedWindows, on_clock
-from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
+from support.flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -122,7 +122,7 @@ def test_joints_are_given_as_measured_and_it_is_said():
     assert found.errors[IDENTIFIED][0].attitude < 0.05 * found.errors[HOLD][0].attitude
 
 
-def test_commands_at_ten_hertz_and_a_slow_gyro_are_predicted_on_steps_of_the_shortest_horizon():
+def test_commands_at_10_hz_and_a_slow_gyro_are_predicted_in_the_shortest_steps():
     flight = flight_of()
     told = flight["rotor_speed_commands"]
     slow = {"rotor_speed_commands": dataclasses.replace(told, time=told.time[::50], values=told.values[::50])}
@@ -366,7 +366,7 @@ def test_a_past_whose_errors_are_no_numbers_is_not_taken(monkeypatch):
     assert learn_from_past(*FAKES, (0.5,)).smoothed != ()
 
 
-def test_horizons_of_tables_are_among_those_of_figures_and_all_are_multiples_of_the_shortest():
+def test_horizons_of_tables_are_among_those_of_figures_and_multiples_of_the_shortest():
     assert set(HORIZONS) <= set(CURVE)
     assert list(CURVE) == sorted(set(CURVE))
     assert [each / CURVE[0] for each in CURVE] == pytest.approx([round(each / CURVE[0]) for each in CURVE])

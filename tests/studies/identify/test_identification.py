@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_studies import METRICS, STUDY, THICK
 
 import skyarm
 from inference.candidates import Candidates
@@ -20,109 +21,6 @@ from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.paper.unstated_study import laid_over
-
-METRICS = ("joint_error_mean", "joint_error_max", "position_error_mean", "pitch_rms", "tau1_rms", "tau2_rms")
-
-STUDY = """
-schema = 1
-name = "small"
-seed = 2
-rival_cells = ["joints"]
-[loss]
-width = 0.25
-knee = 3.0
-[search]
-population = 16
-generations = 10
-[tables.short]
-duration = 3.0
-[tables.short.delays]
-longest_command = 0.05
-[tables.short.windows]
-steady = [1.0, 3.0]
-transient = [0.0, 3.0]
-gust = [1.0, 3.0]
-hover = [0.0, 1.0]
-holds = [[1.0, 3.0]]
-last = 1.0
-[tables.late.delays]
-measurement = 0.01
-[[flights]]
-name = "sines"
-scenario = "case2"
-over = ["short"]
-[flights.cells]
-CELLS
-[groups]
-joints = ["sines/joint_*", "sines/tau*"]
-rest = ["*/*", "!sines/joint_*", "!sines/tau*"]
-[[parameters]]
-name = "friction"
-words = "friction of joint 1"
-unit = "N m s/rad"
-low = 0.0
-high = 0.1
-step = 0.001
-targets = [{ flights = ["*"], path = "plant.vehicle.links.0.joint.damping" }]
-[[parameters]]
-name = "late"
-words = "rotor commands late by"
-unit = "s"
-low = 0.0
-high = 0.03
-step = 0.001
-targets = [{ flights = ["*"], path = "delays.rotors" }]
-[[parameters]]
-name = "stiffness"
-words = "stiffness of joint 1"
-low = 100.0
-high = 600.0
-step = 10.0
-targets = [{ flights = ["*"], path = "controller.joint_gains.stiffness.0" }]
-[[choices]]
-name = "clock"
-words = "when the motion begins"
-[[choices.options]]
-name = "stated"
-[[choices.options]]
-name = "early"
-words = "from 0.5 s"
-sets = [
-    { flights = ["sines"], path = "reference.joints.0.start", value = 0.5 },
-    { flights = ["sines"], path = "reference.joints.1.start", value = 0.5 },
-]
-[[choices]]
-name = "measured"
-words = "age of the measurement"
-[[choices.options]]
-name = "at_once"
-[[choices.options]]
-name = "late"
-tables = [{ flights = ["*"], table = "late" }]
-[fit]
-free = ["friction", "late"]
-choices = { clock = "early" }
-[[ladder]]
-name = "motion"
-adds = ["clock"]
-[[ladder]]
-name = "all"
-adds = ["friction", "late"]
-[[rivals]]
-name = "stiffness"
-words = "stiffness"
-adds = ["stiffness"]
-[[rivals]]
-name = "measured"
-words = "late measurements"
-choices = { measured = "late" }
-[[predictions]]
-name = "from_joints"
-free = ["friction", "late"]
-choices = { clock = "early" }
-seen = "joints"
-unseen = ["rest"]
-"""
 
 TRUE = {"clock": "early", "friction": 0.04, "late": 0.012}
 
@@ -327,14 +225,3 @@ def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pyte
     assert found[0] == found[1]
     rates = [rate for _, rate, _ in found[0]]
     assert rates[2] == rates[3] == rates[5] > rates[0] == rates[1] == rates[4]
-
-
-THICK = """
-[[choices]]
-name = "oil"
-[[choices.options]]
-name = "thin"
-[[choices.options]]
-name = "thick"
-sets = [{ flights = ["*"], path = "plant.vehicle.links.1.joint.damping", value = 0.05 }]
-"""

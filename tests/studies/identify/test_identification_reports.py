@@ -72,7 +72,7 @@ def test_the_table_of_lags_has_a_line_for_the_rotors_and_each_joint_in_milliseco
     assert " 1.50       88%" in alike[2]
 
 
-def test_the_notes_say_what_is_not_known_what_was_not_asked_and_whose_delay_is_not_apart():
+def test_the_notes_name_what_is_unknown_unasked_or_has_an_inseparable_delay():
     vague, prompt = lag("joint1", apart=False), lag("joint3", apart=False, together=times(0.0005))
     found = lags(lag("rotors"), vague, UNKNOWN, prompt, gripper="its drive takes a setpoint, rad")
     notes = lag_lines("", found, NO_WORD)[6:]
@@ -183,7 +183,7 @@ def report(found, *flights, **changed):
     return IdentifiedReport(found=found, start=VEHICLE, flights=flights or (flight(),), **{**usual, **changed})
 
 
-def test_the_table_of_numbers_has_values_intervals_and_starts_with_the_units_behind_each_other():
+def test_the_table_of_numbers_has_values_intervals_and_starts_with_units_in_line():
     hidden = number("b", unit="kg m^2", reason=NOT_SHOWN)
     beside = number("base.com.x", unit="", reason=f"{APART}b")
     lines = report(found_with(number("longest.of.names", 0.123456), hidden, beside)).lines()
@@ -265,7 +265,7 @@ def test_a_channel_that_is_absent_names_what_it_would_narrow_most_first():
     )
 
 
-def test_the_vehicle_s_file_names_files_without_folders_and_given_numbers_but_for_the_voltage():
+def test_the_vehicle_file_names_files_without_folders_and_given_numbers():
     known = {"voltage": 12.0, "base.com.y": 0.0}
     text = report(found_with(number("delay")), flight("a"), flight("b"), known=known).vehicle_file()
     assert text.startswith("# Identified by skyarm from 2 flights, 31.2 s:\n#   a.csv\n#   b.csv\n")
@@ -273,7 +273,7 @@ def test_the_vehicle_s_file_names_files_without_folders_and_given_numbers_but_fo
     assert "voltage" not in text
 
 
-def test_a_voltage_that_is_measured_and_not_used_is_said_unless_that_of_the_rotors_is_known():
+def test_an_unused_voltage_is_reported_unless_that_of_the_rotors_is_known():
     said = "voltage: is measured and not used: state that of the rotors' data, --known voltage=VALUE"
     measured = flight("b", voltage=1)
     assert report(found_with(number("a")), flight(), measured).lines()[-1] == said
@@ -281,7 +281,7 @@ def test_a_voltage_that_is_measured_and_not_used_is_said_unless_that_of_the_roto
     assert said not in report(found_with(number("a"))).lines()
 
 
-def test_the_document_has_no_value_where_the_flights_show_none_and_predictions_if_there_are_some():
+def test_the_document_has_no_value_that_flights_do_not_show_and_predictions_if_any():
     fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
     numbers = number("a"), number("b", reason=NOT_SHOWN)
     found = found_with(*numbers, period=0.004, absent={"pose": {"a": 2.0}})

@@ -119,7 +119,7 @@ def test_poses_are_on_the_gyro_s_clock_before_the_fit_and_the_prediction(asked, 
     assert result.held_out == "predictions"
 
 
-def test_faults_are_looked_for_in_the_sections_of_the_fit_and_in_whole_held_out_flights(asked):
+def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(asked):
     told, reported = [], []
     options = SearchOptions(sections=[(1.0, 2.0), (4.0, 6.0)])
     asked.faults, asked.doubts = (fault(),), (fault(file="doubt"),)

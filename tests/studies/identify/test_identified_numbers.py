@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from made_up_fits import fit_of
 
 from skyarm.studies.identify.identified_numbers import (
     APART,
@@ -22,8 +23,6 @@ from skyarm.studies.identify.identified_numbers import (
     with_reasons,
 )
 from skyarm.studies.identify.unknowns import Reported, Unknown
-from skyarm.studies.identify.window_errors import WindowStates
-from skyarm.studies.identify.window_fit import WindowFit
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -38,29 +37,6 @@ REPORTED = [
     Reported(name="c", unit="rad", parts=("c",)),
 ]
 AT = np.array([math.log(2.5), math.log(1.5), 0.25])
-
-
-def fit_of(values, curvature, blocks=20, **changes):
-    """Fit of so many blocks that tell the same, beside very little that was known before."""
-    size = len(values)
-    information = np.linalg.inv(curvature)
-    empty = np.zeros((1, 1))
-    parts = {
-        "values": np.asarray(values, dtype=float),
-        "curvature": curvature,
-        "covariance": curvature,
-        "prior_information": np.zeros((size, size)),
-        "block_information": np.stack([information / blocks] * blocks),
-        "stretch_information": information[None],
-        "stretch_scores": np.zeros((1, size)),
-        "noise": empty,
-        "spread": np.zeros(6),
-        "errors": empty,
-        "counted": empty > 0,
-        "states": WindowStates({}, empty),
-        "settled": True,
-    }
-    return WindowFit(**{**parts, **changes})
 
 
 def test_slopes_are_those_of_logarithms_of_sums_and_of_the_numbers_themselves():
@@ -201,7 +177,7 @@ def test_flights_that_disagree_widen_intervals_by_the_ratio_of_birge(known, wide
     assert disagreement(fit, scale, after, []).tolist() == [1.0, 1.0]
 
 
-def test_flights_that_agree_narrow_nothing_and_those_that_do_not_show_a_number_do_not_count():
+def test_flights_that_agree_narrow_nothing_and_those_without_a_number_do_not_count():
     fit, _ = by_flights(4, (1e-6, 1e-6), spread=0.0)
     rows, names = np.eye(2), ["one", "one", "two", "three"]
     scale = Scale(REPORTED[:2], np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool), rows, np.full(2, 1e6))

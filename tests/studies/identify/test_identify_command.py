@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
 from skyarm.studies.identify.identify_command import OPTIONS, SUBCOMMANDS
+from support.commands import refused, skyarm
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -114,7 +114,7 @@ def test_the_help_of_a_word_has_its_options_and_the_command_takes_them_without_i
         refused(skyarm("identify", word, f"--{option}"), f"requires an argument; see 'skyarm identify {word} --help'")
 
 
-def test_the_help_of_the_command_lists_the_words_and_hides_the_options_that_were_before():
+def test_the_help_of_the_command_lists_the_words_and_hides_former_options():
     lines = skyarm("identify", "--help", columns=100).out.splitlines()
     begin = lines.index("Commands:")
     assert [line.split()[0] for line in lines[begin + 1 : begin + 4]] == [*SUBCOMMANDS]

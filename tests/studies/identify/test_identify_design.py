@@ -7,9 +7,9 @@ import math
 
 import pytest
 
-from commanded import refused, skyarm
 from skyarm.records.units import units
 from skyarm.studies.identify.design import DesignLimits
+from support.commands import refused, skyarm
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

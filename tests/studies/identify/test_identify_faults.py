@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
-from logged_vehicles import CRAZYFLIE_LOG
 from skyarm.studies.identify import identify_windows
 from skyarm.studies.identify.window_fit import fit_windows
+from support.commands import refused, skyarm
+from support.vehicles import CRAZYFLIE_LOG
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
 from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
 from skyarm.log.formats import save_log
@@ -35,7 +34,8 @@ from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_text import vehicle_text
-from window_flights import unheard
+from support.commands import refused, skyarm
+from support.flights import unheard
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -126,7 +126,7 @@ def test_the_vehicle_file_flies(identified):
     assert wanted_of("found/vehicle.toml", None).scenario.plant.vehicle == found
 
 
-def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_holding(identified):
+def test_held_out_flights_are_predicted_better_than_by_start_vehicle_and_holding(identified):
     rows = list(csv.DictReader(Path("found/prediction.csv").read_text().splitlines()))
     at = {(row["horizon_s"], row["predictor"]): row for row in rows}
     assert len(rows) == 4 * len(CURVE)
@@ -380,7 +380,7 @@ def test_strong_correlations_are_named_where_a_number_is_shown():
     assert correlated_pairs(hidden) == [("b", "c", 0.99)]
 
 
-def test_the_file_says_what_is_not_shown_what_was_given_and_that_a_search_did_not_settle():
+def test_the_file_names_what_is_not_shown_what_was_given_and_a_search_without_an_end():
     numbers = number("base.com.x", 1.0), number("base.com.z", 1.0, reason="not in this data"), number("delay", 0.006)
     text = identified_file(found_with(*numbers, settled=False), START, ["a.csv", "b.csv"], {"rotors.inertia": 0.0})
     assert "# x: 1 (0.9 to 1.1) m, start 2\n# z: not in this data\n" in text

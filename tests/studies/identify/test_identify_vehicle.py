@@ -410,7 +410,7 @@ def test_of_two_numbers_of_which_the_ratio_is_known_one_keeps_it():
 
 
 @pytest.mark.parametrize("more", [0.0, 1e-9, -1e-9])
-def test_of_two_numbers_that_are_known_alike_the_first_goes_back_however_they_are_rounded(more):
+def test_of_two_numbers_known_equally_well_the_first_goes_back_at_any_rounding(more):
     spread = np.array([[0.51, 0.49], [0.49, 0.51 + more]])
     shares = 1.0 - np.diag(spread) - 0.4
     found = condition_on_start(np.ones(2), spread, np.eye(2), -np.ones(2), np.ones(2), shares, [[0, 1]])

@@ -27,7 +27,7 @@ from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import SensorSamples
 from skyarm.vehicle.thrust_table import ThrustTable
-from window_flights import ONE, QUAD, flown, measured, on_servo
+from support.flights import ONE, QUAD, flown, measured, on_servo
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -173,7 +173,7 @@ def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(eve
     assert found.seconds == pytest.approx(windows.count * 0.2, abs=1e-9)
 
 
-def test_of_a_number_of_the_vehicle_and_one_around_it_that_look_alike_the_vehicle_s_stays(monkeypatch):
+def test_of_two_numbers_that_look_alike_that_of_the_vehicle_stays(monkeypatch):
     """As it was: the other one takes what is off, and is told apart from it only. Both are known as little."""
     module = "skyarm.studies.identify.identify_windows"
     monkeypatch.setattr(f"{module}.WHOLE", 0.2)
@@ -381,7 +381,7 @@ def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):
     return some.replay.substeps, [substeps for substeps, _ in fits[1:]]
 
 
-def test_integration_steps_are_halved_until_that_moves_no_row_by_a_twentieth_of_its_noise(monkeypatch):
+def test_integration_steps_are_halved_until_no_row_moves_by_a_twentieth_of_its_noise(monkeypatch):
     """A halving takes away three quarters of an error; in the root mean square here 0.265 of it over the noise of 2."""
     once = 0.75 * 0.5**0.5 / 2.0
     for substeps, times in ((1, 0.0), (1, 0.99), (2, 1.01), (2, 3.99), (4, 4.01), (8, 63.9), (16, 64.1), (16, 1e9)):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_identified_numbers import fit_of
+from made_up_fits import fit_of
 
 from skyarm.studies.identify import information
 from skyarm.studies.identify.identified_numbers import scale_of

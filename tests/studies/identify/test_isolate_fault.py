@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_channel_changes import ARM, DEGREES, POSE, SOUND, VEHICLE, columns, made, rows_of, same, then, times, times_of
+from changed_channels import ARM, DEGREES, POSE, SOUND, VEHICLE, columns, made, rows_of, same, then, times, times_of
 
 from skyarm.studies.identify import isolate_fault
 from skyarm.studies.identify.channel_changes import ChannelChange, channel_changes

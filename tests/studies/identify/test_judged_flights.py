@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-
 from judged_flights import DAMAGED, NAMED, REPAIRED, SOUND, accusations, verdict
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")

@@ -47,7 +47,7 @@ def test_known_moments_are_sums_of_second_moments_of_mass():
 
 
 @pytest.mark.parametrize(("name", "others"), [("xx", (0.01, 0.01)), ("yy", (0.01, 0.01)), ("zz", (0.01, 0.01))])
-def test_a_flat_plate_has_a_moment_as_large_as_the_other_two_and_no_body_a_larger_one(name, others):
+def test_a_flat_plate_has_a_moment_as_large_as_the_other_two_and_no_body_a_larger(name, others):
     """In each of the three planes; the plate's second moment across it is as good as none, and not below."""
     flat = {**moments(0.01, 0.01, 0.01), f"base.inertia.{name}": sum(others)}
     _, found = known_of_search(QUAD, flat, "known.")
@@ -78,7 +78,7 @@ def test_a_weighed_vehicle_has_its_links_and_the_rest_in_the_base():
             weigh_vehicle(ARM, mass, "mass")
 
 
-def test_identified_numbers_of_rotors_are_those_of_the_first_and_others_have_them_in_proportion():
+def test_identified_numbers_are_those_of_the_first_rotor_and_others_in_proportion():
     """The second rotor is half as strong and a third slower; places and directions stay."""
     first, second, *rest = QUAD.rotors
     weak = dataclasses.replace(
@@ -127,7 +127,7 @@ def test_second_moments_and_products_are_the_base_s_inertia():
     assert inertia.entries == pytest.approx((y + 0.001, 0.004, 0.003 + y, 0.0, 2e-4, 0.0))
 
 
-def test_a_search_passes_through_inertias_that_no_body_has_and_a_vehicle_that_flies_has_the_nearest():
+def test_a_search_passes_impossible_inertias_and_a_flying_vehicle_has_the_nearest():
     numbers = {"base.second_moment.x": -0.001, "base.second_moment.y": 0.003, "base.second_moment.z": 0.001}
     assert vehicle_with(QUAD, numbers).base.inertia.entries[:3] == pytest.approx((0.004, 0.0, 0.002))
     nearest = vehicle_with(QUAD, numbers, checked=True).base.inertia
@@ -265,7 +265,7 @@ def test_numbers_of_a_vehicle_file_stand_at_their_fields_with_their_source():
     assert tomllib.loads(again)["name"] == "hummingbird_identified"
 
 
-def test_a_thrust_curve_has_its_points_beside_its_table_and_a_height_of_drag_at_the_places():
+def test_a_thrust_curve_has_points_beside_its_table_and_a_drag_height_at_its_places():
     rises = {f"rotors.rise_to_{k}_percent": 1.0 + 0.01 * k for k in (25, 50, 75, 100)}
     curved = vehicle_with(QUAD, rises, checked=True)
     assert curved.rotors[0].table.thrust == pytest.approx((1.25, 2.75, 4.5, 6.5))

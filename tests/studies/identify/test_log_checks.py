@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from test_channel_changes import SOUND, VEHICLE, made, rows_of, then, times, times_of
+from changed_channels import SOUND, VEHICLE, made, rows_of, then, times, times_of
 
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.own_log import SIMULATED
@@ -381,7 +381,7 @@ def test_rotors_that_turn_the_other_way_may_have_negative_speeds():
     assert told(signed) == told(signed, dataclasses.replace(VEHICLE, rotors=tuple(rotors))) == []
 
 
-def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_other_fault_is_named():
+def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_fault_is_named():
     faults = check_log(then(held("position", 40), held("gyro", 40), held(SPEED, 120))(SOUND), VEHICLE)
     assert [each.severity for each in faults] == ["refused", "warned", "refused"]
     require_no_refusal(faults[1:2])

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from planted_vehicles import lagging_drives, with_slower_motors
 
 import skyarm
-from planted_lags import lagging_drives, with_slower_motors
 from skyarm.algebra import Sym3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import PositionServo

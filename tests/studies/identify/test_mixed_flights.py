@@ -21,7 +21,7 @@ from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import in_halves
 from skyarm.studies.identify.windows import ClockedWindows, on_clock
 from skyarm.vehicle.thrust_table import ThrustTable
-from window_flights import ONE, QUAD, STEP, flown, measured
+from support.flights import ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

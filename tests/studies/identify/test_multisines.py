@@ -62,7 +62,7 @@ def test_about_an_offset_a_joint_swings_as_far_as_to_the_nearer_end(offset, left
     assert np.abs(swings(found)[4]).max() == pytest.approx(left, rel=2e-3, abs=1e-12)
 
 
-def test_the_base_is_pulled_by_four_metres_per_second_squared_at_most_and_the_rest_is_not_held_back():
+def test_the_pull_on_the_base_is_limited_to_4_m_per_s2_and_the_rest_is_not():
     """Of a sine of 2 Hz: 4 m/s^2 at an amplitude of 2.5 cm."""
     found = within(sines(2.0), AXES, np.full(5, 0.15))
     most = 4.0 / (4.0 * math.pi) ** 2
@@ -71,7 +71,7 @@ def test_the_base_is_pulled_by_four_metres_per_second_squared_at_most_and_the_re
     assert np.abs(swings(slow)).max(axis=1) == pytest.approx(np.full(5, 0.15), rel=2e-3)
 
 
-def test_drawn_offsets_of_a_joint_are_about_the_middle_of_its_range_and_the_base_has_none():
+def test_drawn_offsets_of_a_joint_are_about_mid_range_and_the_base_has_none():
     draw = np.random.default_rng(1)
     drawn = [draw_segment(AXES, LENGTH, draw) for _ in range(200)]
     offsets = np.array([each.offsets for each in drawn])
@@ -96,7 +96,7 @@ def test_phases_are_drawn_from_the_whole_circle():
     assert phases.max() > 3.0
 
 
-def test_near_a_segment_about_two_axes_are_drawn_anew_and_the_others_get_a_little_louder_or_softer():
+def test_near_a_segment_two_axes_are_drawn_anew_and_the_others_get_louder_or_softer():
     draw = np.random.default_rng(3)
     segment = sines(0.21, 0.34, 0.4, 0.5, amplitude=0.01)
     anew, louder = [], []
@@ -124,7 +124,7 @@ def test_a_segment_rises_and_falls_in_a_second_and_a_half_and_swings_in_full_bet
     np.testing.assert_allclose(value[:, ends], 0.5 * full[:, ends], atol=2e-3)
 
 
-def test_a_scenario_file_has_amplitudes_to_ten_micrometres_and_phases_to_a_milliradian():
+def test_a_scenario_file_has_amplitudes_to_10_micrometres_and_phases_to_1_mrad():
     segment = draw_segment(AXES, LENGTH, np.random.default_rng(4))
     for axis in range(5):
         offset, *waves = segment.table(axis)["signal"]

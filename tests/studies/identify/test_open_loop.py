@@ -23,7 +23,7 @@ from skyarm.studies.identify.open_loop import (
     smooth_motion,
 )
 from skyarm.studies.identify.windows import on_clock
-from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, rotations
+from support.flights import GRAVITY, ONE, QUAD, STEP, flown, measured, rotations
 
 ROTORS = 0.0033
 """s, a dead time that is no whole number of steps."""
@@ -188,7 +188,7 @@ def test_holding_goes_on_straight_and_turns_evenly():
     assert held.at(np.array([1])).velocity.shape == (1, 3)
 
 
-def test_predictions_begin_evenly_once_rotor_speeds_are_known_and_where_steps_are_usable():
+def test_predictions_begin_evenly_after_known_rotor_speeds_and_at_usable_steps():
     usable = np.ones(400, dtype=bool)
     usable[[330, 331]] = False
     clocked = dataclasses.replace(on_clock(measured(log_of(QUAD)), QUAD, STEP), usable=usable, size=400)

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from judged_flights import DAMAGED, Judged, change, friction_off, judge, pose_of, times
 from planted_flights import GRAVITY, NOISES, SAMPLE, inverse, measured, planted, rotate
 
@@ -83,7 +82,7 @@ def test_coarse_encoders_leave_friction_inside_its_intervals():
 
 @THOROUGH
 @pytest.mark.parametrize("kind", ["arm2", "arm3"])
-def test_the_height_of_the_centre_of_mass_is_found_without_efforts_and_rates_of_the_joints(kind):
+def test_the_height_of_the_centre_of_mass_is_found_without_efforts_and_joint_rates(kind):
     """Within 1 mm, or inside an interval of at most 5 mm to each side."""
     case = planted(kind, 3)
     found = judge(measured(case, "low", ("joint_efforts", "joint_rates")), case.start).found

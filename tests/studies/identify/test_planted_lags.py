@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planted_lags import numbers_of, planted, truths_of
 
 import skyarm
-from planted_lags import numbers_of, planted, truths_of
 from skyarm.studies.identify.loop_lags import loop_lags
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from planted_vehicles import fly_designed, weighed
+
 from skyarm.studies.identify.identify_windows import identify_by_windows
 from skyarm.studies.identify.information import expected_numbers
 

@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 import pytest
-
 from planted_vehicles import NOMINAL
+
 from skyarm.algebra import Sym3, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN, Identified, IdentifiedNumber

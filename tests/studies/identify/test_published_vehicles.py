@@ -10,11 +10,11 @@ import warnings
 import pytest
 
 import skyarm
-from logged_vehicles import FLIGHTS, crazyflie, iris
 from skyarm.algebra import Sym3, Vec3
 from skyarm.flight_data.flight_data import load_flight
 from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START
 from skyarm.studies.identify.identify_windows import identify_by_windows
+from support.vehicles import FLIGHTS, crazyflie, iris
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

@@ -157,7 +157,7 @@ def test_a_rotor_reaches_half_way_to_the_next_one_that_is_not_above_it():
     assert arm_clearance(with_hubs(*front), ahead[:1])[0] == pytest.approx([0.1], abs=1e-9)
 
 
-def test_what_sensors_would_read_of_an_arm_is_its_motion_and_the_efforts_come_before_it():
+def test_sensors_of_an_arm_read_its_motion_and_the_efforts_come_before_it():
     """Channels that the other flight has, at its rates, until the end; a command by the usual dead time of 5 ms."""
     flight = required_flight(VEHICLE, moving(second=(0.3, 0.4, 1.5)), PERIOD)
     time = np.arange(0.0, 2.0, 0.02)

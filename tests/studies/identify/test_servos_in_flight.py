@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-
 from planted_servos import NOMINAL, fly_servos, planted_numbers, servo_numbers
+
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.studies.identify.identified_parts import vehicle_with

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
-from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 from skyarm.studies.identify import flight_page, identify_windows
 from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.vehicle.vehicle_text import vehicle_text
+from support.commands import refused, skyarm
+from support.vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

@@ -25,7 +25,7 @@ from skyarm.studies.identify.unknowns import (
 )
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import MountedDrive
-from window_flights import ARM, GRAVITY, ONE, QUAD
+from support.flights import ARM, GRAVITY, ONE, QUAD
 
 WORDS = {"curve": False, "velocity": True, "voltage": False, "driven": ()}
 

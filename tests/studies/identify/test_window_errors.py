@@ -16,7 +16,7 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.unknowns import Unknown, unknowns_of
 from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowLanes, WindowStates, turn_attitudes
 from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples, on_clock
-from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
+from support.flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
 
 ROTORS, JOINTS = 0.0033, 0.0047
 PLACE = (0.03, -0.02, 0.05)
@@ -234,7 +234,7 @@ def test_slopes_are_central_differences_of_the_errors(setup, names, memory):
         assert (np.abs(normal.of_rows[rows] * shown**2 - parts) / least).max() < 0.1
 
 
-def test_a_delay_shifts_errors_by_the_slope_of_the_reading_until_samples_are_taken_by_it():
+def test_a_delay_shifts_errors_by_the_slope_of_the_reading_until_samples_count_it():
     """Linear and exact shift agree: a pose 0.3 ms later than the one by which samples were put on the clock."""
     errors, searched = errors_of("quadrotor")
     states, place = true_states(errors, QUAD), errors.names.index("pose_delay")
@@ -509,7 +509,7 @@ def held_by(late, seed):
     return Held(draw.normal(size=(1, 8, 2)), draw.normal(size=(1, 8, 2)), np.full((1, 8), late))
 
 
-def test_joints_that_switch_together_do_so_at_their_time_and_others_at_the_middle_of_a_step():
+def test_joints_that_switch_together_do_so_at_their_time_and_others_in_mid_step():
     """Where each keeps its impulse: the plant has one switch for all joints."""
     late, at = 0.3 * STEP, np.array([2, 6])
     for other in (late, 0.8 * STEP):

@@ -26,7 +26,7 @@ from skyarm.studies.identify.window_fit import (
     reduce,
 )
 from skyarm.studies.identify.windows import ClockedWindows, on_clock
-from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
+from support.flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 sqrtm = pytest.importorskip("scipy.linalg", reason="needs the extra 'identify'").sqrtm
 

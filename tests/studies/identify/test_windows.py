@@ -8,26 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_up_fits import HOVER, STEP, channel, clocked
 
-from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.windows import (
-    Clocked,
-    ClockedWindows,
-    SensorSamples,
-    clock_step,
-    held_over,
-    on_clock,
-    samples_on,
-)
-from window_flights import GRAVITY, ONE, QUAD
-
-STEP = 0.002
-HOVER = math.sqrt(GRAVITY * float(QUAD.mass) / (4.0 * float(QUAD.rotors[0].thrust_coefficient)))
-
-
-def channel(time, values):
-    values = np.asarray(values, dtype=float)
-    return Channel(time=np.asarray(time, dtype=float), values=values.reshape(len(time), -1), source="a table")
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.studies.identify.windows import ClockedWindows, SensorSamples, clock_step, held_over, on_clock, samples_on
+from support.flights import ONE, QUAD
 
 
 def by_brute_force(commands, edges, delay, fine=4000):
@@ -279,25 +264,6 @@ def test_the_clock_s_step_is_a_whole_part_of_the_samples(gyro, commands, step):
     assert clock_step([slow, given], QUAD) == pytest.approx(step, rel=2e-5)
 
 
-def clocked(size, usable=None, name="flight", step=STEP, channels=None, speeds=None, **more):
-    """Flight on a clock whose steps are usable but where it is said."""
-    speeds = channel(step * np.arange(size), np.full((size, 4), HOVER)) if speeds is None else speeds
-    values = {
-        "name": name,
-        "begin": 0.0,
-        "step": step,
-        "size": size,
-        "channels": channels or {},
-        "speeds": speeds,
-        "efforts": None,
-        "setpoints": None,
-        "voltage": np.ones(size),
-        "since": step * np.arange(size),
-        "usable": np.ones(size, dtype=bool) if usable is None else usable,
-    }
-    return Clocked(**{**values, **more})
-
-
 RUN_IN = math.ceil(8.0 * max(float(QUAD.rotors[0].time_constant_up), float(QUAD.rotors[0].time_constant_down)) / STEP)
 
 
@@ -429,7 +395,7 @@ def test_first_states_are_those_of_parabolas(rate):
     assert np.linalg.norm(found["quaternion"], axis=1) == pytest.approx(1.0)
 
 
-def test_first_states_of_a_motion_through_nought_average_the_noise_of_50_ms_to_each_side():
+def test_first_states_of_a_motion_through_zero_average_noise_over_50_ms_on_each_side():
     """The variance of a parabola's value amid n samples is 9 / (4 n) of theirs (Savitzky and Golay 1964)."""
     even, draw = STEP * (np.arange(2000) + 1), np.random.default_rng(6)
     line = (even[:, None] - 2.0) * np.array([1.0, -2.0, 3.0])

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_identification import METRICS, STUDY
+from small_studies import METRICS, STUDY
 
 from inference import identification
 from inference.candidates import Candidates

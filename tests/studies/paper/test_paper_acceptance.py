@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_reports import made_once
 
-from log_metrics import motion
-from made_once import made_once
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
 from skyarm.studies.paper.flights import STEADY, PaperFlight, results, scenario, settings
@@ -27,6 +26,7 @@ from skyarm.studies.paper.published import (
 )
 from skyarm.studies.paper.reproduce import Campaign, run_campaign
 from skyarm.view.pages import markdown
+from support.logs import motion
 
 TABLE2 = Path(__file__).parents[2] / "data" / "table2.json"
 PAGE = Path(__file__).parents[3] / "docs" / "the_paper.md"

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-import euler_lagrange as el
 import skyarm
 from skyarm.paper import coriolis_matrix, forward_kinematics, gravity_vector, mass_matrix
-from vehicles_random import TWINS, RandomState, random_vehicle, with_armature
+from support import euler_lagrange as el
+from support.vehicles import TWINS, RandomState, random_vehicle, with_armature
 
 PAPER = skyarm.load_vehicle("hummingbird_arm2")
 RELATIVE = 1e-9
@@ -101,7 +101,7 @@ def test_mass_matrix_of_any_tree_is_the_oracles_by_the_euler_rate_map(vehicle, t
         close(mass_matrix(vehicle, q), T.T @ twin.mass_matrix(at_state(q, np.zeros(len(q)))) @ T)
 
 
-def test_coriolis_matrix_of_any_tree_is_the_symmetric_form_of_the_oracles_velocity_products(vehicle, twin_of):
+def test_the_coriolis_matrix_of_any_tree_is_the_oracles_symmetric_velocity_products(vehicle, twin_of):
     """C is linear in qd and C(a) b = C(b) a, so the products h(a) = C(a) a alone determine it: by polarisation."""
     twin = twin_of(vehicle)
     for q, qd in zip(*states(2, vehicle.n, seed=2), strict=True):

@@ -11,8 +11,8 @@ from html.parser import HTMLParser
 from typing import Any
 
 import pytest
+from small_reports import draw_small
 
-from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
 from skyarm.studies.paper import report_pages as page_maker
 from skyarm.studies.paper.published import TITLES
 from skyarm.studies.paper.report_pages import MAIN, page_script, report_pages
@@ -20,7 +20,7 @@ from skyarm.studies.paper.report_tables import bound_text, difference_text, numb
 from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
-from small_pictures import draw_small
+from support.logs import CASES, WINDOWS, all_logs, synthetic_log
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")

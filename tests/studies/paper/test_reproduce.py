@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_reports import draw_small, few, made_once
 
 import skyarm
-from commanded import skyarm as command
-from made_once import made_once
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
@@ -20,22 +19,8 @@ from skyarm.studies.paper import report_pages
 from skyarm.studies.paper import reproduce as room
 from skyarm.studies.paper.flights import metrics, results, settings
 from skyarm.studies.paper.published import CASES, PRINTED, digits
-from skyarm.studies.paper.reproduce import Campaign, run_campaign
-from skyarm.studies.paper.variations import variations
-from small_pictures import draw_small
-
-
-def _few(plants: Any, **options: Any) -> Campaign:
-    """The plain flights, and the variations that need no flight of their own."""
-    campaign = run_campaign(plants, **options, sensitivity=False)
-    logs = campaign.logs[plants[0]]
-    numbers = {(case, law): metrics(case, log) for case, laws in logs.items() for law, log in laws.items()}
-    for each in variations():
-        for case in each.cases:
-            for controller in ("CT", "PD"):
-                values = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
-                values.setdefault(case, {})[controller] = numbers[case, controller]
-    return campaign
+from skyarm.studies.paper.reproduce import Campaign
+from support.commands import skyarm as command
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +29,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
         folder = tmp_path_factory.mktemp("paper") / "made" / "here"
         notes: list[str] = []
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(room, "run_campaign", _few)
+            patch.setattr(room, "run_campaign", few)
             draw_small(patch, room, report_pages)
             table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
         return folder, table, notes

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_reproduce import _few
+from small_reports import few
 
 import infer
-from commanded import skyarm
 from inference.checks import checked_study
 from inference.identification import result_digest
 from skyarm.studies.paper import inferred_settings, reproduce
+from support.commands import skyarm
 
 
 @pytest.mark.thorough
@@ -34,7 +34,7 @@ def test_a_search_is_continued_and_shown_in_the_report(tmp_path: Path, monkeypat
     file = tmp_path / inferred_settings.FOUND
     file.write_text(json.dumps(there), "utf-8")
     flown: list[Any] = []
-    monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: flown.append(evidence) or _few(*a, **k))
+    monkeypatch.setattr(reproduce, "run_campaign", lambda *a, evidence, **k: flown.append(evidence) or few(*a, **k))
     monkeypatch.setattr(sys, "argv", ["infer.py", "--plant", "rigid_body", "--out", str(tmp_path)])
     infer.main()
     (evidence,) = flown

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from skyarm.studies.stability.closed_loop import OpenLoop
@@ -31,4 +33,32 @@ def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop
         u_y=np.array([[-KP, -KD]]),
         measurement_delay=measured_late,
         command_delay=delay,
+    )
+
+
+def coupled(seed=3, channels=3):
+    """A stable loop of several channels that act on one another, with a memory in the law."""
+    rng = np.random.default_rng(seed)
+    one = double_integrator()
+    mixed = np.eye(channels) + 0.35 * rng.normal(size=(channels, channels))
+    lates = one.lates
+
+    def each(a):
+        return np.kron(np.eye(channels), a)
+
+    return dataclasses.replace(
+        one,
+        rotors=channels - 1,
+        lates=lates,
+        x_x=np.array([each(a) for a in one.x_x]),
+        x_old=np.array([np.kron(mixed, b) for b in one.x_old]),
+        x_new=np.array([np.kron(mixed, b) for b in one.x_new]),
+        y_x=each(one.y_x),
+        y_old=np.zeros((2 * channels, channels)),
+        m_m=0.8 * np.eye(channels),
+        m_y=each(np.array([[0.0, 0.2]])),
+        u_m=0.5 * each(one.u_y[:, 1:]),
+        u_y=each(one.u_y * np.array([1.0, 0.5])),
+        command_delay=0.007,
+        measurement_delay=1,
     )

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hand_made import double_integrator
+from hand_made import coupled, double_integrator
 from scipy import linalg, optimize
 
 from skyarm.studies.stability import margins
@@ -73,34 +73,6 @@ def test_the_spinning_body_bears_everything_in_one_loop_and_little_in_both():
         assert named(found, name).gain[0] < 0.01
     for name in ("rotors", "measured"):
         assert named(found, name).disk == pytest.approx(both, rel=4e-3)
-
-
-def coupled(seed=3, channels=3):
-    """A stable loop of several channels that act on one another, with a memory in the law."""
-    rng = np.random.default_rng(seed)
-    one = double_integrator()
-    mixed = np.eye(channels) + 0.35 * rng.normal(size=(channels, channels))
-    lates = one.lates
-
-    def each(a):
-        return np.kron(np.eye(channels), a)
-
-    return dataclasses.replace(
-        one,
-        rotors=channels - 1,
-        lates=lates,
-        x_x=np.array([each(a) for a in one.x_x]),
-        x_old=np.array([np.kron(mixed, b) for b in one.x_old]),
-        x_new=np.array([np.kron(mixed, b) for b in one.x_new]),
-        y_x=each(one.y_x),
-        y_old=np.zeros((2 * channels, channels)),
-        m_m=0.8 * np.eye(channels),
-        m_y=each(np.array([[0.0, 0.2]])),
-        u_m=0.5 * each(one.u_y[:, 1:]),
-        u_y=each(one.u_y * np.array([1.0, 0.5])),
-        command_delay=0.007,
-        measurement_delay=1,
-    )
 
 
 def radius_under(loop, channels, factors):

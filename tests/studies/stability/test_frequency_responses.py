@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hand_made import coupled
 from scipy.spatial.transform import Rotation
-from test_disk_margins import coupled
 
 import skyarm
 from skyarm.algebra import ZERO3, Quaternion

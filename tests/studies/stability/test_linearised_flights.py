@@ -11,8 +11,6 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flying_engines import slopes
-from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
@@ -28,6 +26,8 @@ from skyarm.studies.stability.closed_loop import closed_loop, radius
 from skyarm.studies.stability.flight_margins import evidence, hovering
 from skyarm.studies.stability.frozen_scenario import with_lag
 from skyarm.studies.stability.open_loop import Differentiator, open_point
+from support.engines import slopes
+from support.flights import fly
 
 
 def even(scenario):

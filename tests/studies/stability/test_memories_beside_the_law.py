@@ -6,7 +6,6 @@ import dataclasses
 
 import pytest
 
-import added_components as own
 import skyarm
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
@@ -14,6 +13,7 @@ from skyarm.studies.stability.frozen_scenario import disturbances, nominal
 from skyarm.studies.stability.hover_delay import hover_delay
 from skyarm.studies.stability.open_loop import Differentiator
 from skyarm.world import Wrench
+from support import components as own
 
 CASE3 = load_scenario("case3", controller="paper_ct", duration=0.2)
 GUSTY = dataclasses.replace(

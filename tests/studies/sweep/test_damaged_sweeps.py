@@ -20,7 +20,7 @@ from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.stats import Pictures, Rows, page, statistics
-from sweeps import rows_file, small_study
+from support.studies import rows_file, small_study
 
 pytest.importorskip("pyarrow")
 

@@ -13,7 +13,7 @@ from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.plan import at_episode, prepare
 from skyarm.studies.sweep.stats import Pictures, Rows, page, statistics
-from sweeps import document, flown, same, small_study
+from support.studies import document, flown, same, small_study
 
 UPPER = "plant.vehicle.links.1.joint.position.z"
 COM = "plant.vehicle.links.0.body.com.z"

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 from skyarm.studies.sweep.design import extremes, values
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
-from sweeps import MASS, WIND, small_study
+from support.studies import MASS, WIND, small_study
 
 COUNT = 20_000
 

@@ -22,7 +22,7 @@ from skyarm.studies.sweep.banded_curves import (
 )
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.sweep_figures import metric_figure, plot_sweep
-from sweeps import MASS, WIND, flown, read
+from support.studies import MASS, WIND, flown, read
 
 METRIC = "position_error_mean"
 LOADS = "plant.payload.mass"

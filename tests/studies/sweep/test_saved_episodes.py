@@ -17,7 +17,7 @@ from skyarm.studies.sweep import load_study
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.plan import at_episode, save_episode
 from skyarm.studies.sweep.study import StudyError
-from sweeps import MASS, WIND, document, read
+from support.studies import MASS, WIND, document, read
 
 pytest.importorskip("pyarrow")
 

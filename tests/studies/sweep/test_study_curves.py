@@ -14,7 +14,7 @@ from skyarm.studies.sweep.manifest import read_manifest
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.stats import Rows, statistics
 from skyarm.studies.sweep.sweep_figures import robustness_figure
-from sweeps import MASS, WIND, read, small_study, write_manifest
+from support.studies import MASS, WIND, read, small_study, write_manifest
 
 pytest.importorskip("pyarrow")
 

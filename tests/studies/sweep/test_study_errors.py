@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.studies.sweep import StudyError, list_studies, load_study, study_from
 from skyarm.studies.sweep.plan import prepare
-from sweeps import MASS, WIND, document, small_study
+from support.studies import MASS, WIND, document, small_study
 
 ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"schema": 2}, "schema = 2: must be 1"),

@@ -13,7 +13,7 @@ import pytest
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
 from skyarm.studies.sweep.stats import Rows, statistics
-from sweeps import files_of, rows_file, small_study
+from support.studies import files_of, rows_file, small_study
 
 pytest.importorskip("pyarrow")
 
@@ -41,9 +41,7 @@ def copied(whole: Path, folder: Path) -> Path:
     return folder
 
 
-def test_chunks_that_vanish_while_a_sweep_runs_are_not_counted_and_the_same_command_completes_the_folder(
-    whole: Path, tmp_path: Path
-) -> None:
+def test_chunks_that_vanish_in_a_sweep_do_not_count_and_the_command_completes_them(whole: Path, tmp_path: Path) -> None:
     def progress(done: int, total: int) -> None:
         if done == 32:
             for path in chunks(tmp_path):

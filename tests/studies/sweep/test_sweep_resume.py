@@ -18,8 +18,8 @@ import pytest
 from skyarm.records.files.writing import LOCK, TakenError
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
-from sweeps import MASS, document, files_of, read, rows_file, small_study, write_manifest
-from thorough import sampled
+from support.cases import sampled
+from support.studies import MASS, document, files_of, read, rows_file, small_study, write_manifest
 
 pytest.importorskip("pyarrow")
 

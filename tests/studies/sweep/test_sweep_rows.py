@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from log_metrics import Errors, calmness, constant_wind, gust, last, motion, tracking
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.plant.largest_step import FRICTION_STEP
@@ -25,8 +24,9 @@ from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.plan import at_episode, prepare
 from skyarm.studies.sweep.study import Study
 from skyarm.world.contact import Contact, Surface
-from sweeps import MASS, document, flown, same, small_study
-from thorough import sampled
+from support.cases import sampled
+from support.logs import Errors, calmness, constant_wind, gust, last, motion, tracking
+from support.studies import MASS, document, flown, same, small_study
 
 pytest.importorskip("pyarrow")
 

@@ -15,7 +15,7 @@ from skyarm.studies.sweep.maps import Axis, RobustnessMap, axis, robustness_maps
 from skyarm.studies.sweep.stats import Pictures, Rows, page, parse_limits, statistics
 from skyarm.studies.sweep.sweep_figures import robustness_figure
 from skyarm.view.figures.style import image_bytes
-from sweeps import MASS, WIND, read, small_study
+from support.studies import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")
 

@@ -56,7 +56,7 @@ def test_what_is_picked_is_never_worse_than_gains_known_before(start):
     assert front[picked].error == 1.04
 
 
-def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_meets_all():
+def test_the_pick_is_the_calmest_within_5_percent_of_the_least_error_that_meets_all():
     points = [point(1.2, 1.0), point(1.04, 2.0), point(1.0, 3.0)]
     assert pick(points, REQUIRED) == 1
     assert pick([point(1.2, 1.0), point(1.06, 2.0), point(1.0, 3.0)], REQUIRED) == 2

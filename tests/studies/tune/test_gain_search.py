@@ -28,7 +28,7 @@ def scores_of(logs):
     )
 
 
-def test_the_stiffest_strategy_finds_the_minimum_and_the_calmest_gives_error_for_jitter():
+def test_the_stiffest_strategy_finds_the_minimum_and_the_calmest_trades_error():
     logs, found = search(KNOBS, EFFORT, lambda _number, asked, _plants: scores_of(asked), seed=1)
     assert logs.shape == (EFFORT.candidates, len(KNOBS))
     stiff, calm = (logs[costs(found, weight).argmin()] for weight in (min(WEIGHTS), max(WEIGHTS)))

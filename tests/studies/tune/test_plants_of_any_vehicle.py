@@ -160,7 +160,7 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
     assert len(draw_motions(flight.plant.vehicle, 4, seed=3)[0]) == len(moved)
 
 
-def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_hardest_one():
+def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_not_the_largest():
     errors = np.concatenate([np.full(10, 1e-3), np.full(10, 0.1)])[None]
     errors[0, 3] = 5.0
     kinds = np.repeat([0, 1], 10)
@@ -180,7 +180,7 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_ha
     assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[0] == pytest.approx(0.1)
 
 
-def test_half_of_the_plants_are_ones_that_candidates_lost_and_the_telling_ones_come_first():
+def test_half_of_the_plants_are_those_that_candidates_lost_the_decisive_ones_first():
     flight = tuning_flight(of_vehicle(load_vehicle("crazyflie_arm1")))
     pool = draw_plants(flight, 24, seed=2, mixed=True)
     lost = np.zeros((3, 24), dtype=bool)

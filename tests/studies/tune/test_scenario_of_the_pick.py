@@ -13,7 +13,7 @@ from skyarm.cli.commands import program
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.excitation import draw_plants
 from skyarm.studies.tune.front import LoopMargins, Point, Required
-from thorough import sampled
+from support.cases import sampled
 
 MARGINS = LoopMargins(delay=0.02, rotors=(0.5, 2.0), joints=(0.5, 2.0))
 FOUND = list[tuning.Tuning]()

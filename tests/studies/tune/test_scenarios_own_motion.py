@@ -143,7 +143,7 @@ class Told:
         return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
 
 
-def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_finalists(short, monkeypatch):
+def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalists(short, monkeypatch):
     flight, own = short
     monkeypatch.setattr(tuning, "CandidateFlights", Told)
     monkeypatch.setattr(tuning, "HoverMargins", NoMargins)

@@ -20,7 +20,7 @@ from skyarm.studies.tune import tuning
 from skyarm.studies.tune.front import LoopMargins
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.tuning import Tuning, TuningPlan, plan_of
-from thorough import sampled
+from support.cases import sampled
 
 pytest.importorskip("pyarrow")
 

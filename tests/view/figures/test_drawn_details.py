@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs_synthetic import all_logs
 from skyarm.view.figures.paper_figures import JOINT_ERRORS, POSITION_ERRORS, TOOL_ERRORS
+from support.logs import all_logs
 
 
 def test_an_error_is_the_measured_value_less_the_held_one():

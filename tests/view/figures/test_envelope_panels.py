@@ -45,7 +45,7 @@ def test_a_lost_law_has_no_error_and_a_cross_in_the_band():
     assert panel.get_title(loc="left") == "circle [m/s]"
 
 
-def test_the_scale_begins_below_the_smallest_error_and_at_a_tenth_of_a_millimetre_at_most():
+def test_the_scale_begins_below_the_smallest_error_at_a_tenth_of_a_millimetre():
     for error, low in ((1e-3, LOW), (5e-5, 0.01), (2e-6, LOWEST), (None, LOW)):
         axis = {"unit": "N", "values": [1.0], "laws": {"one": [point(error, lost=error is None)]}}
         panel = envelope_figure({"x": axis}, ["one"]).axes[0]

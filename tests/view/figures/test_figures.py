@@ -12,8 +12,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import skyarm
-from logs_synthetic import WINDOWS, all_logs, synthetic_log
-from simulate_flights import document
 from skyarm.view.figures.flight_facts import end_time, gust_interval
 from skyarm.view.figures.paper_figures import (
     PAPER_CATALOGUE,
@@ -24,6 +22,8 @@ from skyarm.view.figures.paper_figures import (
     paper_figures,
 )
 from skyarm.view.figures.style import PAPER, image_bytes, limits
+from support.flights import document
+from support.logs import WINDOWS, all_logs, synthetic_log
 
 PANELS = {3: 2, 4: 4, 5: 1, 6: 2, 7: 4, 8: 2, 9: 1, 10: 3, 11: 2, 12: 3, 13: 3, 14: 3, 15: 3, 16: 1, 17: 2, 18: 1}
 """Counted in the paper's captions."""

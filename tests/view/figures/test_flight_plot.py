@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 import skyarm
-from estimated_flight import estimated
-from logs_synthetic import synthetic_log
 from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels, flights_by_label
 from skyarm.view.figures.flight_panels import KINDS, panels_of
 from skyarm.view.figures.flight_plot import MOST, plot
 from skyarm.view.figures.style import PAPER
+from support.flights import estimated
+from support.logs import synthetic_log
 
 GUST = (0.3, 0.7)
 FAULT = 0.8

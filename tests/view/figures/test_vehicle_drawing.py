@@ -18,7 +18,7 @@ from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull
 from skyarm.view.figures.vehicle_drawing import BENT, CORNER, Posed, drawing_angles, vehicle_drawing
 from skyarm.world.scene.shapes import mesh_of, shape_between
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
-from thorough import sampled
+from support.cases import sampled
 
 PAPER_VEHICLE = "hummingbird_arm2_rotors"
 

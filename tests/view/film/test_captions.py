@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from film_flights import flight
 from skyarm.view.figures.error_strip import Curve, error_strip
 from skyarm.view.film.captions import INK, LOST, Box, Captions, FrameLayout, error_words, frame_layout, state_words
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
+from support.pictures import flight
 
 TIMES = np.arange(10) * 0.1
 MAGENTA = (255, 0, 255)

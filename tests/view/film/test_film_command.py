@@ -15,11 +15,11 @@ import pytest
 from PIL import Image
 
 import skyarm
-from film_flights import flight, needs_display, why_no_pictures
 from skyarm.cli.commands import perform
 from skyarm.studies.compare.suite import PAPER_CASES
 from skyarm.view.film import offscreen, recording, video_files
 from skyarm.view.film.make_film import FilmSettings, make_film
+from support.pictures import flight, needs_display, why_no_pictures
 
 SMALL = ("--size", "160x120", "--fps", "10")
 

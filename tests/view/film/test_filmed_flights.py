@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from film_flights import SECONDS, flight
 from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
 from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW
@@ -29,6 +28,7 @@ from skyarm.view.film.filmed_flight import (
     wind_words,
 )
 from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
+from support.pictures import SECONDS, flight
 
 
 def test_frames_are_the_instants_that_speed_and_rate_say() -> None:
@@ -102,7 +102,7 @@ def test_a_lost_flight_stays_where_it_was_lost() -> None:
     assert film_flight(log, "a", COLORS[0], times).lost == ""
 
 
-def test_a_whole_flight_ends_after_its_last_period_and_so_after_every_frame_of_its_own() -> None:
+def test_a_whole_flight_ends_after_its_last_period_and_after_every_frame_of_its_own() -> None:
     log = flight()
     whole = film_flight(log, "a", COLORS[0], log.time)
     assert whole.end == pytest.approx(SECONDS)
@@ -161,7 +161,7 @@ def test_a_camera_turns_to_what_it_follows_within_its_time_and_without_lag() -> 
     np.testing.assert_allclose(along, expected, atol=0.02)
 
 
-def test_pictures_side_by_side_are_seen_from_one_distance_which_the_widest_flight_needs() -> None:
+def test_pictures_side_by_side_share_the_distance_that_the_widest_flight_needs() -> None:
     times = np.arange(10) * 0.1
     first, second = film_flights([flight(), flight("centroidal_tip")], times)
     away = np.linspace(0.0, 3.0, 10)[:, None] * np.array([1.0, 1.0, 0.0])

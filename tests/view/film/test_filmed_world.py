@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
 from skyarm.view.figures.flight_plot import plot
 from skyarm.view.film import camera_paths
@@ -29,7 +28,8 @@ from skyarm.view.film.filmed_flight import (
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
 from skyarm.world.scene.scene import Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Solid
-from world_flights import WALL_ANGLE, touching
+from support.pictures import flight, needs_display
+from support.worlds import WALL_ANGLE, touching
 
 TIMES = np.arange(24) * 0.05
 PAIR = 2
@@ -151,6 +151,7 @@ def _last(shown: FilmedFlight) -> FilmedFlight:
 def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
     pytest.importorskip("viser", reason="no extra 'studio'")
     from recorded_scenes import place_at, unpacked
+
     from skyarm.view.film.recording import record
 
     messages = unpacked(record(touching(), FilmSettings(fps=20)).content)["messages"]

@@ -10,11 +10,11 @@ from typing import get_args
 
 import pytest
 
-from film_flights import needs_display
 from skyarm.cli.commands import perform
 from skyarm.view.film.make_film import Camera, Layout
 from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
+from support.pictures import needs_display
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "pictures.md").read_text("utf-8").partition("\n## Films\n")[2]
 LINES = re.findall(r"^    (skyarm .+)$", PAGE, re.M)

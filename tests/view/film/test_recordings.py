@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from film_flights import flight
+from support.pictures import flight
 
 pytest.importorskip("viser", reason="no extra 'studio'")
-import skyarm
 from recorded_scenes import place_at, unpacked
+
+import skyarm
 from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.film.recording import (
     Recording,

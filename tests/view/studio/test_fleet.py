@@ -19,8 +19,7 @@ from skyarm.view.studio.fleet import (
 )
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.world import TimedPayload
-from thorough import sampled
-from toml_text import toml_text
+from support.cases import sampled, toml_text
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 

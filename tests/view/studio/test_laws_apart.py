@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from scenes_without_browser import Scene as Nodes
 from skyarm.view.studio.controls import Chart
 from skyarm.view.studio.picture import FleetPicture, StudioStage
+from support.peers import Scene as Nodes
 
 
 def plotted(flights: int, errors: Sequence[float], columns: Sequence[str] = ("",)) -> tuple[Chart, Any]:

@@ -10,11 +10,11 @@ import pytest
 from tab import Tab
 
 import skyarm
-from scenes_without_browser import Scene
 from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.view.studio.replay import RATE, PredictionReplay, mean_error
 from skyarm.view.studio.replay_page import ReplayPage, ReplayPicture
 from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
+from support.peers import Scene
 
 START, SECONDS = 100.0, 4.0
 """s on the flight's own clock: begin and duration of the flight."""
@@ -103,7 +103,7 @@ def test_the_clock_reaches_every_instant_stops_at_the_end_and_begins_again() -> 
     assert shown.time == 2.0
 
 
-def test_the_picture_has_the_flight_as_a_ghost_and_the_model_only_where_it_is_predicted() -> None:
+def test_the_picture_has_the_flight_as_a_ghost_and_the_model_where_it_is_predicted() -> None:
     scene = Scene()
     shown, camera = replay(), SimpleNamespace()
     picture = ReplayPicture(SimpleNamespace(scene=scene, initial_camera=camera), shown)

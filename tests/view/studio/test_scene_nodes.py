@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
 from skyarm.view.studio.picture import tones_of
@@ -19,6 +18,7 @@ from skyarm.world.scene.scene import Instants
 from skyarm.world.scene.shapes import Shape, Solid
 from skyarm.world.scene.vehicle_shapes import place
 from skyarm.world.timed_payload import TimedPayload
+from support.peers import Scene
 
 PAINT = tones_of((10, 20, 30))
 
@@ -85,7 +85,7 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     assert not [name for name in nodes.nodes if "cord" in name]
 
 
-def test_a_solid_at_the_origin_of_the_world_is_drawn_there_wherever_it_lies_in_its_body() -> None:
+def test_a_solid_at_the_origin_of_the_world_is_drawn_there_at_any_place_in_its_body() -> None:
     shape = Shape(name="box", role="object", kind="box", body=0, size=(0.1, 0.1, 0.1), position=(0.4, 0.0, 0.2))
     nodes = Scene()
     SolidNodes(nodes, "/loads", PAINT).place([Solid(shape, np.zeros((1, 3)), np.eye(3)[None])])

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from commanded import skyarm as typed
 from skyarm.view.studio.fleet import open_fleet
+from support.commands import skyarm as typed
 
 FLIGHTS = Path(__file__).resolve().parents[2] / "data" / "flights"
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from commanded import skyarm as skyarm_command
 from shown_commands import run_shown
 from skyarm.view.studio.clock import SPEEDS
 from skyarm.view.studio.controls import CLOCK
 from skyarm.view.studio.fleet import BLOW, GUST, MOST
+from support.commands import skyarm as skyarm_command
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docs" / "studio.md").read_text("utf-8")

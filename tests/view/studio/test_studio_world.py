@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes_without_browser import Scene as Nodes
 from skyarm import scenario_from
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators.tilting import turn_rotors
@@ -26,7 +25,8 @@ from skyarm.view.studio.sights import sight
 from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
-from world_flights import DOCUMENT, WALL_ANGLE
+from support.peers import Scene as Nodes
+from support.worlds import DOCUMENT, WALL_ANGLE
 
 
 @cache

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flying_engines import evaluate
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.compile import trace
 from skyarm.dynamics.point_motion import PointMotion
@@ -18,7 +17,8 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.world.contact import Contact, FreeObject, Gripper
 from skyarm.world.contact.mechanism import Mechanism
-from standing_vehicles import at_rest, limp
+from support.engines import evaluate
+from support.worlds import at_rest, limp
 
 ARM = limp("hummingbird_arm2_rotors")
 START = at_rest(ARM, (0.0, 0.0, 0.0), (-0.45, -0.9))

@@ -10,12 +10,11 @@ import pytest
 from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation
 
-from free_scenes import AWAY, BIRD, Scene
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.world.contact import Contact, FreeObject, Surface
 from skyarm.world.contact.box_edges import EDGE_PAIRS, PlacedBox, edge_touches, face_overlap
-from standing_vehicles import GRAVITY
+from support.worlds import AWAY, BIRD, GRAVITY, Scene
 
 SIZE = np.array([0.1, 0.08, 0.06])
 

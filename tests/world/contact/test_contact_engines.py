@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import evaluate
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.leaves import leaves, rebuild
@@ -16,7 +15,8 @@ from skyarm.reference import Sine
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, Surface
-from standing_vehicles import at_rest, limp
+from support.engines import evaluate
+from support.worlds import at_rest, limp
 
 BIRD = limp("hummingbird_arm2_rotors")
 START = at_rest(BIRD, (0.0, 0.0, 0.0), (-0.45, -0.9))

@@ -107,7 +107,7 @@ def test_a_lane_that_is_too_stiff_for_the_steps_is_refused(press):
         batch.fly({path: np.array([5000.0, 5e4])})
 
 
-def test_a_log_of_contact_gives_the_scenario_back_and_a_session_goes_on_from_its_middle(press, pressed):
+def test_a_log_of_contact_gives_the_scenario_back_and_a_session_continues_from_it(press, pressed):
     session = skyarm.Session(scenario_from(press))
     for _ in range(80):
         session.step()

@@ -19,7 +19,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
-from standing_vehicles import GRAVITY, SKIDS, around, at_rest, fall, ground, limp, states
+from support.worlds import GRAVITY, SKIDS, around, at_rest, fall, ground, limp, states
 
 BIRD = limp()
 WEIGHT = float(BIRD.mass) * GRAVITY
@@ -142,13 +142,13 @@ def pressed():
 
 def test_both_plants_apply_the_same_force(pressed):
     """The change of acceleration on ours times MuJoCo's mass matrix is what MuJoCo is pushed with: 1e-9 of 1000."""
-    from mujoco_equations import Equations
     from skyarm.compile import trace
     from skyarm.compile.tracing.array_evaluation import evaluate
     from skyarm.plant.interface import Truth
     from skyarm.plant.rigid_body import accelerate
     from skyarm.plant.surroundings import Surroundings
     from skyarm.records.leaves import leaves
+    from support.mujoco_plants import Equations
 
     bird, surfaces, points, start, numbers, bristles = pressed
     told = around(*surfaces, points=points)

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -20,7 +19,7 @@ from skyarm.records.leaves import rebuild
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
 from skyarm.world.contact.box_edges import EDGE_PAIRS
 from skyarm.world.contact.free_object import uniform_moments
-from standing_vehicles import GRAVITY, at_rest, limp
+from support.worlds import AWAY, BIRD, GRAVITY, Scene, at_rest, energy, limp, with_ground, with_object
 
 SPOT = (ContactPoint(name="spot", body="base"),)
 SLOPE = Surface(name="ground", angles=(0.0, 1e-9, 0.0), material=Material(friction=0.5))
@@ -76,7 +75,7 @@ def acceleration(rows, angle, first):
     return (v[-1] - v[first]) / (0.005 * (len(v) - 1 - first))
 
 
-def test_a_box_that_was_put_down_sinks_as_deep_as_its_weight_presses_its_four_corners(box):
+def test_a_box_put_down_sinks_as_deep_as_its_weight_presses_its_four_corners(box):
     mass = 0.1
     depth = mass * GRAVITY / (4.0 * 5000.0)
     down = with_ground(with_object(BOX, mass=mass, position=Vec3(0.0, 0.0, 0.03)), friction=0.0, dissipation=100.0)
@@ -88,7 +87,7 @@ def test_a_box_that_was_put_down_sinks_as_deep_as_its_weight_presses_its_four_co
     assert sum(map(float, pushes)) == pytest.approx(mass * GRAVITY, rel=0.05)
 
 
-def test_a_box_slides_down_a_slope_with_g_sin_less_mu_g_cos_and_sticks_where_that_is_nothing(box):
+def test_a_box_slides_down_a_slope_by_g_sin_less_mu_g_cos_and_sticks_below_zero(box):
     angle = math.radians(25.0)
     _, rows = box.fly(on_slope(BOX, angle, 0.03, 0.2), 0.3)
     assert acceleration(rows, angle, 30) == pytest.approx(GRAVITY * (math.sin(angle) - 0.2 * math.cos(angle)), rel=5e-3)
@@ -115,7 +114,7 @@ def test_a_ball_rolls_down_a_slope_with_five_sevenths_of_g_sin(ball):
     assert rows[-1, 0, 11] * 0.05 == pytest.approx(along(rows, angle)[-1], rel=1e-2), "without slip"
 
 
-def test_a_cylinder_that_lies_rolls_with_two_thirds_and_one_that_stands_rests_on_its_rim(roller):
+def test_a_lying_cylinder_rolls_with_two_thirds_and_a_standing_one_rests_on_its_rim(roller):
     angle, lies = math.radians(20.0), lying("cylinder", (0.04, 0.1))
     _, rows = roller.fly(on_slope(lies, angle, 0.04, 0.6, (math.pi / 2, 0.0)), 0.3)
     assert acceleration(rows, angle, 30) == pytest.approx(2.0 / 3.0 * GRAVITY * math.sin(angle), rel=5e-3)
@@ -371,7 +370,7 @@ def test_a_point_slips_against_what_turns_under_it(spinning):
         assert float(touch.depth) == pytest.approx(5e-4)
 
 
-def test_force_and_friction_of_a_light_body_are_those_of_its_mass_and_act_at_the_point_that_touches(spinning):
+def test_force_and_friction_of_a_light_body_follow_its_mass_and_act_where_it_touches(spinning):
     """f = k d (1 + c dd/dt), d being 0.5 mm, and the bristle's damping 5 N s/m sqrt(m / 20 g)."""
     contact, memory, motion, touches = spinning
     mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))

@@ -8,8 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import evaluate
-from free_scenes import BIRD, Scene, energy
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -18,7 +16,8 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Ramp
 from skyarm.world.contact import Command, Contact, FreeObject, Gripper, Surface
 from skyarm.world.contact.gripper import Hold, _skin
-from standing_vehicles import at_rest, limp
+from support.engines import evaluate
+from support.worlds import BIRD, Scene, at_rest, energy, limp
 
 ARM = limp("hummingbird_arm2_rotors")
 START = at_rest(ARM, (0.0, 0.0, 0.0), (-0.45, -0.9))
@@ -214,7 +213,7 @@ def test_a_command_lets_go_and_that_is_no_loss():
     assert float(after(contact, overloaded, t=0.3).lost) == 0.0
 
 
-def test_a_hook_takes_what_it_rises_past_carries_it_from_below_and_loses_it_when_it_is_lowered():
+def test_a_hook_takes_an_object_in_rising_and_drops_it_in_sinking():
     contact = gripping("hook")
     rising = dataclasses.replace(START, velocity=Vec3(0.0, 0.0, 0.1))
     assert float(taken(contact).grips[0].taken) == 0.0

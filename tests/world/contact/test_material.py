@@ -39,7 +39,7 @@ def test_near_the_surface_it_is_the_mean_over_the_way_of_a_step():
         assert material.normal_force(depth, -rate) == material.normal_force(depth, rate)
 
 
-def test_a_touch_of_the_vehicle_is_smoothed_over_the_step_of_its_material_whatever_others_ask_for():
+def test_a_touch_of_the_vehicle_is_smoothed_over_the_step_of_its_own_material():
     """k h^2 / (2 way) with h = way / 2 + d in the bend; where a step is told, the way is that which it makes."""
     soft, up, nothing = Material(stiffness=500.0, dissipation=0.0, friction=0.0), Vec3(0.0, 0.0, 1.0), ZERO3
     depth, slip = 1e-5, Vec3(0.0, 0.0, -0.1)

@@ -16,7 +16,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.world.contact import Contact, ContactPoint, Detent, Mechanism, Surface
 from skyarm.world.contact.mechanism import MechanismMotion
-from standing_vehicles import at_rest, fall, limp
+from support.worlds import at_rest, fall, limp
 
 GRAVITY = 9.8
 

@@ -20,7 +20,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.contact import Contact, Gripper, Mechanism
-from standing_vehicles import at_rest, fall, limp, states
+from support.worlds import at_rest, fall, limp, states
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 FRICTION = "world.mechanisms.button.friction"

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from free_scenes import BIRD, Scene, energy, with_object
-from logged_flights import with_components
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
@@ -27,8 +25,9 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
-from standing_vehicles import GRAVITY
-from thorough import sampled
+from support.cases import sampled
+from support.logs import with_components
+from support.worlds import BIRD, GRAVITY, Scene, energy, with_object
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "pick_and_place_box.toml"
 DOCUMENT = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
@@ -54,7 +53,7 @@ def test_an_elastic_ball_keeps_its_energy_from_every_height(kind):
         assert kept[-1] / kept[0] == pytest.approx(1.0, abs=2e-4), height
 
 
-def test_a_ball_that_crosses_a_hole_is_stopped_by_the_wall_though_the_bottom_is_nearer():
+def test_a_ball_that_crosses_a_hole_is_stopped_by_the_wall_before_the_nearer_bottom():
     """6 mm above the bottom and 30 mm from the wall, which it meets within a period; it stays elastic to 0.2 %."""
     hole = Surface(name="plate", shape="hole", size=(0.04, 0.05, 0.005, 0.2, 0.1), material=ELASTIC)
     inside = Contact(surfaces=(hole,), objects=(elastic_ball(0.01, position=Vec3(0.0, 0.0, -0.034)),))

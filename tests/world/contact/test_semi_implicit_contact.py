@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from free_scenes import BIRD, Scene
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
@@ -21,7 +20,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.simulate.lane_numbers import _stable_step
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
 from skyarm.world.contact.material import euler_step_of
-from standing_vehicles import at_rest, limp
+from support.worlds import BIRD, Scene, at_rest, limp
 
 ARM, REST = limp("hummingbird_arm2_rotors"), Vec3(0.0, 0.0, 0.0)
 

@@ -8,14 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from free_scenes import AWAY, BIRD, Scene
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Surroundings
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
 from skyarm.world.contact.static_equilibrium import stand_vehicle, with_standing_objects
-from standing_vehicles import GRAVITY, SKIDS, at_rest, fall
-from thorough import sampled
+from support.cases import sampled
+from support.worlds import AWAY, BIRD, GRAVITY, SKIDS, Scene, at_rest, fall
 
 
 def slope(share, friction):

@@ -41,7 +41,7 @@ def test_a_stack_that_falls_stays_as_its_objects_were_set_down():
 
 
 @pytest.mark.parametrize("gap", [-1e-3, 0.0, 1e-3])
-def test_a_stack_is_set_down_from_below_in_whatever_order_and_from_however_far_apart_it_is_written(gap):
+def test_a_stack_is_set_down_from_below_in_any_order_and_from_any_distance(gap):
     """Exactly on each other, a millimetre inside or above: the lower one is not in the way of the upper one's place."""
     low, high = box("low", 0.2, 0.3, 0.0, 0.03), box("high", 0.06, 0.15, 0.02, 0.08 + gap)
     one, other = settled(low, high), settled(high, low)

@@ -11,7 +11,7 @@ from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.world.contact import Contact, Surface
 from skyarm.world.contact.static_equilibrium import stand_vehicle
-from standing_vehicles import GRAVITY, SKIDS, at_rest, limp
+from support.worlds import GRAVITY, SKIDS, at_rest, limp
 
 BIRD = limp()
 DEEP = float(BIRD.mass) * GRAVITY / 4.0 / 5000.0

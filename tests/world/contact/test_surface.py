@@ -12,7 +12,7 @@ from skyarm.compile import trace
 from skyarm.reference import Constant, Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Surface
-from thorough import sampled
+from support.cases import sampled
 
 TURNED = {"position": (0.3, -0.2, 0.5), "angles": (0.4, -0.7, 1.1)}
 SURFACES = {

@@ -13,7 +13,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skyarm
-from scenes_without_browser import Scene as Nodes
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import path_figure
@@ -25,6 +24,7 @@ from skyarm.world.component import Column, Force, Wrench
 from skyarm.world.hanging_payload import HangingPayload
 from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Shape, Solid
+from support.peers import Scene as Nodes
 
 ANCHOR = (0.4, 0.3, 0.0)
 

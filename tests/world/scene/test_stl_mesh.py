@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from film_flights import needs_display
 from skyarm.records.files.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
 from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
@@ -21,7 +20,8 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.world.contact import FreeObject, Mechanism, Surface
 from skyarm.world.contact.contact_scene import surface_shape
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of
-from world_flights import DOCUMENT
+from support.pictures import needs_display
+from support.worlds import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
 WALL = Surface(name="wall", shape="box", size=(0.1, 0.2, 0.3))
@@ -138,7 +138,7 @@ def test_where_a_mesh_lies_is_no_part_of_what_flies_and_is_found_from_any_folder
     assert log_digest(plain(here), {"a": "b"}) == log_digest(plain(there), {"a": "b"}) != log_digest(plain(here), {})
 
 
-def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gone_is_its_shape(tmp_path: Path) -> None:
+def test_a_record_without_a_mesh_is_written_as_before_and_a_lost_mesh_is_its_shape(tmp_path: Path) -> None:
     thing = FreeObject(name="a", size=(0.2, 0.4, 0.6), mass=0.1)
     assert "mesh" not in plain(thing)
     held = dataclasses.replace(thing, mesh=str(tmp_path / "gone.stl"))

@@ -1,0 +1,86 @@
+"""Pages that show code, the files that they take for granted, and a run of one."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from page_snippets import DOCS, ROOT, Block, Ran, blocks, run_page
+
+import skyarm
+from support.components import registry_kept
+
+FRONT = "../README.md"
+FILES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))} | {FRONT: ROOT / "README.md"}
+PAGES = {name: path.read_text("utf-8") for name, path in FILES.items()}
+SECONDS = 0.5
+"""Length of a flight whose numbers the page does not show."""
+
+
+def prepared(name: str) -> dict[str, str]:
+    """Files that a page takes for granted."""
+    library = Path(skyarm.__file__).parent / "scenario" / "library"
+    vehicle, flight = blocks(PAGES["vehicle_files.md"])[0].text, blocks(PAGES["scenario_files.md"])[1].text
+    case = (library / "case3.toml").read_text("utf-8")
+    files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
+    if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
+        files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
+    for example in re.findall(r"[ \"](examples/\w+\.(?:urdf|py))", PAGES[name]):
+        files[example] = (ROOT / example).read_text("utf-8")
+    if name == "export_c.md":
+        files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
+    if name == "extending.md":
+        found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
+        files["mine.toml"] = f"{case}\n{found['toml']}"
+    return files
+
+
+def own_blocks(name: str) -> list[Block]:
+    """Blocks of a page that run here."""
+    found = blocks(PAGES[name])
+    if name == "extending.md":  # its plugins: tests/test_docs_extending.py
+        return [block for block in found if block.language == "sh" or "own_law" in block.text]
+    if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
+        jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
+        return [*found[:jax], *found[jax + 2 :]]
+    if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
+        return [block for block in found if block.language != "c"]
+    if name == "sweeps.md":
+        return swept(found)
+    if name == "clusters.md":  # its scripts run on Ray: tests/test_docs_clusters.py
+        return [block for block in found if block.language == "bash" and not block.title]
+    return found
+
+
+def swept(found: list[Block]) -> list[Block]:
+    """The page on sweeps with a study of few, short flights in place of a hundred thousand."""
+    (study,) = [block.text for block in found if block.title]
+    for old, new in (("episodes = 100000", "episodes = 16\nduration = 12.0"), ("[success]", WINDOWS + "[success]")):
+        assert old in study
+        study = study.replace(old, new)
+    flown = Block("python", "", 'import skyarm\nskyarm.fly_sweep(skyarm.load_study("my_study.toml"), "out/my_study")\n')
+    others = [Block(b.language, b.title, b.text.replace("4711", "11").replace("0.4, 100", "0.4, 4")) for b in found[1:]]
+    return [others[0], Block("toml", "my_study.toml", study), flown, *others[1:]]
+
+
+WINDOWS = "[windows]\nsteady = [8.0, 12.0]\ntransient = [0.0, 8.0]\ngust = [8.0, 12.0]\nhover = [4.0, 5.0]\n"
+WITH_CODE = [name for name in PAGES if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))]
+PROGRAMS = {"autopilots.md": ("SKYARM_PX4", "SKYARM_ARDUPILOT")}
+"""Page -> environment variables of the programs that its commands fly."""
+
+
+def missing_programs(name: str) -> list[str]:
+    """Variables that a page's commands need and that are not set."""
+    return [variable for variable in PROGRAMS.get(name, ()) if variable not in os.environ]
+
+
+def flown(name: str, folder: Path) -> Ran:
+    """A page that was run in a folder."""
+    for file, text in prepared(name).items():
+        (folder / file).parent.mkdir(exist_ok=True)
+        (folder / file).write_text(text, "utf-8")
+    ran = Ran()
+    with registry_kept():
+        run_page(own_blocks(name), ran, seconds=SECONDS)
+    return ran
