@@ -11,7 +11,7 @@ import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.motion import joints_in_order, measured_motion
 from skyarm.log.motion import distance_between
-from turning_motions import turning
+from support.flights import turning
 
 
 def flight_of(**channels):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from skyarm.log.motion import PoseSeries, distance_between, join_motions
-from turning_motions import turning
+from support.flights import turning
 
 
 def test_between_rows_a_motion_goes_straight_and_turns_the_short_way():

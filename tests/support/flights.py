@@ -3,6 +3,7 @@
 - Scenario documents for tests: the shipped ones, shortened, and a small one of our own.
 - A short flight on the error-state filter, as a file describes it, for tests of sensors and filter.
 - Flights of one engine without a log, and programs made once for all tests of a file that fly the same scenario.
+- A motion along x that turns about z.
 - Calls in other processes, as works fly there.
 - Flights without noise of a quadrotor and of one joint below it, whose states, commands and delays are all known.
 """
@@ -25,6 +26,7 @@ import skyarm
 from skyarm.control.catalogue import make_controller, suitable_options
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.log.motion import PoseSeries
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
@@ -394,3 +396,16 @@ def measured(log, *, noise=0.0, place=(0.0, 0.0, 0.0), late=0.0, without=(), nam
         shift = late if each in pose else -0.5 * STEP if each == "accelerometer" else 0.0
         channels[each] = Channel(time=log.time + shift, values=noisy, source=each)
     return FlightData(name=name, file=f"{name}.npz", channels=channels)
+
+
+def turning(time, rate=0.8, speed=2.0):
+    """Motion along x that turns about z, with quaternions of alternating sign."""
+    time = np.asarray(time, dtype=float)
+    zero, half = 0.0 * time, 0.5 * rate * time
+    signs = np.where(np.arange(len(time)) % 2, -1.0, 1.0)[:, None]
+    return PoseSeries(
+        time=time,
+        position=np.stack([speed * time, zero, zero], axis=1),
+        quaternion=signs * np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1),
+        joints=time[:, None],
+    )
