@@ -15,7 +15,7 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import load_flight
-from skyarm.flight_data.motion import joints_in_order
+from skyarm.studies.identify.measured_motion import joints_in_order
 from support.logs import flown
 
 pytest.importorskip("rosbags", reason="needs the extra 'flights'")

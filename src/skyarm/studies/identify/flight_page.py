@@ -6,10 +6,10 @@ from pathlib import Path
 
 from skyarm.cli.output import bar, give, tell
 from skyarm.flight_data.flight_data import load_flight
-from skyarm.flight_data.motion import joints_in_order
 from skyarm.studies.identify.excitation_report import excitation_facts, excitation_lines, excited_numbers, fault_line
 from skyarm.studies.identify.flight_sheet import flight_facts, flight_sheet
 from skyarm.studies.identify.isolate_fault import find_faults
+from skyarm.studies.identify.measured_motion import joints_in_order
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import heading
 

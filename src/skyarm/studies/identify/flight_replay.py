@@ -9,12 +9,12 @@ from skyarm.cli.arguments import require_within
 from skyarm.cli.lines import say
 from skyarm.cli.output import tell
 from skyarm.flight_data.flight_data import load_flight
-from skyarm.flight_data.motion import joints_in_order
 from skyarm.records.files import one_line, shown
 from skyarm.studies.identify.identified_file import read_surroundings
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.identified_report import NUMBERS
 from skyarm.studies.identify.isolate_fault import find_faults
+from skyarm.studies.identify.measured_motion import joints_in_order
 from skyarm.studies.identify.open_loop import OpenLoopFlight
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.replay import HORIZONS, PredictionReplay

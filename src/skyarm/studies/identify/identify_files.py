@@ -8,7 +8,6 @@ from pathlib import Path
 
 from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
 from skyarm.flight_data.flight_data import FlightData, load_flight
-from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -17,6 +16,7 @@ from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import LogFault, require_no_refusal
+from skyarm.studies.identify.measured_motion import joints_in_order
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

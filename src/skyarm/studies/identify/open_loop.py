@@ -16,7 +16,6 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.motion import measured_motion
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, integral_of, measured_at, values_at
 from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
@@ -26,6 +25,7 @@ from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
+from skyarm.studies.identify.measured_motion import measured_motion
 from skyarm.studies.identify.unknowns import THRUST, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
 from skyarm.studies.identify.windows import RUN_IN, Clocked, ClockedWindows, clock_step, on_clock

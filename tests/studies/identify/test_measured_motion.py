@@ -9,8 +9,8 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.motion import joints_in_order, measured_motion
 from skyarm.log.motion import distance_between
+from skyarm.studies.identify.measured_motion import joints_in_order, measured_motion
 from support.flights import turning
 
 
