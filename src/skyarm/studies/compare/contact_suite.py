@@ -18,7 +18,7 @@ from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, Cell, CellFlights, Document, Record
-from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, ContactTask, flies_its_own, scenario_of
+from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, Suite
@@ -48,7 +48,7 @@ class ContactFlights(CellFlights):
     meets_perturbed_plants = True
 
     @property
-    def task(self) -> ContactTask:
+    def task(self) -> Task:
         """Contact task that these flights perform."""
         return TASKS[self.case.name]
 
@@ -192,7 +192,7 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
 """Number of a cell -> metric, head, factor from SI to its unit, percentile over flights that came to their end."""
 
 
-def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
+def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
     """Unmet success criteria of a contact task: criterion -> True for each flight that fails it.
 
     Args:
@@ -219,7 +219,7 @@ def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str
     return unmet
 
 
-def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Document:
+def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
     """Results of one controller in a contact task as plain data: success rate, failure causes, median errors.
 
     Args:

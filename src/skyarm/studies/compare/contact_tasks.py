@@ -49,7 +49,7 @@ DELAY = 0.010
 
 
 @immutable
-class ContactTask:
+class Task:
     """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
 
     Attributes:
@@ -90,7 +90,7 @@ class ContactTask:
     stands: float | None = None
 
 
-TASKS: Mapping[str, ContactTask] = {row["name"]: ContactTask(**row) for row in library_rows("contact_tasks")}
+TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
 """By name, in the order of the tables."""
 
 
@@ -113,12 +113,12 @@ BEHIND = 0.01
 """m, behind the believed surface, of the path of a law that follows positions."""
 
 
-def document_of(task: ContactTask) -> dict[str, Any]:
+def document_of(task: Task) -> dict[str, Any]:
     """Shipped scenario of a task as plain data."""
     return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
 
 
-def flies_its_own(task: ContactTask, law: str) -> bool:
+def flies_its_own(task: Task, law: str) -> bool:
     """True if a variant of the centroidal law behaves differently from the full law in a contact task.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
@@ -126,7 +126,7 @@ def flies_its_own(task: ContactTask, law: str) -> bool:
     return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
 
 
-def scenario_of(task: ContactTask, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
+def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
     """Shipped, unperturbed scenario of a task for one controller.
 
     Raises:
@@ -150,7 +150,7 @@ def scenario_of(task: ContactTask, law: str, *, noisy: bool, plant: str = "rigid
     return with_words(planned, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(planned))
 
 
-def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
+def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
     """Scenario for a controller without force control: desired tip path offset by ``BEHIND`` into the surface."""
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]

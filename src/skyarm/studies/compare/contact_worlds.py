@@ -18,7 +18,7 @@ from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
-from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, ContactTask
+from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
 from skyarm.studies.compare.perturbed_plants import on_sphere
 
 CHANNEL = 30
@@ -48,7 +48,7 @@ class Worlds:
         return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
 
 
-def draw_worlds(task: ContactTask, scenario: Scenario, count: int, *, seed: int) -> Worlds:
+def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
     """Draw ``count`` feasible perturbed scenarios of a contact task from a seed.
 
     Args:
@@ -75,7 +75,7 @@ def draw_worlds(task: ContactTask, scenario: Scenario, count: int, *, seed: int)
     return Worlds(values=_numbers(task, scenario, rows, share[feasible]), drawn=last)
 
 
-def feasible_worlds(task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
+def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
     """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
 
     Args:
@@ -104,7 +104,7 @@ def feasible_worlds(task: ContactTask, scenario: Scenario, drawn: Mapping[str, A
     return feasible
 
 
-def _numbers(task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     numbers: dict[str, Array] = {}
     for name in task.materials:
@@ -126,9 +126,7 @@ def _numbers(task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], 
     return numbers | _handle_numbers(task, scenario, drawn, share)
 
 
-def _handle_numbers(
-    task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array
-) -> dict[str, Array]:
+def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
     """Perturbed hinge position, mechanism friction and grip stiffness of a task with a handle, by parameter path."""
     numbers: dict[str, Array] = {}
     if task.hinge:

@@ -21,7 +21,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, EnvelopeAxis, plants_at
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, EnvelopeSetting, setting_of
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.figures.comparison_figures import envelope_figure
@@ -61,7 +61,7 @@ class AxisFlights(CellFlights):
         return AXES[self.case.name]
 
     @property
-    def setting(self) -> EnvelopeSetting:
+    def setting(self) -> Setting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, self.duration, self.plant)
 
@@ -97,7 +97,7 @@ class AxisFlights(CellFlights):
 
 
 def axis_flights(
-    law: str, axis: EnvelopeAxis, setting: EnvelopeSetting, *, seed: int = 0, plant: str = "rigid_body"
+    law: str, axis: EnvelopeAxis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
     """Flights of a controller along one difficulty axis: one batch if possible, else one entry per value.
 
@@ -151,11 +151,11 @@ class Envelope(Suite[AxisFlights]):
     settings = ("vehicle", "seed", "plant", "quick")
 
     @property
-    def setting(self) -> EnvelopeSetting:
+    def setting(self) -> Setting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
-    def setting_of_axis(self, name: str) -> EnvelopeSetting:
+    def setting_of_axis(self, name: str) -> Setting:
         """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
         return setting_of(AXES[name].vehicle or self.vehicle, self.setting.duration, self.plant)
 
@@ -278,7 +278,7 @@ def _over(flights: Sequence[Record], key: str, how: Callable[[list[float]], floa
     return combined if math.isfinite(combined) else None
 
 
-def axis_record(axis: EnvelopeAxis, setting: EnvelopeSetting) -> Document:
+def axis_record(axis: EnvelopeAxis, setting: Setting) -> Document:
     """Description of a difficulty axis as plain data, without results; values in display units."""
     return {
         "title": axis.title,

@@ -21,7 +21,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario, with_words
 from skyarm.sensing.measurement import SensorNoise
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, EnvelopeSetting
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.vehicle.vehicle_records import BodyDrag
@@ -109,9 +109,9 @@ class EnvelopeAxis:
     unit: str
     values: tuple[float, ...]
     build: Callable[..., Scenario]
-    numbers: Callable[[EnvelopeSetting, float], Numbers] | None = None
+    numbers: Callable[[Setting, float], Numbers] | None = None
     plants: bool = False
-    share: Callable[[EnvelopeSetting], float] = lambda setting: 1.0
+    share: Callable[[Setting], float] = lambda setting: 1.0
     shown: float = 1.0
     noisy: bool = False
     start: float = DISTURBED
@@ -119,12 +119,12 @@ class EnvelopeAxis:
     torques: bool = False
     vehicle: str = ""
 
-    def of(self, setting: EnvelopeSetting) -> tuple[float, ...]:
+    def of(self, setting: Setting) -> tuple[float, ...]:
         """Parameter values of a difficulty axis, scaled to a vehicle, SI."""
         share = self.share(setting)
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
-    def scenario(self, setting: EnvelopeSetting, value: float) -> Scenario:
+    def scenario(self, setting: Setting, value: float) -> Scenario:
         """Scenario of an envelope trial at one axis value, with sensor noise if the axis requires it."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
@@ -138,14 +138,12 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
 
-def along(setting: EnvelopeSetting, **signals: Any) -> Scenario:
+def along(setting: Setting, **signals: Any) -> Scenario:
     """Scenario of a vehicle that follows the given reference signals of base and joints."""
     return setting.hover.with_reference(dataclasses.replace(setting.hover.reference, **signals))
 
 
-def swings(
-    setting: EnvelopeSetting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float
-) -> tuple[Signal, ...]:
+def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
     """Sine references of all joints about mid-range, each with a phase lag to the previous joint."""
     return tuple(
         Sum((Constant(middle), sine_from_rest(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
@@ -153,34 +151,34 @@ def swings(
     )
 
 
-def swinging(setting: EnvelopeSetting, amplitude: float = 1.0) -> Scenario:
+def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
     """Envelope trial: all joints swing in hover at 1 Hz, amplitude in rad."""
     return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
 
 
-def moving_base(setting: EnvelopeSetting, **axes: Signal) -> Scenario:
+def moving_base(setting: Setting, **axes: Signal) -> Scenario:
     """Envelope trial: the base follows reference signals while the arm swings gently."""
     return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
 
 
-def circle(setting: EnvelopeSetting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
+def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
     """Envelope trial: horizontal circle, radius in m and speed in m/s."""
     f = speed / (2.0 * math.pi * radius)
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
-def slow_circle(setting: EnvelopeSetting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
+def slow_circle(setting: Setting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
     """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
     return with_words(circle(setting, *SLOW), delays=delays, noise=noise)
 
 
-def slow_circle_with_onset(setting: EnvelopeSetting) -> Scenario:
+def slow_circle_with_onset(setting: Setting) -> Scenario:
     """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
     late = Change(at=ONSET, path=LATE, value=LATEST)
     return with_words(slow_circle(setting), delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
 
 
-def figure(setting: EnvelopeSetting) -> Scenario:
+def figure(setting: Setting) -> Scenario:
     """Envelope trial: Lissajous figure in space while the joints swing faster; frequencies are set by the axis."""
     height = setting.hover.reference.z
     base = {axis: sine_from_rest(size * setting.climb, times, phase) for axis, (size, times, phase) in FIGURE.items()}
@@ -188,14 +186,14 @@ def figure(setting: EnvelopeSetting) -> Scenario:
     return along(setting, **base | {"z": Sum((height, base["z"]))}, joints=swings(setting, (size,), times, phase))
 
 
-def figure_frequencies(setting: EnvelopeSetting, frequency: float) -> Numbers:
+def figure_frequencies(setting: Setting, frequency: float) -> Numbers:
     """Parameter path -> frequency of every sine of the Lissajous figure, Hz."""
     paths = {("z.1" if axis == "z" else axis): times for axis, (_, times, _) in FIGURE.items()}
     paths |= {f"joints.{j}.1": FIGURE_ARM[1] for j in range(setting.truth.n)}
     return {f"reference.{path}.signal.frequency_hz": times * frequency for path, times in paths.items()}
 
 
-def random_curve(setting: EnvelopeSetting, step: float) -> Scenario:
+def random_curve(setting: Setting, step: float) -> Scenario:
     """Envelope trial: base and joints follow B-splines of random points, the given time apart, s."""
     draws = np.random.default_rng(POINTS)
     count = math.ceil(DURATION / min(RANDOM_STEPS)) + 8
@@ -212,17 +210,17 @@ def random_curve(setting: EnvelopeSetting, step: float) -> Scenario:
     return along(setting, **base | {"z": Sum((setting.hover.reference.z, base["z"]))}, joints=joints)
 
 
-def vertical(setting: EnvelopeSetting) -> Scenario:
+def vertical(setting: Setting) -> Scenario:
     """Envelope trial: vertical sine motion of 0.2 m amplitude."""
     return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
-def pushed_hover(setting: EnvelopeSetting, **force: Any) -> Scenario:
+def pushed_hover(setting: Setting, **force: Any) -> Scenario:
     """Envelope trial: hover under a given disturbance force."""
     return with_words(setting.hover, forces=(Disturbance(**force),))
 
 
-def turning_wind(setting: EnvelopeSetting) -> Scenario:
+def turning_wind(setting: Setting) -> Scenario:
     """Envelope trial: hover in a wind that rotates about the vertical, force 2 N, air speed 2 m/s."""
     force, air = (
         SignalVector(**{axis: Sine(amplitude=size, frequency_hz=1.0, phase=phase)
@@ -232,7 +230,7 @@ def turning_wind(setting: EnvelopeSetting) -> Scenario:
     return with_words(pushed_hover(setting, force=force), air=(AirSignals(velocity_W=air),))
 
 
-def turbulence(setting: EnvelopeSetting, mean: float) -> Scenario:
+def turbulence(setting: Setting, mean: float) -> Scenario:
     """Envelope trial: hover in turbulent wind along x with given mean, m/s, standard deviation half the mean."""
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
@@ -241,7 +239,7 @@ def turbulence(setting: EnvelopeSetting, mean: float) -> Scenario:
     return with_words(setting.hover, plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
 
 
-def wind_steps(setting: EnvelopeSetting) -> Scenario:
+def wind_steps(setting: Setting) -> Scenario:
     """Envelope trial: hover under a step force on the base, along one axis after another."""
     vector = {
         axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
@@ -250,27 +248,27 @@ def wind_steps(setting: EnvelopeSetting) -> Scenario:
     return pushed_hover(setting, force=SignalVector(**vector))
 
 
-def pushes(axis: str, setting: EnvelopeSetting) -> Scenario:
+def pushes(axis: str, setting: Setting) -> Scenario:
     """Envelope trial: hover under a pulsed tip force along a world axis, on for half of every second."""
     pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
     force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
     return pushed_hover(setting, frame=setting.truth.end_effector, force=force)
 
 
-def lagging_joints(setting: EnvelopeSetting) -> Scenario:
+def lagging_joints(setting: Setting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
     return with_words(slow_circle(setting), drives=drives)
 
 
-def wrong_plants(setting: EnvelopeSetting, times: float) -> Scenario:
+def wrong_plants(setting: Setting, times: float) -> Scenario:
     """Envelope trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
     return with_words(swinging(setting, 0.5), delays=delays, wind=ForceWind())
 
 
-def plants_at(setting: EnvelopeSetting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
+def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
     """Perturbed plants at one axis value: parameter path -> values (plants,).
 
     Args:
@@ -293,17 +291,17 @@ def widen(spread: Spread, times: float) -> Spread:
     return Spread(**shares, thrust=(low * times, high * times))
 
 
-def same(*paths: str, factor: float = 1.0) -> Callable[[EnvelopeSetting, float], Numbers]:
+def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
     """Function from an axis value to parameters by path: all get the axis value times a factor."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
-def frequencies(*axes: str) -> Callable[[EnvelopeSetting, float], Numbers]:
+def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
     """Function from an axis value to parameters by path: the axis value as frequency of several sine references."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 
-def rotor_lags(setting: EnvelopeSetting, times: float) -> Numbers:
+def rotor_lags(setting: Setting, times: float) -> Numbers:
     """Parameter path -> time constant of every rotor, rising and falling, s."""
     falling = 1.0 + FALLING * (times - 1.0) / 3.0
     return {
@@ -313,7 +311,7 @@ def rotor_lags(setting: EnvelopeSetting, times: float) -> Numbers:
     }
 
 
-def by_weight(setting: EnvelopeSetting) -> float:
+def by_weight(setting: Setting) -> float:
     """Scale of forces and payloads for a vehicle: its weight over that of the Barakou et al. 2026 vehicle."""
     return setting.weight
 

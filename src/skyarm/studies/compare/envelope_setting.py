@@ -44,7 +44,7 @@ DURATION = 20.0
 
 
 @immutable
-class EnvelopeSetting:
+class Setting:
     """Hover scenario of a vehicle, and the scales of the envelope's trials with the vehicle.
 
     Attributes:
@@ -70,7 +70,7 @@ class EnvelopeSetting:
 
 
 @lru_cache(maxsize=8)
-def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> EnvelopeSetting:
+def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
     Raises:
@@ -82,7 +82,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
     reference = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
-    return EnvelopeSetting(
+    return Setting(
         vehicle=vehicle,
         hover=hover.with_reference(reference),
         weight=float(truth.mass) / float(load_vehicle(PAPER).mass),
