@@ -10,9 +10,9 @@ is found in the sensors' log the mean and the worst error, and how many truths l
 import argparse
 
 import numpy as np
+from planted_lags import numbers_of, planted, truths_of
 
 import skyarm
-from planted_lags import numbers_of, planted, truths_of
 from skyarm.studies.identify.loop_lags import loop_lags
 
 VEHICLES = ("hummingbird_arm2_rotors", "crazyflie_arm1", "hexarotor_arm6")
