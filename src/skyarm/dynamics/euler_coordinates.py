@@ -23,12 +23,12 @@ Matrix = list[list[Scalar]]
 
 
 def attitude(q: Sequence[Scalar]) -> Mat3:
-    """Rotation matrix R_WB = Rz(psi) Ry(theta) Rx(phi) of q[3:6]."""
+    """Rotation matrix R_WB = Rz(psi) Ry(theta) Rx(phi) of the Euler angles q[3:6]."""
     return axis_rotation(E_Z, q[5]) @ axis_rotation(E_Y, q[4]) @ axis_rotation(E_X, q[3])
 
 
 def rate_matrix(phi: Scalar, theta: Scalar) -> Mat3:
-    """Matrix Q of w_B = Q [phi', theta', psi'].
+    """Matrix Q from Euler angle rates to angular velocity in base axes: w_B = Q [phi', theta', psi'].
 
     Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
     """
@@ -37,14 +37,14 @@ def rate_matrix(phi: Scalar, theta: Scalar) -> Mat3:
 
 
 def rate_matrix_inverse(phi: Scalar, theta: Scalar) -> Mat3:
-    """Inverse of Q; at a pitch of 90 degrees its entries are infinite."""
+    """Inverse of the Euler angle rate matrix Q; its entries are infinite at a pitch of 90 degrees."""
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     s_over, c_over = divide(sp, ct), divide(cp, ct)
     return Mat3(Vec3(1, mul(s_over, st), mul(c_over, st)), Vec3(0, cp, neg(sp)), Vec3(0, s_over, c_over))
 
 
 def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
-    """Time derivative dQ/dt, for Euler rates in rad/s."""
+    """Time derivative dQ/dt of the Euler angle rate matrix, for given Euler angle rates (rad/s)."""
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
     by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
@@ -61,7 +61,7 @@ def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:
 
 
 def mass_matrix_partials(vehicle: Vehicle, q: Sequence[Scalar]) -> list[Matrix]:
-    """Partial derivatives dM/dq_k, one matrix for each coordinate, exact to rounding; zero by the position."""
+    """Partial derivatives dM/dq_k of the mass matrix, one per coordinate, exact to rounding; zero for position."""
     n = len(q)
     partials: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(3)]
     for k in range(3, n):
@@ -89,5 +89,5 @@ def gravity_vector(vehicle: Vehicle, q: Sequence[Scalar], gravity: Scalar) -> li
 
 
 def _onto_euler_rates(Q: Mat3, dual: Sequence[Scalar]) -> list[Scalar]:
-    """Product T^T f of a vector dual to the generalised velocity."""
+    """Product T^T f: a generalised force or momentum converted to Euler coordinates."""
     return [*dual[:3], *Q.apply_T(Vec3(*dual[3:6])), *dual[6:]]

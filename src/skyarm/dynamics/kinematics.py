@@ -74,7 +74,7 @@ def parallel(parent: Joint, child: Joint) -> bool:
 
 
 def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> Pose:
-    """Pose of a frame in the base frame; ``summed`` as of :func:`link_poses`."""
+    """Pose of a frame in the base frame; ``summed`` adds the angles of parallel hinges to save operations."""
     local = Pose(frame.rotation, frame.position)
     return local if frame.link == BASE else link_poses(vehicle, joints, summed=summed)[frame.link] @ local
 

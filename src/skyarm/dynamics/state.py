@@ -43,15 +43,15 @@ class State:
             accept_fields(self, "state")
 
     def path_names(self) -> Names:
-        """Names of the fields, and of the ZYX Euler angles in place of the quaternion."""
+        """Parameter paths of the state's fields, and of roll, pitch and yaw as alternatives to the quaternion."""
         return field_paths(self) | {name: NumberView(name, Unit("rad")) for name in ANGLES}
 
     def number_of_view(self, name: str) -> float:
-        """Angle of the attitude (roll, pitch or yaw), rad."""
+        """Roll, pitch or yaw angle (rad) of the base, by name."""
         return float(euler_angles(self.quaternion.rotation())[ANGLES.index(name)])
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
-        """State with some of roll, pitch and yaw (rad) replaced."""
+        """State with roll, pitch or yaw (rad) replaced, by name; other angles stay."""
         usual = dict(zip(ANGLES, euler_angles(self.quaternion.rotation()), strict=True))
         half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (usual | dict(values)).values()]
         about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]

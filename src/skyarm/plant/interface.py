@@ -31,7 +31,7 @@ class Truth:
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
 
     def path_names(self) -> Names:
-        """Names of the fields, of loads, of numbers that [plant] joints sets for all joints, and of drives by joint."""
+        """Parameter paths of the fields, of added loads, of ``[plant] joints`` for all joints, and of joint drives."""
         vehicle = self.vehicle
         paths = field_paths(self) | {"payload": vehicle.load_names()}
         paths["joints"] = {
@@ -46,7 +46,7 @@ class Truth:
 
 
 def require_gravity(value: object, field: str) -> float:
-    """Gravity, m/s^2, within the bounds of a plant's.
+    """Convert gravity (m/s^2) to a float; raise an error if the value is outside the allowed bounds.
 
     Raises:
         RecordError: one line with field, value and what is allowed.
@@ -77,7 +77,7 @@ def flat(state: State) -> tuple[float, ...]:
 
 
 def whole_steps(seconds: float, physics_step: float) -> int:
-    """Number of physics steps in ``seconds``; raises ValueError unless it is whole."""
+    """Number of physics steps in ``seconds``; raises ValueError unless the number is whole."""
     ratio = seconds / physics_step
     count = round(ratio)
     # decimal fractions such as 0.005 / 0.001 are whole up to rounding only

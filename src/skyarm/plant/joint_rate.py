@@ -139,6 +139,6 @@ def _stiffness(joint: Joint) -> float:
 
 
 def _damping(joint: Joint) -> float:
-    """Damping (N m s/rad or N s/m) of a joint stop that is pressed with the drive's full effort."""
+    """Damping (N m s/rad or N s/m) of a joint's end stop under the full effort of the drive."""
     effort = float(joint.effort_limit)
     return effort * float(joint.stop_damping) if joint.has_stops and math.isfinite(effort) else 0.0

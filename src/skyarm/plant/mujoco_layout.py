@@ -21,10 +21,10 @@ Number = TypeVar("Number")
 
 
 class Reordering(Protocol):
-    """Protocol of functions that bring the numbers of a state into another order."""
+    """Protocol of functions that rearrange state variables into another order."""
 
     def __call__(self, numbers: Sequence[Number], /) -> tuple[Number, ...]:
-        """Numbers of a state in the other order."""
+        """State variables rearranged into the other order."""
 
 
 class Layout:

@@ -43,7 +43,7 @@ Numbers = tuple[Scalar, ...]
 
 @immutable
 class RungeKuttaInputs:
-    """Numbers from which a stage is computed, beside command and surroundings; states are in MuJoCo's order.
+    """Numerical inputs of one Runge-Kutta stage, apart from command and environment; states in MuJoCo's order.
 
     Attributes:
         start, first: state and memories of the coupled components at the beginning of the step.

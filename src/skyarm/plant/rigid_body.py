@@ -104,7 +104,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
 
 
 def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
-    """Numbers, each plus ``dt`` times its time derivative."""
+    """Values after an explicit Euler step: each plus ``dt`` times its time derivative."""
     return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
 
@@ -164,7 +164,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
     def push(at: State, beside: Surroundings, seconds: Scalar) -> State:
-        """Vehicle state at mid-step, pushed for ``seconds`` by the forces that act at given velocities."""
+        """Vehicle state at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
         force, torques = applied_force(vehicle, at, command, beside, step=dt)
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)

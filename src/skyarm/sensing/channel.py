@@ -68,7 +68,7 @@ class Channel:
         return count * (self.drifts + self.noisy)
 
     def require_count(self, count: int, where_is: str) -> None:
-        """Refuse biases and offsets that are not ``count`` in number; ``where_is`` names the channel in messages.
+        """Refuse biases and offsets that do not have ``count`` components; ``where_is`` names the channel in messages.
 
         Raises:
             RecordError: one line with field, value and what is allowed.
@@ -175,7 +175,7 @@ class Dropouts:
         return self.random or bool(self.intervals)
 
     def lost(self, before: Scalar, draw: Scalar, dt: float) -> Scalar:
-        """State of the link at a reading: 1.0 while readings are lost at random, else 0.0 (two-state Markov chain).
+        """Data-link state at a reading: 1.0 while readings are lost at random, else 0.0 (two-state Markov chain).
 
         Args:
             before: the state at the reading before.
@@ -202,7 +202,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Scalar, ...]], ...]
 
 @immutable
 class ChannelMemory:
-    """Internal state of a sensor between two readings: random biases, link loss and last reading.
+    """Internal state of a sensor between two readings: random biases, data-link loss and last reading.
 
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
@@ -243,7 +243,7 @@ class ChannelSensor(Sensor):
         raise NotImplementedError(f"{type(self).__name__} must define quantities()")
 
     def channels(self, **values: Iterable[Scalar]) -> Quantities:
-        """Name, error model and components of quantities that are given by the name of their error model."""
+        """Name, error model (the sensor's field of that name) and given components of each quantity."""
         return tuple((name, getattr(self, name), tuple(components)) for name, components in values.items())
 
     def examples(self, vehicle: Vehicle) -> Quantities:
@@ -256,12 +256,12 @@ class ChannelSensor(Sensor):
     def reading(
         self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> tuple[Tree, Tree]:
-        """Make the reading from the values of all measured quantities; return the sensor type's state too."""
+        """Make the reading from the values of all quantities; return the sensor's internal state and the reading."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
     def first_own(self, vehicle: Vehicle) -> Tree:
-        """Initial state that is specific to the sensor type; () for none."""
+        """Initial internal state that only this type of sensor has; () for none."""
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
@@ -329,6 +329,6 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[tuple[Scalar, ...]], Vec3 | Scalar]]:
-    """Functions that convert a quantity's components to the value of each field of a reading, except the time."""
+    """Converters of a quantity's components to a vector or scalar, by field of the reading, without the time."""
     types = {name: kind for name, (kind, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}

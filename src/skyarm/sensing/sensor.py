@@ -87,13 +87,13 @@ class Sensor:
         raise NotImplementedError(f"{type(self).__name__} must define measure()")
 
     def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Tree, Tree]:
-        """Take one reading of a force sensor; ``push`` is the true wrench at its frame."""
+        """Take one reading of a force sensor; ``push`` is the true wrench at the sensor's frame."""
         raise NotImplementedError(f"{type(self).__name__} must define feel()")
 
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
     ) -> tuple[Tree, Tree]:
-        """Take one reading by ``measure``, or by ``feel`` for a sensor of force."""
+        """Take one reading of the true state, or of the external wrench for a force sensor."""
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)
         return self.feel(memory, t, push, draws, dt)

@@ -62,7 +62,7 @@ def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
 
 
 def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies:
-    """Attach an arm to an airframe; the arm's root link becomes part of the carrying body, and a frame.
+    """Attach an arm to an airframe; the arm's root link merges with the carrying body and remains as a frame.
 
     Args:
         airframe: airframe with the arms that came before.
@@ -238,7 +238,7 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
 
 
 def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
-    """Leader of a mimic joint, at the end of the chain of mimics; raises an error if it is no moving joint."""
+    """Leader at the end of a mimic joint's chain of mimics; raises an error if the leader is not a moving joint."""
     joints, leader = [link.joint.name for link in links], follow(name, mimics)
     if leader.joint not in joints:
         last = next(each for each in mimics if mimics[each].joint == leader.joint)
@@ -275,7 +275,7 @@ def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
 
 
 def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
-    """Notes on followers whose limits leave their leaders no range and are therefore ignored."""
+    """Notes on followers whose joint limits contradict those of their leader joints and are therefore ignored."""
     notes = Notes()
     for each in followers:
         if _range_of_leader(links[each.leader].joint, each.link.joint, each.ratio, each.offset) is None:

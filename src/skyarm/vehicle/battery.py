@@ -37,15 +37,15 @@ class CellCurve:
 
 
 class PoweredRotor(Protocol):
-    """Protocol of a rotor as a load: a :class:`skyarm.vehicle.Rotor`."""
+    """Protocol of a rotor as an electrical load of the battery, such as a :class:`skyarm.vehicle.Rotor`."""
 
     @property
     def table(self) -> ThrustTable | None:
-        """Thrust, drag torque and current by speed."""
+        """Measured thrust, drag torque and current against rotor speed; None without measurements."""
 
     @property
     def thrust_coefficient(self) -> Scalar:
-        """Thrust over the square of the speed, N s^2/rad^2."""
+        """Thrust divided by the square of the rotor speed, N s^2/rad^2."""
 
     @property
     def moment_coefficient(self) -> Scalar:
@@ -108,7 +108,7 @@ class Battery:
         return where(charge > 0.0, under_load, 0.0)
 
     def discharge(self, charge: Scalar, power: Scalar, seconds: Scalar) -> Scalar:
-        """Charge after supplying a load (W) for some seconds."""
+        """State of charge after supplying a load (W) for a time (s)."""
         voltage = self.voltage(charge, power)
         current = divide(power, where(voltage > 0.0, voltage, 1.0))
         spent = divide(current * seconds, HOUR * self.capacity)

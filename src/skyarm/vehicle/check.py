@@ -37,7 +37,7 @@ class VehicleError(RecordError):
 
 
 def accept_named(record: Any, kind: str) -> None:
-    """Check and convert the fields of a named dataclass; errors state its name, as in ``joints[shoulder].axis``.
+    """Check and convert the fields of a dataclass; errors name the element, as in ``joints[shoulder].axis``.
 
     Raises:
         VehicleError: one line with field, value and what is allowed.
@@ -81,7 +81,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
 
 
 def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
-    """Raise an error unless each number of a column is above the one before it."""
+    """Raise an error unless the numbers of a column are strictly increasing."""
     for i, (a, b) in enumerate(pairwise(column)):
         if concrete(a, b) and not a < b:
             refuse(f"{field}[{i + 1}]", b, f"must be above the one before it, {a:g}{why}")

@@ -63,7 +63,7 @@ class Body:
 
 
 def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
-    """Quotient moment / mass; zero for a massless body, whose moment is zero."""
+    """Centre of mass from first moment and mass; zero for a massless body, whose first moment is zero."""
     divisor = where(mass > 0, mass, 1.0)
     return Vec3(*(0 if absent(c) else divide(c, divisor) for c in moment))
 
@@ -116,7 +116,7 @@ class Joint:
 
     @property
     def has_stops(self) -> bool:
-        """True if a joint has end stops at its limits; also decidable for traced numbers."""
+        """True if a joint has end stops at its limits; also decidable for traced (symbolic) parameters."""
         return not absent(self.stop_stiffness)
 
     @property
@@ -193,7 +193,7 @@ class Linkage(Protocol):
 
     @property
     def followers(self) -> tuple[Follower, ...]:
-        """Links that move with others."""
+        """Links whose joints are coupled to leader joints."""
 
     @property
     def n(self) -> int:

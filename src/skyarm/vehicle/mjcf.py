@@ -199,7 +199,7 @@ def kind_of(model: MjModel, joint: int) -> str:
 
 
 def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
-    """Convert a MuJoCo joint to a record; its zero is the model's reference position (``ref``)."""
+    """Convert a MuJoCo joint to this library's joint, with zero at the model's reference position (``ref``)."""
     name = name_of(model, "jnt", joint)
     if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)

@@ -186,7 +186,7 @@ def _describe(value: Linkage, field: str) -> str:
 
 
 def _rigid_numbers(value: Linkage) -> list[Any]:
-    """All numbers of a vehicle on which its mass matrix depends."""
+    """All parameters of a vehicle on which its mass matrix depends."""
     joints = [(j.axis, j.position, j.rotation, j.lower, j.upper, j.armature) for j in (k.joint for k in value.moving)]
     ties = [(each.ratio, each.offset) for each in value.followers]
     return leaves((value.bodies, tuple(joints), tuple(ties)))

@@ -61,14 +61,14 @@ class ThrustTable:
         return divide(curve(speed * speed, *self._points(self.thrust)), self.thrust_coefficient)
 
     def twist(self, speed: Scalar) -> Scalar:
-        """Drag torque at a speed over both rotor coefficients, (rad/s)^2; equals ``push`` without torque data."""
+        """Drag torque at a speed over thrust and moment coefficients, (rad/s)^2; ``push`` without torque data."""
         if not self.torque:
             return self.push(speed)
         scale = self.thrust_coefficient * self.moment_coefficient
         return divide(curve(speed * speed, *self._points(self.torque)), scale)
 
     def speed_of_push(self, push: Scalar) -> Scalar:
-        """Inverse of ``push``: rotor speed (rad/s) at a given value."""
+        """Rotor speed (rad/s) at a given ratio of thrust to thrust coefficient, (rad/s)^2: the inverse of ``push``."""
         square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
         return sqrt(maximum(square, 0.0))
 

@@ -44,7 +44,7 @@ class Tilt:
     ] = math.inf
 
     def require(self, field: str, thrust_axis: Vec3) -> None:
-        """Raise an error for invalid servo numbers, or an axis that is not perpendicular to the thrust."""
+        """Raise an error for invalid parameters of a tilt servo, or a tilt axis not perpendicular to the thrust."""
         if concrete(*self.axis, *thrust_axis) and abs(self.axis.dot(thrust_axis)) > ACROSS:
             refuse(f"{field}.axis", tuple(self.axis), f"must be perpendicular to the rotor's axis {tuple(thrust_axis)}")
         for name, low in (("lower", -math.pi), ("upper", 0.0)):

@@ -316,7 +316,7 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
 
 
 def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
-    """Visual meshes of a URDF link; meshes that cannot be drawn are noted.
+    """Visual meshes of a URDF link; meshes that cannot be drawn are left out, with a note.
 
     Args:
         link: link of the file.

@@ -67,7 +67,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
 
 @cache
 def _library_vehicle(name: str) -> Vehicle:
-    """Vehicle of the library, read once in a process: plant and model, and every scenario of a study, share it."""
+    """Vehicle of the library by name, read once per process and shared by plant, model and all scenarios."""
     return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
 
 
@@ -96,7 +96,7 @@ RIGID = (".urdf", ".xml", ".mjcf")
 
 
 def expand(path: Path) -> str:
-    """Error message with the command that expands a xacro file."""
+    """Error message that states the command to convert a xacro file to URDF."""
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 
@@ -156,7 +156,7 @@ CARRIED = Path("share") / "example-robot-data" / "robots"
 
 
 def is_robot(name: str) -> bool:
-    """True if a name denotes a robot of an installed package."""
+    """True if a vehicle name begins with the prefix of robots of the package example-robot-data."""
     return name.startswith(PREFIX)
 
 

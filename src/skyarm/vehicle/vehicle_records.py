@@ -221,7 +221,7 @@ class Vehicle:
         return self.with_checked(links=self.moving, followers=())
 
     def with_checked(self, **parts: Any) -> Vehicle:
-        """Vehicle with some parts replaced by parts that are already checked; skips the checks for speed."""
+        """Vehicle with some fields replaced by values that are already checked; skips the checks for speed."""
         made = object.__new__(Vehicle)
         for name in field_names(Vehicle) or ():
             object.__setattr__(made, name, parts.get(name, getattr(self, name)))
@@ -237,7 +237,7 @@ class Vehicle:
 
     @property
     def planar(self) -> bool:
-        """True if a body has mass properties for planar motion only: allowed for a law's model, not for a plant."""
+        """True if a body has planar mass properties only: allowed in a controller's model, not in a plant."""
         return any(body.planar for body in self.bodies)
 
     def frame(self, name: str | None = None) -> Frame:
@@ -255,16 +255,16 @@ class Vehicle:
         return self.with_body(at.link, Body(mass=mass, com=at.position))
 
     def load_names(self) -> Names:
-        """Names of point masses on top of the vehicle, in a parameter path: at the tip, and at each frame."""
+        """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""
         masses = {frame.name: {"mass": NumberView(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
         return {**masses[self.end_effector], **masses} if self.end_effector else dict(masses)
 
     def number_of_view(self, name: str) -> float:
-        """Point mass at a frame that is not a part of the vehicle yet: none, kg."""
+        """Current value (kg) of the point mass that a parameter path adds at a frame: always zero."""
         return 0.0
 
     def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
-        """Vehicle with point masses (kg) at some frames, by their names, on top of what is there."""
+        """Vehicle with point masses (kg) added at the frames of given names."""
         loaded = self
         for frame, mass in values.items():
             loaded = loaded.with_payload(mass, frame)
@@ -339,7 +339,7 @@ def _require_joint(field: str, value: Joint) -> None:
 
 
 def _require_drives(value: Vehicle) -> None:
-    """Check that each drive has a joint of its own with an effort limit above zero."""
+    """Check that each drive acts on an existing joint with an effort limit above zero, at most one drive per joint."""
     joints = [link.joint.name for link in value.links]
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
@@ -367,7 +367,7 @@ def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
 
 
 def require_plant(value: Vehicle) -> None:
-    """Raise an error if a vehicle has bodies that are not physical; planar ones are allowed only in a law's model.
+    """Raise an error if a vehicle has planar bodies, which are allowed in a controller's model only.
 
     Raises:
         VehicleError: with the first planar body.

@@ -130,7 +130,7 @@ def _source(top: Fields) -> str:
 
 
 def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Read the rigid bodies of a vehicle file or of the file it refers to, and that file's vehicle if it has one."""
+    """Read the rigid bodies of a vehicle file or of the file it refers to, and the vehicle in that file, if any."""
     source = _source(top)
     base, links = top.take("base", None), top.take("links", [])
     if not source:
@@ -229,7 +229,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Attach the bodies of an arm's file to a vehicle's; also return that file as a vehicle if it is a vehicle file."""
+    """Attach the arm of a file to the bodies of a vehicle; also return the arm, if its file is a vehicle file."""
     arm = fields.text("arm")
     referred = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = referred if isinstance(referred, Vehicle) else None

@@ -77,12 +77,12 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
 
 
 def _section(head: str, table: Table, at: str, notes: Notes) -> list[str]:
-    """Lines of one table, after an empty line."""
+    """Lines of one table of a vehicle file, after an empty line."""
     return ["", head, *_lines(table, at, notes)]
 
 
 def _lines(table: Table, at: str, notes: Notes) -> list[str]:
-    """Lines of the entries of a table, each with its comment."""
+    """Lines of a table's entries in a vehicle file, each with its comment."""
     lines = []
     for name, value in table.items():
         note = notes.get(f"{at}.{name}", "").split("\n")
@@ -94,7 +94,7 @@ def _lines(table: Table, at: str, notes: Notes) -> list[str]:
 
 
 def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
-    """Lines of the rotors, with what all of them share in one table."""
+    """Lines of a vehicle file for the rotors, with the values that all rotors share in ``[rotor_defaults]``."""
     tables = [_rotor(each) for each in rotors]
     shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}
     shared = {name: value for name, value in shared.items() if all(each.get(name) == value for each in tables)}
@@ -123,7 +123,7 @@ def _rotor(rotor: Rotor) -> Table:
 
 
 def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
-    """Columns of a thrust table times what the rotor's coefficients are over those of the table."""
+    """Thrust table for a vehicle file, with thrust and torque scaled to the rotor's own coefficients."""
     thrust = float(rotor.thrust_coefficient) / float(table.thrust_coefficient)
     columns: Table = {"thrust": [float(each) * thrust for each in table.thrust]}
     if table.torque:
@@ -156,7 +156,7 @@ def _frame(frame: Frame, names: Sequence[str]) -> Table:
 
 
 def _with_orientation(table: Table, rotation: Mat3) -> Table:
-    """Table of a record with its rotation in a file's words."""
+    """Table of an element for a vehicle file, with its rotation matrix converted to a quaternion entry."""
     oriented: Table = {}
     for name, each in table.items():
         oriented |= _orientation(rotation) if name == "rotation" else {name: each}
@@ -173,7 +173,7 @@ def _drive(drive: MountedDrive) -> Table:
 
 
 def _record(record: object, always: Collection[str] = ()) -> Table:
-    """Table of a record's fields, in which constants of compiled code are numbers like others."""
+    """Table of a dataclass's fields for a vehicle file, with constants of compiled code as ordinary numbers."""
     entry: Table = record_entry(record, always)
     numbers = {name: float(entry[name]) for name in scalars(type(record)) if name in entry}
     vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
@@ -185,7 +185,7 @@ def _three(vector: Vec3) -> list[float]:
 
 
 def _orientation(rotation: Mat3) -> Table:
-    """Orientation as a unit quaternion; nothing for aligned axes.
+    """Unit quaternion entry of a rotation matrix for a vehicle file; empty for aligned axes.
 
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
     """

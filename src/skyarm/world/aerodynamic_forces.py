@@ -76,7 +76,7 @@ class LinkDrag(Force[tuple[()]]):
     air_density: Annotated[Scalar, Unit("kg/m^3", low=0.0)] = 1.225
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle whose number of links differs from the number of areas."""
+        """Refuse a vehicle whose number of links differs from the number of drag areas."""
         if len(self.area) != vehicle.n:
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 

@@ -35,7 +35,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
     ) -> Sequence[Scalar]:
-        """Rotor speeds (rad/s) that the battery voltage allows: limited by a speed controller, scaled in open loop."""
+        """Rotor speeds (rad/s) that the battery voltage allows: limited in a closed speed loop, scaled in open loop."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":

@@ -154,7 +154,7 @@ class Component(Generic[Memory]):
         return memory
 
     def settle(self, memory: Memory, motion: PointMotion, vehicle: bool) -> Memory:
-        """Internal state of the model at the start, where a vehicle (if it does) and objects stand at rest."""
+        """Internal state of the model with objects, and the vehicle if ``vehicle``, at rest in static equilibrium."""
         return memory
 
     def act(self, memory: Memory, t: Scalar, dt: float, motion: PointMotion) -> Memory:
@@ -169,7 +169,7 @@ class Component(Generic[Memory]):
         return memory
 
     def holds(self, memory: Memory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signals of the grippers at a frame of the vehicle: 1 while one holds a body, else 0; () without any."""
+        """Grasp signal of each gripper at a frame of the vehicle: 1 with a held body, else 0; () without grippers."""
         return ()
 
     def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:
@@ -246,7 +246,7 @@ class Component(Generic[Memory]):
     """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
 
     def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
-        """Internal state of the model, and number of substeps for the next ``seconds``: more during a hit."""
+        """Internal state of the model, and number of substeps for the next ``seconds``: more during an impact."""
         return memory, 1.0
 
     def alone(self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar) -> Memory:
@@ -272,7 +272,7 @@ class Component(Generic[Memory]):
         return {}
 
     def logged(self, memory: Memory, motion: PointMotion) -> tuple[Scalar, ...]:
-        """Numbers of the environment model that the flight log records in every control period."""
+        """Values of the environment model that the flight log records in every control period."""
         return ()
 
     def shapes(self, seen: Instants) -> Scene:

@@ -54,7 +54,7 @@ class NoisyComponent(Component[Numbers]):
 
     @property
     def uniforms(self) -> int:
-        """Number of uniform random numbers that the noise draws per control period, an even one."""
+        """Number of uniform random numbers that the noise draws per control period, rounded up to an even number."""
         return 0 if self.noise is None else self.noise_count + self.noise_count % 2
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Numbers:

@@ -142,7 +142,7 @@ def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
 
 
 def _steps(par: Dryden, dt: Scalar) -> tuple[Scalar, ...]:
-    """Step size relative to the time scale of each component, d = dt V / L."""
+    """Dimensionless step size d = dt V / L of each turbulence velocity component."""
     return tuple(divide(dt * par.airspeed, length) for length in par.scale_length)
 
 

@@ -54,13 +54,13 @@ class Fault:
     registered_as = "fault"
 
     def to_entry(self) -> Mapping[str, Entry | Scalar]:
-        """Table of a file, in which a share that changes is the effectiveness itself."""
+        """Table of the fault for a scenario file, in which ``effectiveness`` is a number or a time signal."""
         table = record_entry(self)
         return table | {"effectiveness": table.pop("signal", self.effectiveness)} if not self.stuck else table
 
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Signal | float]:
-        """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""
+        """Read the effectiveness from a fault's table: a number or a time signal, required unless a joint is stuck."""
         if "signal" in fields.table:
             given = shown(fields.take("signal"))
             raise ValueError(f"{fields.at('signal')} = {given}: must be left out; effectiveness may be a signal")
@@ -78,7 +78,7 @@ class Fault:
         return self.rotor or self.joint
 
     def check(self, vehicle: Vehicle) -> None:
-        """Raise ValueError if the vehicle lacks the actuator."""
+        """Raise ValueError if the vehicle lacks the rotor or joint of the fault."""
         rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
         for kind, value, names in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
             if value and value not in names:

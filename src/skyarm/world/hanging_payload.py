@@ -35,7 +35,7 @@ FASTEST = 0.5
 
 @immutable
 class Swing:
-    """State of a hanging payload within a control period: load position and velocity, frame position, tension sum."""
+    """Substep state of a hanging payload: load position and velocity, frame position, and sum of cord forces."""
 
     position: Vec3
     velocity: Vec3
@@ -45,7 +45,7 @@ class Swing:
 
 @immutable
 class HangingMemory(PayloadMemory):
-    """Internal state of a hanging payload: that of a payload, load position and velocity, cord force.
+    """Internal state of a hanging payload: grasp status, load position and velocity, mean cord force.
 
     Attributes:
         position, velocity: position and velocity of the load, m and m/s, world axes.

@@ -1,4 +1,4 @@
-"""Launch stand: holds the vehicle level at a place until its rotors carry it."""
+"""Launch stand: holds the vehicle level at a position until its rotors carry it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from skyarm.world.component import Force, Wrench
 @immutable
 @checked("launch_stand")
 class LaunchStand(Force[tuple[()]]):
-    """Stand under the base origin: a spring that pushes up only, and holds place and attitude while it is loaded.
+    """Launch stand under the base origin: pushes up only, and holds position and attitude while it carries load.
 
     The upward force is N = m max(0, w^2 (z_0 - z) - 2 w v_z) below its top z_0, where the spring is critically damped
     with the vehicle on it. Sideways, and about each axis, spring and damper of the same frequency act, scaled by the
@@ -40,19 +40,19 @@ class LaunchStand(Force[tuple[()]]):
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]
-        """Longest integration step, s: half a radian of the spring's own motion."""
+        """Longest integration step (s) for the launch stand: half a radian of its spring's natural oscillation."""
         return 0.5 / float(self.frequency)
 
     @property
     def rest(self) -> Vec3:
-        """Place of the base origin at which the stand carries the vehicle's weight, m."""
+        """Position (m) of the base origin at which the launch stand carries the vehicle's whole weight."""
         sag = self.gravity / (self.frequency * self.frequency)
         return Vec3(self.place.x, self.place.y, self.place.z - sag)
 
     def wrenches(
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
-        """Push of the stand on the base at its origin, and its torque."""
+        """Force and torque of the launch stand on the base, about the base origin."""
         state, w = motion.state, self.frequency
         gap, v = state.position - self.place, state.velocity
         below = gap.z < 0.0

@@ -31,7 +31,7 @@ class SignalVector:
     z: Signal = NONE
 
     def to_entry(self) -> list[Entry]:
-        """Entry of a file: a list of three signals."""
+        """File entry of a vector of time signals: a list of three signals."""
         return [self.x.to_entry(), self.y.to_entry(), self.z.to_entry()]
 
     @classmethod

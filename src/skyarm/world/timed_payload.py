@@ -54,7 +54,7 @@ class Reach:
 
 @immutable
 class PayloadMemory:
-    """Internal state of a payload: whether it is held, and where it rests otherwise.
+    """Internal state of a payload: grasp status, and resting position while it is not held.
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
@@ -95,7 +95,7 @@ class TimedPayload(Component[PayloadMemory]):
     registered_as = "payload"
 
     def to_entry(self) -> dict[str, Entry]:
-        """Table of a file, with the pick-up in any case, and instants beside the places from which they count."""
+        """Table of the payload for a scenario file: always with pick-up; positions come with their earliest times."""
         table = record_entry(self, ("pick",))
         for name in ("pick", "drop"):
             place = table.get(name)
@@ -105,7 +105,7 @@ class TimedPayload(Component[PayloadMemory]):
 
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Reach | float | None]:
-        """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
+        """Read pick-up and set-down of a payload: a time (s), or ``{ within, of, after }`` on arrival at a position."""
         values: dict[str, Reach | float | None] = {}
         for name in ("pick", "drop"):
             if not isinstance(fields.table.get(name), dict):
@@ -187,7 +187,7 @@ class TimedPayload(Component[PayloadMemory]):
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
-        """True or false for the pick-up and for the set-down, by time and by the gripping frame's position."""
+        """Conditions of pick-up and of set-down, true if met: time reached, and gripping frame in a given sphere."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))

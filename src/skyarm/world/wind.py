@@ -79,7 +79,7 @@ WindValue = Gust | tuple[Gust, ...] | Dryden | None
 
 
 class GustyWind(Component[Memory]):
-    """Base of winds with gusts."""
+    """Base class of wind models with gusts."""
 
     __slots__ = ()
 
@@ -91,19 +91,19 @@ class GustyWind(Component[Memory]):
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
-        """Short spellings of a table: gusts whose peak is called by what blows."""
+        """Read the gusts of a wind table, in which ``force`` or ``velocity`` is another name of the peak."""
         return cls.gusts_from(fields)
 
     @classmethod
     def gusts_from(cls, fields: Fields) -> dict[str, WindValue]:
-        """Gusts from a table: one, or a list of several that add up."""
+        """Read the field ``gust`` of a wind table: one gust, or a list of gusts that add up."""
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
             return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
         return {} if entry is None else {"gust": cls._gust(entry, at), "gusts": ()}
 
     def to_entry(self) -> dict[str, Any]:
-        """Table of a file: gusts as a list, their peaks called by what blows.
+        """Table of the wind for a scenario file, with the peak of each gust named ``force`` or ``velocity``.
 
         Raises:
             TypeError: both a gust and gusts, which a file has one word for.
@@ -122,7 +122,7 @@ class GustyWind(Component[Memory]):
 
     @classmethod
     def _gust(cls, entry: object, where: str) -> Gust:
-        """Gust from a table that calls its peak by what blows, or from one of the record's fields."""
+        """Read one gust of a wind table, whose peak is named ``force`` or ``velocity`` by the wind, or ``peak``."""
         fields = Fields(entry, where)
         if "peak" in fields.table:
             return record_from(Gust, fields)
@@ -215,7 +215,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
-        """Gusts, and turbulence by altitude and wind speed, from a table."""
+        """Read gusts, and turbulence given by altitude and wind speed, from a wind table of a scenario file."""
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
         if isinstance(table, dict) and ("intensity" not in table or "altitude" in table):
@@ -269,7 +269,7 @@ def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
 
 
 def wind_from(table: object, where: str) -> Component[Any]:
-    """Wind from the table ``[environment.wind]`` of a scenario file: any air or force, its kind called its mode.
+    """Read the wind from the table ``[environment.wind]`` of a scenario file; ``mode`` selects the wind model.
 
     Exact zeros of its vectors are structure and fold away.
 

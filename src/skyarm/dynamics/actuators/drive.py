@@ -73,7 +73,7 @@ class Drive:
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Refuse a parameter table of a drive that lacks a parameter which another given one requires.
+        """Refuse a drive's parameter table with a parameter that requires another one which is missing.
 
         Raises:
             ValueError: one line that begins with the field.

@@ -264,7 +264,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...
 
 
 def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
-    """Largest share of the roll and pitch torque that some thrust keeps within all rotors' limits, 0 to 1.
+    """Largest share (0 to 1) of the roll and pitch torque for which some thrust is within all rotors' limits.
 
     Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
     e = highest / per_newton: every j must agree with the least d_i (Fourier-Motzkin elimination of the thrust).

@@ -198,7 +198,7 @@ class ScalarInnovation:
 def innovations(
     belief: Navigated, reading: Aid, position: Scalar, attitude: Scalar, heading: Scalar
 ) -> list[ScalarInnovation]:
-    """Innovations of a pose, position or heading reading; the other arguments are noise standard deviations."""
+    """Innovations of a pose, position or heading reading, with given standard deviations of the sensors' noise."""
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
     off = enumerate(reading.position - belief.position)

@@ -188,7 +188,7 @@ class ErrorStateFilter(FilterNumbers):
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Scalar]:
-    """Kalman update by the innovations of a reading if it is due and passes the gate; returns the test value too."""
+    """Kalman update by a reading's innovations, if due and within the gate; also returns the gate's test value."""
     error: list[Scalar] = [0] * len(P)
     surprise: Scalar = 0
     after = P

@@ -53,7 +53,7 @@ class Estimator:
         """
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Drive]) -> None:
-        """Refuse joint drives whose efforts the estimator cannot predict; ``vehicle``: name for the message."""
+        """Refuse joint drives whose efforts the estimator cannot predict; ``vehicle`` is the name in the message."""
 
     def start(self, vehicle: Vehicle) -> Tree:
         """Initial internal state, a dataclass or tuple of scalars; ``vehicle`` is the controller's model."""

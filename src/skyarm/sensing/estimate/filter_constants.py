@@ -129,7 +129,7 @@ FORCES = ("measured", "modelled")
 
 @immutable
 class FilterNumbers(Estimator):
-    """Parameters of the error-state filter: its own model of the sensors' noise, gates, initial deviations.
+    """Parameters of the error-state filter: assumed sensor noise, innovation gate, initial standard deviations.
 
     Attributes:
         aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.

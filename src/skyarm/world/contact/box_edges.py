@@ -1,4 +1,4 @@
-"""Contact of the edges of two boxes, which no corner of either needs to meet: crossed planks, boxes of one size.
+"""Edge-edge contact of two boxes, which needs no corner in contact: crossed planks, boxes of equal size.
 
 Two boxes are apart along one of 15 directions, or overlap: the normals of their faces, where corners meet faces, and
 the 9 cross products of their edges, where two edges meet. For each of these nine the edge of one box that reaches
@@ -49,7 +49,7 @@ _PARALLEL = 1e-12
 
 @immutable(kw_only=False)
 class PlacedBox:
-    """Box in the world: middle (m), rotation of its axes to world axes, and half lengths (m)."""
+    """Oriented box in the world: centre (m), rotation matrix from box to world axes, and half lengths (m)."""
 
     middle: Vec3
     rotation: Mat3
@@ -57,7 +57,7 @@ class PlacedBox:
 
 
 def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> PlacedBox:
-    """Box of a surface of the world, or of a movable body in its frame, at a time (s)."""
+    """Oriented box at a time (s) of a box-shaped surface, which belongs to the world or to a movable body."""
     x, y, z = (0.5 * each for each in surface.size)
     if frame is None:
         return PlacedBox(surface.place(clock)[0], surface.rotation, (x, y, z))
@@ -68,7 +68,7 @@ def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> Place
 def pairs_with_edges(
     surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
 ) -> Iterator[tuple[int, Surface, int]]:
-    """Boxes whose edges may touch: carrier and surface of one, carrier of the other; each two of them once."""
+    """Pairs of boxes whose edges may touch, each pair once: body index and surface of one, body index of the other."""
     for by, carrier in enumerate(carriers):
         for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
@@ -77,12 +77,12 @@ def pairs_with_edges(
 
 
 def face_overlap(a: PlacedBox, b: PlacedBox) -> Scalar:
-    """Least overlap (m) of two boxes along the normals of their faces; negative if one of these parts them."""
+    """Smallest overlap (m) of two boxes along all their face normals; negative if a face plane separates them."""
     return reduce(minimum, _face_overlaps(a, b))
 
 
 def _face_overlaps(a: PlacedBox, b: PlacedBox) -> Iterator[Scalar]:
-    """Overlap (m) of two boxes along the normal of each face of either."""
+    """Overlap (m) of two boxes along each of their six face normals."""
     between = a.middle - b.middle
     for one, other in ((a, b), (b, a)):
         for i in range(3):
@@ -94,7 +94,7 @@ def _face_overlaps(a: PlacedBox, b: PlacedBox) -> Iterator[Scalar]:
 
 
 def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec3]]:
-    """Place (m), depth (m, negative apart) and unit normal from b to a of each pair of edges, world axes."""
+    """Contact point (m), depth (m, negative apart) and unit normal (b to a) of each edge pair of two boxes, world."""
     between, overlap, crossings = a.middle - b.middle, face_overlap(a, b), list[_Crossing]()
     for i, j in product(range(3), range(3)):
         u, v = a.rotation.column(i), b.rotation.column(j)
@@ -126,7 +126,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
 
 @immutable(kw_only=False)
 class _Crossing:
-    """Two edges: place between them (m), depth along their common normal (m), the same at most inside both, normal."""
+    """Pair of edges: contact point (m), depth along the common normal (m), depth limited at the edges' ends, normal."""
 
     place: Vec3
     depth: Scalar
@@ -135,7 +135,7 @@ class _Crossing:
 
 
 def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Scalar | None], tuple[Vec3, Scalar | None]]:
-    """Middle (m, from that of the box) of two edges of a box that face a way, and how deep (m) the second may touch."""
+    """Midpoints (m, from the box's centre) of two edges farthest along a direction; depth limit (m) of the second."""
     first, second = (box.rotation.column((along + k) % 3) for k in (1, 2))
     one, other = first.dot(way), second.dot(way)
     first = first * (box.halves[(along + 1) % 3] * where(one < 0.0, -1.0, 1.0))

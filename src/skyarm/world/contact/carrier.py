@@ -158,7 +158,7 @@ class Carrier(Generic[Memory]):
     """Columns of a log, as in :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Memory) -> tuple[Scalar, ...]:
-        """Numbers of the movable body that the flight log records in every control period."""
+        """Values of the movable body that the flight log records in every control period."""
         return ()
 
 

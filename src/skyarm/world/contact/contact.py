@@ -136,7 +136,7 @@ class Contact(Force[ContactMemory]):
 
     @property
     def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """All surfaces with the number of the movable body that carries each; ``NOBODY`` for those of the world."""
+        """All contact surfaces, each with the index of its movable body, or ``NOBODY`` for a surface of the world."""
         carried = ((of, each) for of, carrier in enumerate(self.carriers) for each in carrier.surfaces)
         return (*((NOBODY, each) for each in self.surfaces), *carried)
 
@@ -259,7 +259,7 @@ class Contact(Force[ContactMemory]):
         return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
 
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
-        """Contact state of every pair at the vehicle's present motion."""
+        """Contact state of every contact pair for the vehicle's current motion."""
         step = self.largest_step if motion.step is None else motion.step
         moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
         return meetings_of(self, memory.carried, moving, clock, memory.bristles, step, motion.step)
@@ -340,7 +340,7 @@ class Contact(Force[ContactMemory]):
         return on_points + self.grasps.on_vehicle(memory.grips, memory.carried, motion)
 
     def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
-        """Internal state of the contact model in which friction holds what stands at the start."""
+        """Internal state of the contact model in which friction balances the weight of bodies that start at rest."""
         weights = {i: each.mass * motion.gravity for i, each in enumerate(self.objects) if each.standing}
         if vehicle:
             weights[NOBODY] = motion.vehicle.mass * motion.gravity
@@ -357,7 +357,7 @@ class Contact(Force[ContactMemory]):
         return replace(memory, grips=self.grasps.after(memory.grips, memory.carried, t, motion))
 
     def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signals of the grippers at a frame of the vehicle, as fingers or magnets sense it: 1 with a body."""
+        """Grasp signal of each gripper at a frame of the vehicle, as its grasp sensor reads: 1 while a body is held."""
         grips = zip(self.grippers, memory.grips, strict=True)
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
 
@@ -373,11 +373,11 @@ class Contact(Force[ContactMemory]):
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
-        """Largest number of integration substeps during a hit."""
+        """Largest number of substeps into which an integration step is divided during an impact."""
         return self.hit_steps
 
     def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Scalar]:
-        """Number of integration substeps: as many as ``hit_steps`` at a hit of ``HIT`` and faster, 1 where all is slow.
+        """Internal state of the contact model, and number of substeps: 1 in slow contact, ``hit_steps`` in hard impact.
 
         They stay nearly as fine through a hit, or the change of the step itself would be felt as energy.
         """
@@ -427,7 +427,7 @@ class Contact(Force[ContactMemory]):
         return contact_scene(seen, self.surfaces, self.points, self.objects, self.mechanisms)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warnings about steps much shorter than the vehicle's alone, and about balls that hold objects tilted."""
+        """Warnings about contact that needs very short steps, and about ball grippers that hold objects tilted."""
         pairs = product(self.grippers, self.objects)
         tilted = [line for hand, it in pairs for line in hand.tilt_warning(it.name, it.mass, it.half_width)]
         if not self.steps:

@@ -121,7 +121,7 @@ class FreeObject(Carrier[ObjectMotion]):
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Surface of the object's shape."""
+        """Contact surface of the free object."""
         return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
 
     @property
@@ -130,13 +130,13 @@ class FreeObject(Carrier[ObjectMotion]):
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
     def mobility_at(self, reach: Scalar) -> Scalar:
-        """Largest inverse effective mass in a grasp that also holds the attitude, 1/kg."""
+        """Largest inverse effective mass (1/kg) of the free object in a grasp that also fixes the attitude."""
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
     @property
     def step_share(self) -> float:
-        """Factor on a material's longest integration step in contact with this object (measured)."""
+        """Empirical factor by which contact with this free object shortens the longest stable integration step."""
         return STEP_SHARE
 
     @property
@@ -146,19 +146,19 @@ class FreeObject(Carrier[ObjectMotion]):
 
     @property
     def half_width(self) -> float:
-        """Half of its largest width, m: how far beside its middle it may be gripped."""
+        """Half the largest dimension (m) of the free object: largest offset of a grasp from the object's centre."""
         if self.shape == "cylinder":
             return max(float(self.size[0]), 0.5 * float(self.size[1]))
         return max(float(each) for each in self.size) * (0.5 if self.shape == "box" else 1.0)
 
     @property
     def gyration(self) -> Scalar:
-        """Smallest squared radius of gyration, m^2."""
+        """Smallest squared radius of gyration of the free object, m^2."""
         moments = self.moments
         return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
 
     def start(self) -> ObjectMotion:
-        """Initial state from the object's fields."""
+        """Initial state of the free object, from its initial pose and velocities."""
         attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude

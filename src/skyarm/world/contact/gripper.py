@@ -59,7 +59,7 @@ class Command:
 
     @classmethod
     def from_table(cls, entry: Entry, where: str) -> Command:
-        """Read the command from a file's value; raises ValueError with one line."""
+        """Read a gripper command from a value of a scenario file; raises a one-line ValueError if invalid."""
         return cls(signal_from(entry, where))
 
     def at(self, t: Scalar) -> Scalar:
@@ -166,13 +166,13 @@ class Gripper:
 
     @property
     def holds_attitude(self) -> bool:
-        """True if something resists a rotation of what is held."""
+        """True if the grasp resists rotation of the held body."""
         free = absent(self.radius)
         return self.kind in POSE or (self.kind == "ball" and not free)
 
     @property
     def socket_torque(self) -> Scalar:
-        """Friction torque (N m) of a ball in its socket, preloaded by the force at which the ball leaves it.
+        """Friction torque (N m) of a ball gripper in its socket, preloaded by the force that releases the ball.
 
         M = mu F r: the frictional moment of a spherical plain bearing under a load F (SKF, Spherical plain bearings and
         rod ends, catalogue 4407: M = 0.5 mu P d). mu: 0.5 dry, 0.1 to 0.2 greased steel.
@@ -180,7 +180,7 @@ class Gripper:
         return self.friction * self.force * self.radius
 
     def tilt_warning(self, name: str, mass: Scalar, half_width: Scalar) -> Iterator[str]:
-        """Warning about a ball whose friction does not bear an object (kg) that it holds near its rim (m)."""
+        """Warning if a ball gripper has too little friction to hold an object (kg) level when off centre (m)."""
         level = self.socket_torque / (mass * EARTH)
         if self.kind == "ball" and level < half_width:
             torque, off = float(self.socket_torque), 1e3 * float(level)
@@ -311,7 +311,7 @@ def _select_rows(condition: Scalar, a: Mat3, b: Mat3) -> Mat3:
 
 
 def _within_length(vector: Vec3, most: Scalar) -> Vec3:
-    """Vector shortened to a length; zero where that is zero."""
+    """Vector, shortened if it is longer than a given length; zero for a length of zero."""
     return vector * divide(most, maximum(sqrt(vector.dot(vector) + TINY), most))
 
 

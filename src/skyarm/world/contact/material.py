@@ -109,7 +109,7 @@ class Material:
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
     def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, step: Scalar) -> Vec3:
-        """Rate (m/s) of the elastic bristle deflection in the friction model, a mean over a step at this slip.
+        """Mean rate (m/s) of the friction bristle deflection over an integration step at a constant slip velocity.
 
         In closed form: along a way s the bristle goes to its length along the slip as exp(-s / z_s).
 

@@ -285,7 +285,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, tuple[
         effort = effort - of.detent.at(q)
 
     def push(depth: Scalar, speed: Scalar) -> Scalar:
-        """Effort of an end stop on what comes into it, N or N m."""
+        """Force or torque (N or N m) of an end stop from its penetration and penetration rate."""
         stop = stop_of(of)
         return stop.normal_force(depth, speed, stop.step_of(of.generalized_inertia))
 
@@ -348,7 +348,7 @@ def _at_stop(limit: Scalar) -> bool:
 
 @immutable
 class Kind:
-    """Kind of mechanism, such as a door: whether it turns, its axis, and the lengths that define its body.
+    """Kind of mechanism, such as a door: hinge or slide, axis of motion, and names of the lengths of its body.
 
     Attributes:
         turns: True for a hinge, False for a slide.

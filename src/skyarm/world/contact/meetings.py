@@ -1,4 +1,4 @@
-"""Contact detection: which point is how deep in which surface, and what they exert on each other.
+"""Contact detection: penetration and contact force of contact points at surfaces, and of box edges at box edges.
 
 Every point of the vehicle may meet every surface, and so may every spot of a movable body that is not its own; edges of
 boxes meet those of others (:mod:`skyarm.world.contact.box_edges`). The order of the pairs is that of their bristles in
@@ -29,19 +29,19 @@ EDGE = -1
 
 
 class Bodies(Protocol):
-    """Protocol of what may touch: a :class:`skyarm.world.contact.Contact`."""
+    """Protocol of a set of bodies that may touch, such as a :class:`skyarm.world.contact.Contact`."""
 
     @property
     def points(self) -> tuple[ContactPoint, ...]:
-        """Points of the vehicle."""
+        """Contact points of the vehicle."""
 
     @property
     def carriers(self) -> tuple[AnyCarrier, ...]:
-        """Movable bodies."""
+        """Movable bodies with contact surfaces."""
 
     @property
     def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """Surfaces, each with the number of its body; fixed ones have that of the world."""
+        """All contact surfaces, each with the index of its movable body, or ``NOBODY`` for a surface of the world."""
 
 
 @immutable
@@ -148,7 +148,7 @@ def meetings_of(
 
 
 def misses(touch: Touch, seconds: Scalar) -> Scalar:
-    """True if a point cannot come to a surface within ``seconds``, whatever pushes it meanwhile."""
+    """True if a point is too far from a surface to reach it within ``seconds``, even under a large acceleration."""
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
     far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
     return far

@@ -1,4 +1,4 @@
-"""Bristles of what stands at the start: bent as far as friction holds the part of the weight across the surfaces."""
+"""Initial deflections of friction bristles, for bodies that stand at rest: friction balances the tangential weight."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def standing_bristles(
     weights: Mapping[int, Scalar],
     materials: Mapping[str, Material],
 ) -> tuple[Vec3, ...]:
-    """Bristles with which friction holds what stands, each body by itself.
+    """Initial bristle deflections (m) with which friction balances the weight of each standing body, as far as it can.
 
     Args:
         meetings: contacts at the start.

@@ -129,7 +129,7 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
-    """Excess of normal forces over the weight (N), and moment (N m), where friction holds what is across them.
+    """Normal force less the weight along it (N), and moment (N m), if friction balances the tangential weight.
 
     Args:
         pushes: arm from the centre of mass (m) and force (N) of each.

@@ -176,7 +176,7 @@ class Surface:
 
 
 def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
-    """Refuse a wrong number of lengths for a shape."""
+    """Refuse a size whose number of lengths does not fit the shape of the surface."""
     sizes = SHAPES[shape]
     if len(size) != len(sizes):
         count = "one number" if len(sizes) == 1 else f"{len(sizes)} numbers"
@@ -296,7 +296,7 @@ def _outside(size: Sequence[Scalar], away: Scalar, z: Scalar) -> Scalar:
 
 
 def _to_edge(away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]) -> tuple[Scalar, ...]:
-    """Squared distance to an edge of the plate's cross-section, offset from its nearest point, outward normal.
+    """Squared distance and offset of a point from an edge of a plate's cross-section, and outward normal of the edge.
 
     The material is on the right of an edge, seen along it.
     """

@@ -92,7 +92,7 @@ def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:
 
 
 def _drawn(part: Component[Tree], seen: Instants) -> Scene:
-    """Scene of one environment model.
+    """Drawn solids, lines and arrows of one environment model.
 
     Raises:
         ValueError: it cannot be drawn; one line with the method's file.
