@@ -1,4 +1,4 @@
-"""Types of arrays, and tables of numbers that stand for every instant or have one for each."""
+"""Types of arrays, and stacking of scalars and arrays into one array."""
 
 from __future__ import annotations
 

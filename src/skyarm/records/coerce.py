@@ -88,7 +88,7 @@ def number(field: str, value: object) -> Scalar:
 
 
 def _is_scalar(value: object) -> TypeGuard[Scalar]:
-    """True for what has a scalar's product and is one number."""
+    """True if a value is a single number that can be multiplied, such as a float or a traced scalar."""
     return hasattr(value, "__mul__") and hasattr(value, "__float__")
 
 

@@ -46,7 +46,7 @@ def accept_fields(record: object, where: str, error: type[ValueError] = RecordEr
 
 
 def checked(where: str, error: type[ValueError] = RecordError) -> Callable[[type[Record]], type[Record]]:
-    """Decorator, below ``immutable``, of records whose fields are checked when they are made, and nothing else.
+    """Decorator, below ``immutable``, of dataclasses that need no more than checks of their fields when constructed.
 
     The arguments are those of :func:`accept_fields`.
     """
@@ -89,7 +89,7 @@ def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -
 
 @memoize
 def rules(kind: type) -> Mapping[str, Rule]:
-    """Rule of each field of a dataclass whose annotation states what it holds."""
+    """Check and conversion of each field of a dataclass, by field name; fields with nothing to check are left out."""
     by_field = {name: _rule(annotation, unit) for name, (annotation, unit) in declared_fields(kind).items()}
     return {name: rule for name, rule in by_field.items() if rule is not None}
 

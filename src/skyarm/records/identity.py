@@ -75,7 +75,7 @@ def own_files(*things: object) -> dict[str, str]:
 
 
 def all_files(*things: object) -> dict[str, str]:
-    """Digests by name of the user files behind the given objects and of all loaded plugins."""
+    """Digests, by file name, of all user files that define the given objects, and of all loaded plugins."""
     return number_duplicates(
         sorted(_pairs(things) | {pair for plugin in loaded_plugins() for pair in plugin.identities()})
     )

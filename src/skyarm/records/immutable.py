@@ -13,7 +13,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def memoize(function: F) -> F:
-    """Cache the results of a function and keep its type: ``functools.cache`` takes only some classes for hashable."""
+    """Cache the results of a function and keep its static type, which ``functools.cache`` loses."""
     return cast("F", cache(function))
 
 
@@ -28,7 +28,7 @@ LONGEST = 300
 
 
 def short_repr(record: object) -> str:
-    """Text of a record of at most 300 characters: its class and fields; of long values the class alone if need be."""
+    """Text of a record in at most 300 characters: its class and fields, of which long values show only their class."""
     texts = {
         each.name: (type(value).__name__, " ".join(repr(value).split()))
         for each in declarations(type(record))

@@ -62,7 +62,7 @@ def _visit_only(record: object, visit: Callable[[object], None]) -> None:
 
 @memoize
 def field_names(kind: type) -> tuple[str, ...] | None:
-    """Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
+    """Field names of a dataclass, cached for use in every control period; None for any other type."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 

@@ -1,4 +1,4 @@
-"""Records in a notebook: what a command prints about one, and a picture."""
+"""Display of a record in a notebook: the text that a command prints about the record, and a picture."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PAGE = "skyarm.cli.notebook"
 
 
 def notebook_html(record: object) -> str:
-    """HTML of a record for a notebook; its text alone where more cannot be made."""
+    """HTML of a record for a notebook; only the record's text if nothing more can be displayed."""
     try:
         words, picture = import_module(PAGE).words_and_picture(record)
     except Exception:  # a cell shows what there is: a damaged log, a plugin that is not loaded

@@ -1,4 +1,4 @@
-"""Names that continue a parameter path inside a record: its fields, their words in a file, items of a list.
+"""Names that may continue a parameter path inside a record: its fields, their keys in a file, items of a list.
 
 A class whose numbers a file calls otherwise has a method ``path_names`` that says how: a circle is three signals, and
 its radius the amplitude of two.
@@ -21,7 +21,7 @@ from skyarm.records.words import words_of_fields
 
 @immutable(kw_only=False)
 class NumberView:
-    """Number that is no field of a record but follows from several, such as an angle of an attitude.
+    """Value that is not stored in a record but follows from several fields, such as an angle of an attitude.
 
     Attributes:
         name: name that the methods of :class:`Viewed` take. unit: unit of the number.
@@ -43,25 +43,25 @@ Names: TypeAlias = Mapping[str, Denoted]
 
 
 class Viewed(Protocol):
-    """Record with numbers that follow from several of its fields."""
+    """Protocol of a record with computed values, each of which follows from several of its fields."""
 
     def number_of_view(self, name: str) -> float:
-        """Return the number of a view."""
+        """Return a computed value of the record by its name."""
         ...
 
     def with_views(self, values: Mapping[str, Scalar]) -> Self:
-        """Return the record with the numbers of some views, by name, replaced together."""
+        """Return a copy of the record with some computed values, given by name, replaced together."""
         ...
 
 
 def path_names(record: object) -> Names:
-    """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
+    """Names that may continue a parameter path inside a given dataclass or tuple, each with what it denotes."""
     own: Callable[[], Names] | None = getattr(record, "path_names", None)
     return field_paths(record) if own is None else own()
 
 
 def field_paths(record: object) -> dict[str, Denoted]:
-    """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
+    """Names of a dataclass' fields and of their keys in a file, or of a tuple's items by index and name."""
     if isinstance(record, tuple):
         named = [_name(item) for item in record]
         places: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
@@ -83,7 +83,7 @@ def _name(item: object) -> str | None:
 
 
 def below(head: Place, names: Names) -> dict[str, Denoted]:
-    """Names of a part, with places as seen from the record that holds the part at a place."""
+    """Names of the parameters inside a part of a record, with field paths that start from the whole record."""
 
     def from_head(inner: Denoted) -> Denoted:
         if isinstance(inner, NumberView):

@@ -22,7 +22,7 @@ Plain: TypeAlias = bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
 class Named(Protocol):
-    """Class or function."""
+    """Protocol of an object with a name, such as a class or function."""
 
     @property
     def __name__(self) -> str: ...
@@ -108,7 +108,7 @@ def fields_of(value: object) -> list[tuple[str, object]]:
 
 @memoize
 def written_if_any(kind: type) -> tuple[str, ...]:
-    """Fields of a dataclass that are written only where they are not empty."""
+    """Fields of a dataclass that plain data contains only if their values are not empty."""
     return tuple(field.name for field in declarations(kind) if "written_if_any" in field.metadata)
 
 

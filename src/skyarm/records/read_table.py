@@ -71,7 +71,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
 
 
 def entry_of(value: object) -> Entry:
-    """Entry of a file from which a value is read again: a table of a record's fields that are not their defaults.
+    """Entry for a file from which a value can be read again; for a record, a table of its non-default fields.
 
     Raises:
         TypeError: a value that no file has words for.
@@ -87,7 +87,7 @@ def entry_of(value: object) -> Entry:
 
 
 def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
-    """Table of a record's fields that are not their defaults, and of its kind if its class is registered.
+    """Table of a record's non-default fields, and of its kind if its class is registered.
 
     Args:
         value: a record.
@@ -117,7 +117,7 @@ def _registered_name(kind: str, value: object) -> Entry:
 
 
 def same_as(value: object, usual: object) -> bool:
-    """True if a value is a field's default, bit for bit: a 0 that is structure is another than 0.0."""
+    """True if a value is identical to a field's default: the constant 0 of compiled code differs from 0.0."""
     return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
@@ -146,7 +146,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
 
 
 def _by_words(line: str, called: Mapping[str, str]) -> str:
-    """Message that begins with a point and a field, which is named by its word in a file."""
+    """Error message in which the field name at the beginning is replaced by the field's key in a file."""
     return re.sub(r"^\.(\w+)", lambda match: f".{called.get(match[1], match[1])}", line)
 
 
@@ -285,7 +285,7 @@ def registered_from(
 
 
 def registered_value(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> Record:
-    """Read one registered record (:func:`registered_from`), whose name may stand for its table."""
+    """Read one registered record (:func:`registered_from`) from its table or, with default values, from its name."""
     return registered_from(kind, base, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
 
 

@@ -89,7 +89,7 @@ def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
 
 
 def _function(data: Table, plugins: Mapping[str, str], where: str) -> object:
-    """Restore a module's function or a record's method."""
+    """Restore a reference to a function of a module or a method of a record."""
     name = data["name"]
     if "<" in name:
         raise RestoreError(f"{where or 'record'}: {name} was made inside a function, it cannot be read back")

@@ -17,7 +17,7 @@ from skyarm.records.registry.registrations import KINDS, SHIPPED, registrations,
 
 
 def pack(value: object) -> bytes:
-    """Serialise a value for another process; what it can import goes by name, everything else by content.
+    """Serialise a value for another process: importable objects by name, everything else by content.
 
     A function that was made inside another one works there on the variables of its own module, as those that go by name
     do. Copies of these variables would be none of what the module's other functions return.
@@ -39,7 +39,7 @@ Cells = tuple[tuple[object, ...], ...]
 
 @lru_cache(maxsize=1)
 def _pickler() -> type[pickle.Pickler]:
-    """Class of the pickler; made when it is needed, since the package behind it takes its time to import."""
+    """Class of the pickler, made when it is needed because its package is slow to import."""
     import cloudpickle
 
     class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
@@ -59,7 +59,7 @@ KEPT = ("__defaults__", "__kwdefaults__", "__dict__", "__module__", "__qualname_
 
 
 def _is_made_in_a_module(function: FunctionType) -> bool:
-    """True for a function that has no name in its module, while another process can import that module."""
+    """True for a function that its importable module does not hold by name, such as an inner function."""
     home = sys.modules.get(str(function.__globals__.get("__name__")))
     if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
         return False
@@ -70,7 +70,7 @@ def _is_made_in_a_module(function: FunctionType) -> bool:
 
 
 def _cell_content(cell: CellType) -> tuple[object, ...]:
-    """Value that a function is closed over, as a tuple; () if it has none yet."""
+    """Value of a closure's cell, as a tuple; () if it is not assigned yet."""
     try:
         return (cell.cell_contents,)
     except ValueError:
@@ -78,7 +78,7 @@ def _cell_content(cell: CellType) -> tuple[object, ...]:
 
 
 def _empty_function(code: CodeType, home: str, cells: int) -> FunctionType:
-    """Function on the variables of a module, closed over nothing yet: it may be closed over itself."""
+    """Make a function of a module with empty closure cells, since its closure may contain the function itself."""
     return FunctionType(code, vars(import_module(home)), code.co_name, None, tuple(CellType() for _ in range(cells)))
 
 
@@ -92,12 +92,12 @@ def _fill_function(function: FunctionType, state: tuple[Cells, dict[str, object]
 
 
 def unpack(content: bytes) -> Any:
-    """Value that :func:`pack` made bytes of."""
+    """Deserialise a value that :func:`pack` has serialised."""
     return pickle.loads(content)
 
 
 def luggage() -> bytes:
-    """Plugins of this process by content, and names registered here: what another one needs before it unpacks values.
+    """Serialised plugins and registered names of this process, which another one needs to deserialise its values.
 
     The other process may run on another machine, which sees none of the files.
     """
@@ -114,7 +114,7 @@ def _own_registrations() -> Iterator[bytes]:
 
 
 def unload(content: bytes) -> None:
-    """Load what :func:`luggage` packed in another process.
+    """Load the plugins and registered names that :func:`luggage` has serialised in another process.
 
     Raises:
         RegistryError: a plugin fails here, or an installed one is missing or of another version.

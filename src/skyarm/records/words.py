@@ -1,4 +1,4 @@
-"""Words of a file: path of a field in it, and when its value may change, declared beside the field.
+"""Keys of a file: path of each field in the file and when its value may change, declared next to the field.
 
 ``faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True)]`` stands under that name; a field that
 says nothing stands under its own. Reading, parameter paths, scheduled changes and differences all ask :func:`slots`.
@@ -22,7 +22,7 @@ EACH = "*"
 
 @immutable(kw_only=False)
 class Word:
-    """Path of a field in a file, what the file may have there, and when it may change.
+    """Key of a file: path of a field in the file, what entry the file may have there, and when the value may change.
 
     Attributes:
         at: path below the table of the record that holds the field; from the top of the file if it begins with ``/``;
@@ -55,7 +55,7 @@ STRUCTURAL = Word(varies="never")
 
 
 class Slot(NamedTuple):
-    """Word of a file with its whole path, and the field of the record that holds its value.
+    """Key of a file with its whole path, and the field of the record that holds its value.
 
     Attributes:
         path: dotted, from the top of the file. place: place from the record; in both ``*`` stands for every item.
@@ -72,29 +72,29 @@ class Slot(NamedTuple):
 
     @property
     def table(self) -> str:
-        """Path of the table that holds all items of the word."""
+        """Path of the table that holds all items of the key."""
         return self.path.removesuffix(f".{EACH}")
 
     @property
     def field(self) -> Place:
-        """Place of the field that declares the word."""
+        """Path of the field that declares the key, from the top of the record."""
         return self.place[: len(self.place) - len(self.word.inside)]
 
     @property
     def record(self) -> Place:
-        """Place of the record that holds all items of the word."""
+        """Path of the field that holds all items of the key, from the top of the record."""
         return self.place[: self.place.index(EACH)] if EACH in self.place else self.place
 
 
 @cache
 def slots(kind: type) -> tuple[Slot, ...]:
-    """Words of a file that a dataclass and the groups inside it declare, in the order of their fields."""
+    """Keys of a file that a dataclass and the groups inside it declare, in the order of their fields."""
     return tuple(_slots(kind, "", ()))
 
 
 @cache
 def groups(kind: type) -> dict[str, type]:
-    """Fields of a dataclass whose own fields are words of the table, each with its class."""
+    """Fields of a dataclass that group keys of the same table, each with the class of the group."""
     types = typing.get_type_hints(kind)
     return {name: types[name] for name, word in _words_in(kind) if word.group}
 
@@ -112,18 +112,18 @@ def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
 
 @cache
 def lifted_fields(kind: type) -> dict[str, str]:
-    """Fields of a dataclass that may change where another one is stated, each with the name of that one."""
+    """Fields of a dataclass that may change only if another field is stated, each with the name of that other field."""
     return {name: word.unless for name, word in _words_in(kind) if word.unless}
 
 
 @memoize
 def words_of_fields(of: type | Callable[..., object]) -> dict[str, str]:
-    """Fields of a dataclass, or parameters of a function, that a file calls otherwise, each with its word there."""
+    """Fields of a dataclass, or parameters of a function, that have another name in a file, each with that name."""
     return {name: word.at for name, word in _words_in(of) if word.at and word.at.isidentifier()}
 
 
 def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
-    """Words of a dataclass' fields or a function's parameters; one of the field's own name if it declares none."""
+    """Key declarations of a dataclass' fields or a function's parameters; by default the key is the name."""
     if isinstance(of, type) and field_names(of) is None:
         return []
     try:

@@ -29,7 +29,7 @@ ABOUT = ("center", "axis", "force")
 
 
 def grasp(task: TaskBuilder, phase: Fields) -> None:
-    """Add a grasp at the tip's position to the task, also of a handle that turns about an axis."""
+    """Add to the task a grasp at the tip's position; the grasped handle may turn about an axis."""
     arc = _arc_of(task, phase)
     handle(task, phase, "pick")
     if arc is not None:
@@ -162,7 +162,7 @@ def write(task: TaskBuilder, phase: Fields) -> None:
 
 
 def retreat(task: TaskBuilder, phase: Fields) -> None:
-    """Add a motion away from a surface without contact force to the task; it waits while a held force goes."""
+    """Add a motion away from a surface without contact force to the task, after a wait if the tip pressed before."""
     wait = LETTING_GO if task.follows_a_press else 0.0
     if phase.take("position", None) is not None:
         task.rest(wait)

@@ -40,7 +40,7 @@ tip then moves by its own length in 50 rad or more."""
 
 @immutable
 class Feasibility:
-    """Peak thrust, tilt and joint-limit times of a planned tip reference, and its nearest arm singularity.
+    """Peak thrust and tilt, times at joint limits and nearest arm singularity of a planned tip reference.
 
     Attributes:
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.

@@ -1,4 +1,4 @@
-"""Names of a motion's numbers in parameter paths, as its table in a file has them.
+"""Names of a motion's parameters in parameter paths, equal to the keys of the motion's table in a file.
 
 A motion is three signals. Those that a circle is made of have its radius, centre and window; a list of motions is the
 sum of the signals of each.
@@ -14,7 +14,7 @@ from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windo
 
 
 def motion_names(x: Signal, y: Signal, z: Signal) -> Names:
-    """Names below [reference.base] or the tip's path: hover, circle, signals, or a list of such motions."""
+    """Parameter names of a base or tip motion: a hover, a circle, three signals, or a list of such motions."""
     axes = [(signal, (letter,)) for signal, letter in zip((x, y, z), "xyz", strict=True)]
     terms = [_terms(*axis) for axis in axes]
     if all(terms):
@@ -23,7 +23,7 @@ def motion_names(x: Signal, y: Signal, z: Signal) -> Names:
 
 
 def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
-    """Terms of a sum ((0 + a) + b) ... of a list of motions, with their field paths; None for any other signal."""
+    """Terms of the sum ((0 + a) + b) ... that a list of motions makes, with field paths; None for any other signal."""
     match signal:
         case Constant(value=int() | float() as value) if value == 0.0:
             return []

@@ -1,4 +1,4 @@
-"""Preview of a reference: samples to come that a publisher sends with the one that is held.
+"""Preview of a reference: future samples that are published together with the held sample.
 
 A sample is value, rate and acceleration of x, y, z, yaw and each joint.
 """
@@ -24,7 +24,7 @@ def samples(reference: Reference) -> list[Sample]:
 
 
 def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]) -> Reference:
-    """Reference with the samples that follow it.
+    """Reference with a preview: the samples that follow the held one.
 
     Args:
         sample: published one, which is held.
@@ -37,7 +37,7 @@ def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scala
 
 
 def samples_ahead(reference: Reference) -> list[list[Sample]]:
-    """Samples to come of a reference, of each instant those of all signals; empty without a preview."""
+    """Future samples of all signals of a reference, one list for each preview instant; empty without a preview."""
     count = 3 * (4 + len(reference.joints))
     rows = [reference.ahead[i : i + count] for i in range(0, len(reference.ahead), count)]
     return [[(row[k], row[k + 1], row[k + 2]) for k in range(0, count, 3)] for row in rows]

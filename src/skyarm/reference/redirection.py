@@ -1,4 +1,4 @@
-"""Signals that can leave their course for a goal while a flight runs.
+"""Time signals that can be redirected to a new goal during a flight.
 
 From the instant ``start`` on the signal is the quintic polynomial that begins with the value, velocity and acceleration
 of that instant and comes to rest at the goal after ``duration``; then it stays there.
@@ -34,7 +34,7 @@ DURATIONS = np.geomspace(0.1, 300.0, 165)
 
 @immutable
 class Redirected(Signal):
-    """Time signal that from ``start`` on moves to a goal and stays there; before it is another signal.
+    """Time signal that moves to a goal from ``start`` on and then stays there; before, it equals another signal.
 
     Attributes:
         signal: time signal until ``start``. value, velocity, acceleration: values at ``start``.

@@ -35,7 +35,7 @@ def constant_from(fields: Fields) -> Signal:
 
 
 def sine_from(fields: Fields) -> Signal:
-    """Sine within a window of time, from whose start its own time counts."""
+    """Sine signal within a time window, with its time counted from the start of the window."""
     amplitude, frequency = fields.number("amplitude"), fields.number("frequency_hz")
     sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=fields.number("phase", 0.0))
     start, stop = window_of(fields)
@@ -43,7 +43,7 @@ def sine_from(fields: Fields) -> Signal:
 
 
 def sequence_from(fields: Fields) -> Signal:
-    """Ramps one after the other, each by its duration and its value at the end."""
+    """Signal of consecutive ramps, each given by its duration and its final value."""
     start, initial = fields.number("start"), fields.number("initial", 0.0)
     shape = fields.choice("shape", ("linear", "quintic"), "linear")
     raw, at = fields.take("segments"), f"{fields.where}.segments"

@@ -53,7 +53,7 @@ class Signal(ABC):
         accept_fields(self, type(self).__name__.lower())
 
     def path_names(self) -> Names:
-        """Names of the numbers of the signal, and of one that it moves or shifts, in a parameter path."""
+        """Names, in parameter paths, of the signal's parameters and of those of a signal that it moves or shifts."""
         return {name: ((name,),) for name in parts(self)}
 
     def switch_times(self) -> tuple[float, ...]:
@@ -65,7 +65,7 @@ class Signal(ABC):
         return Sum((self, other))
 
     def to_entry(self) -> Any:
-        """Entry of a file from which the signal is read again: a table of its kind and its numbers."""
+        """Entry for a file from which the signal can be read again: a table of its kind and its parameters."""
         return {"kind": type(self).__name__.lower()} | {name: entry_of(each) for name, each in parts(self).items()}
 
     @classmethod
@@ -101,7 +101,7 @@ class Constant(Signal):
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
 
     def to_entry(self) -> Any:
-        """Entry of a file: the value."""
+        """Entry for a file: the constant value."""
         return self.value
 
     own_number: ClassVar[Place] = ("value",)
@@ -195,7 +195,7 @@ class Windowed(Signal):
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def path_names(self) -> Names:
-        """Names of the window's instants and of the signal's numbers; the time of a sine counts from its start."""
+        """Names, in parameter paths, of the window's limits and the inner signal's parameters; a sine moves along."""
         below_it = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
             below_it["start"] = (("start",), ("signal", "delay"))
@@ -225,7 +225,7 @@ class Shifted(Signal):
     delay: Annotated[Scalar, Unit("s")]
 
     def path_names(self) -> Names:
-        """Names of the shift and of the signal's numbers."""
+        """Names, in parameter paths, of the delay and of the delayed signal's parameters."""
         return below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -244,7 +244,7 @@ class Sum(Signal):
     signals: tuple[Signal, ...]
 
     def path_names(self) -> Names:
-        """Names of the terms, by their numbers, and of the fields."""
+        """Names, in parameter paths, of the terms by index, and of the field that holds them."""
         return {str(i): (("signals", str(i)),) for i in range(len(self.signals))} | {"signals": (("signals",),)}
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -363,7 +363,7 @@ def signal_from(entry: object, where: str) -> Signal:
 
 
 def _checked(make: object, signal: Signal) -> Signal:
-    """Signal of a user's kind, whose values are needed before a flight checks its parts; others raise an error."""
+    """Check the value of a user-defined time signal at time 0, and return the signal."""
     require_result(make, signal, isinstance(signal, Signal), "a skyarm.reference.Signal")
     derivatives = signal.derivatives(0.0)
     fine = isinstance(derivatives, tuple) and len(derivatives) == len(Constant(0.0).derivatives(0.0))

@@ -241,7 +241,7 @@ class TaskBuilder:
 
     @property
     def follows_a_press(self) -> bool:
-        """True if the phase before this one pressed."""
+        """True if the previous phase of the task pressed on a surface."""
         return self._pressed == len(self.setting.phases) - 1
 
     def press(self, begin: float, end: float) -> None:

@@ -94,7 +94,7 @@ class TipMotion:
     arm: Arm
 
     def path_names(self) -> Names:
-        """Names of the fields, and of the tip's motion as its table in a file has them."""
+        """Names, in parameter paths, of the fields and of the tip motion's parameters."""
         return field_paths(self) | {"path": motion_names(self.x, self.y, self.z)}
 
     def path(self, t: Scalar) -> FiveVectors:

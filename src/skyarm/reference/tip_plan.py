@@ -146,7 +146,7 @@ def _cost(task: ArmTask, q: Sequence[float], errors: Sequence[float]) -> float:
 def _errors(
     task: ArmTask, q: Sequence[float], position: Vec3 | None, orientation: Mat3 | None
 ) -> tuple[list[list[float]], list[float]]:
-    """Jacobian and error (m) of the tip pose, with rotations scaled to a length."""
+    """Jacobian and error (m) of the tip pose, with rotations multiplied by a length."""
     pose = frame_pose(task.vehicle, task.frame, q)
     columns = jacobian_columns(task.vehicle, task.frame, q)
     rows: list[list[float]] = []

@@ -31,7 +31,7 @@ from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
 
 @immutable
 class Reference:
-    """Desired motion at one instant, or at many with arrays as scalars.
+    """Desired motion at one instant, or at many instants with arrays in place of numbers.
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
@@ -122,7 +122,7 @@ class Trajectory:
     phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def path_names(self) -> Names:
-        """Names of the fields that are there, and of the base's motion as its table in a file has them."""
+        """Names, in parameter paths, of the fields that are set and of the base motion's parameters."""
         names = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
         return {name: places for name, places in names.items() if getattr(self, name, self) is not None}
 
@@ -188,7 +188,7 @@ class Trajectory:
 
 
 def resting_arm(joints: int) -> dict[str, Any]:
-    """Fields of a reference for so many joints that rest at zero."""
+    """Joint fields of a reference in which a given number of joints rests at zero."""
     return dict.fromkeys(JOINTS, (0.0,) * joints)
 
 

@@ -223,7 +223,7 @@ def samples_signal(fields: Fields) -> Signal:
 
 
 def samples_as_spline(fields: Fields) -> dict[str, Entry]:
-    """Table of the signal through given values that equals one through a column of a CSV file."""
+    """Table of a spline signal that states the values of a column of a CSV file."""
     times, values = _samples_of(fields)
     fields.take("kind", None)
     fields.done()

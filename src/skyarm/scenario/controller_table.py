@@ -191,7 +191,7 @@ LAYERS = ("safety", "servos")
 
 
 def option_words(law: str) -> dict[str, str]:
-    """Words of a [controller] table for the options of a law, each with its option.
+    """Keys of a [controller] table for the options of a control law, each with the option that it states.
 
     An option that its maker does not declare is called, and read, as that of many laws.
     """
@@ -238,7 +238,7 @@ def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: 
 
 
 def _of_options(word: str, law: str, fields: Fields, model: Model, timing: Mapping[str, float]) -> Controller:
-    """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
+    """Build the controller of a law or an autopilot with the options that its [controller] table states."""
     best = fields.flag("tuned", False)
     words = law_words(law)
     if word == "autopilot" and "program" in fields.table:
@@ -266,7 +266,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, timing: Mappi
 
 
 def _note_change(fields: Fields, law: str) -> None:
-    """Warn of a law whose usual gains are others than an earlier version's, but where its table states the new word."""
+    """Warn of a law whose default gains differ from an earlier version's, unless its table states that option."""
     for key, note in present_names("law").items():
         changed, word = key.split(".")
         if law == changed and not {"preset", word} & fields.table.keys():
@@ -302,7 +302,7 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
 
 
 def _read(fields: Fields, word: str, usual: object, annotation: object, unit: Unit) -> object:
-    """Read one option of a control law; a table becomes the record that the option is, all else the law checks.
+    """Read one option of a control law; the table of an option that is a record becomes that record.
 
     Numbers that the table does not state are those of the record that the option is where it is left out.
     """

@@ -1,4 +1,4 @@
-"""Tables of a scenario file, read word by word at the first use of each.
+"""Tables of a scenario file, whose keys are read at their first use.
 
 A reader of one word may ask for others: the reference for the plant that flies it, payloads for the events of the
 reference's task. :class:`PartDocument` answers the same questions for one part of a scenario that exists, so that a
@@ -41,12 +41,12 @@ OF_SCENARIO = ("initial", "reference.governor")
 
 
 def slot_of(path: str) -> Slot:
-    """Word of a scenario's file at a path."""
+    """Declared key of a scenario file at a given key path."""
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
 def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords) -> Any:
-    """Value of a word's field, from what a file has in its place.
+    """Read the value of a scenario field from the entry that a scenario file has for it.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -67,7 +67,7 @@ def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords) -> Any:
 
 
 def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:
-    """Records that tables stand for, each with the name of its table: sensors, drives of joints."""
+    """Read records such as sensors and joint drives from named tables; each record gets its table's name."""
     kind, inner = get_args(slot.type)[0], slot.word.inside[-1]
     of = get_type_hints(kind)[inner]
     name = next(field for field in field_names(kind) or () if field != inner)
@@ -78,7 +78,7 @@ def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:
 
 
 class Document:
-    """Tables of a scenario file.
+    """Tables of a scenario file, read key by key.
 
     Args:
         tables: plain, as read from TOML.
@@ -96,14 +96,14 @@ class Document:
         self._vehicles = dict[str, Vehicle]()
 
     def table(self, path: str) -> Fields:
-        """Reader of the table at a path, one for all words of the table."""
+        """Reader of the table at a path; all keys of a table share one reader."""
         if path not in self._tables:
             within, _, name = path.rpartition(".")
             self._tables[path] = self.table(within).inner(name)
         return self._tables[path]
 
     def word(self, path: str) -> Any:
-        """Value of a word, read at its first use; the default of its field where the file leaves it out."""
+        """Value of a key, read at its first use; the default of its scenario field if the file leaves it out."""
         if path not in self._words:
             slot = slot_of(path)
             entry = self.entry(slot)
@@ -111,7 +111,7 @@ class Document:
         return self._words[path]
 
     def entry(self, slot: Slot) -> object:
-        """Entry of a word in the file, without the words inside it that have fields of their own."""
+        """Entry of a key in the scenario file, without nested keys that have scenario fields of their own."""
         within, _, name = slot.table.rpartition(".")
         if slot.path in self.replaced:
             self.table(within).take(name, None)
@@ -134,17 +134,17 @@ class Document:
 
     @cached_property
     def setting(self) -> Setting:
-        """Setting of the flight, with a task's events once its reference is read."""
+        """Flight data for reading a reference, with the events of a task once its reference is read."""
         stated = number(self.table("").take("duration", 0.0), "duration")  # by the file, whatever is flown of it
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
     def fields(self, within: str = "") -> dict[Place, Any]:
-        """Fields of a scenario that the words below a path fill; those of :data:`OF_SCENARIO` have their defaults."""
+        """Values of the scenario fields below a key path; those of :data:`OF_SCENARIO` have their defaults."""
         slots_below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
         return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in slots_below}
 
     def plan_time(self, scenario: Scenario) -> Scenario:
-        """Scenario whose reference is slowed in time as [reference.governor] requests."""
+        """Apply the time scaling that [reference.governor] requests to the reference of a scenario."""
         entry = self.entry(slot_of("reference.governor"))
         if entry is False:
             return scenario
@@ -154,7 +154,7 @@ class Document:
 
 
 class PartDocument(Document):
-    """One part of a scenario's file, such as its reference, beside a scenario that has all others.
+    """One section of a scenario file, such as its reference, in addition to a scenario that has all others.
 
     Args:
         path: path of the part.
@@ -170,11 +170,11 @@ class PartDocument(Document):
         self._path, self._scenario = path, scenario
 
     def word(self, path: str) -> Any:
-        """Value of a word, in the part or of the scenario."""
+        """Value of a key, read from the section if the key lies in it, else taken from the scenario."""
         return super().word(path) if is_below(path, self._path) else part(self._scenario, slot_of(path).record)
 
     def planned_fields(self) -> dict[Place, object]:
-        """Fields of the scenario that the part fills; a new reference is slowed as its governor requests."""
+        """Scenario fields that the section fills; a new reference is time-scaled as its path governor requests."""
         fields = self.fields(self._path)
         planned = self.plan_time(replace_at(self._scenario, fields))
         return {field: part(planned, field) for field in fields}
@@ -185,6 +185,6 @@ PATHS = frozenset(slot.path for slot in slots(Scenario))
 
 
 def _is_word(table: str, name: str, entry: object) -> bool:
-    """True if an entry of a table is a word with a field of its own."""
+    """True if an entry of a table is a key with a scenario field of its own."""
     at = f"{table}.{name}"
     return not PATHS.isdisjoint((at, f"{at}.{EACH}")) or (isinstance(entry, dict) and f"{table}.{EACH}" in PATHS)

@@ -1,4 +1,4 @@
-"""Grammar of a scenario file: words with type, unit, bounds, and when they may be another, from the declarations.
+"""Grammar of a scenario file: its keys with type, unit, bounds and the times at which they may change.
 
 Left out are words that a function reads from a table, which no record declares: those of the shipped motions, of
 ``reference.tip`` and ``reference.push``, and of signals that are no records (:data:`BY_HAND`). The documents list them.
@@ -76,7 +76,7 @@ BY_HAND = ("reference.base", "reference.tip", "reference.push")
 
 
 class GrammarRow(NamedTuple):
-    """One word of a scenario file.
+    """One key of a scenario file, with its type, unit, bounds and meaning.
 
     Attributes:
         path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a list, ``SIGNAL`` for any signal.
@@ -98,19 +98,19 @@ class GrammarRow(NamedTuple):
 
 
 def grammar() -> tuple[GrammarRow, ...]:
-    """Words of a scenario file, in the order of their fields, those of registered kinds below their lists."""
+    """Keys of a scenario file in the order of their fields; keys of registered kinds follow the key of their list."""
     of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
     return (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
 
 
 def _of_numbers() -> Iterator[GrammarRow]:
-    """Words of tables that no field of a scenario holds."""
+    """Keys of a scenario file that no field of a scenario holds."""
     yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
     yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
 
 
 def _of_signals() -> Iterator[GrammarRow]:
-    """Words of the signals that are records, and the kinds of all."""
+    """Keys of time signals whose class is a dataclass, and the kinds of all time signals."""
     yield GrammarRow("SIGNAL.kind", "", _one_of(names("signal")), meaning="of every signal that is a table")
     for named in names("signal"):
         kind = find("signal", named)
@@ -149,7 +149,7 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
 
 
 def _slot_entry(slot: Slot) -> str:
-    """Kind of entry that a file may have for a word: a number, a text, one of some names, a table."""
+    """Description of the entry that a file may have for a key, such as a number, one of some names, or a table."""
     if slot.path == "plant.kind":
         return _one_of(names("plant"))
     if slot.path == "plant.integrator":
@@ -162,7 +162,7 @@ def _slot_entry(slot: Slot) -> str:
 def _of_record(
     kind: type, at: str, varies: str, named: str, called: Mapping[str, str] | None = None
 ) -> Iterator[GrammarRow]:
-    """Words of a record's fields below a table, and those of the records in them.
+    """Keys for the fields of a dataclass below a table, and for the fields of dataclasses inside it.
 
     Args:
         kind: class of the record.
@@ -209,7 +209,7 @@ MORE: Mapping[str, tuple[GrammarRow, ...]] = {
 
 
 def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
-    """Words of [plant] and [model], whose vehicle is a file of its own."""
+    """Keys of [plant] and [model], without those of the vehicle, which has a file of its own."""
     always = WHEN["always"]
     gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
     yield GrammarRow(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
@@ -223,7 +223,7 @@ def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
 
 
 def _of_controller() -> Iterator[GrammarRow]:
-    """Words of [controller]: presets, laws and autopilots, the options of each, and the layers around them."""
+    """Keys of [controller]: presets, laws and autopilots, the options of each, and the layers around a law."""
     yield GrammarRow("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
     yield GrammarRow("controller.law", "", _one_of(LAWS), varies=WHOLE)
     yield GrammarRow("controller.autopilot", "", _one_of(AUTOPILOTS))
@@ -243,7 +243,7 @@ def _of_controller() -> Iterator[GrammarRow]:
 
 
 def _of_reference() -> Iterator[GrammarRow]:
-    """Words of [reference] but of the tables that are read by hand: motions by kind, signals."""
+    """Keys of [reference], except those of motions and signals that read their whole table themselves."""
     always = f"{WHOLE}; its numbers {WHEN['always']}"
     yield GrammarRow("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
     yield GrammarRow("reference.base.kind", "", _one_of(names("motion")))
@@ -265,7 +265,7 @@ def _of_reference() -> Iterator[GrammarRow]:
 
 
 def _of_start() -> Iterator[GrammarRow]:
-    """Words of [initial]."""
+    """Keys of [initial]."""
     yield from _of_record(State, "initial", WHEN["between"], "")
     yield GrammarRow("initial.standing", "", "true or false", meaning="at rest on what is below")
 
@@ -284,7 +284,7 @@ def _is_list(slot: Slot) -> bool:
 
 
 def _records_in(annotation: object) -> tuple[type, ...]:
-    """Classes of the records, tables in a file, that a field of a type holds; a vehicle is a file of its own."""
+    """Dataclasses that a field's type holds and a file writes as tables; a vehicle has a file of its own."""
     options = typing.get_args(annotation)
     if options:
         return tuple(record for each in options for record in _records_in(each))
@@ -299,12 +299,12 @@ def _records_in(annotation: object) -> tuple[type, ...]:
 
 
 def _in_words(annotation: object) -> str:
-    """Words for the file entry of a type that is no table of its fields; empty for a table."""
+    """Description of the entry for a type in a file; empty for a type that is written as a table of its fields."""
     return ENTRIES.get(annotation) or ENTRIES.get(getattr(annotation, "__name__", ""), "")
 
 
 def _entry(annotation: object) -> str:
-    """Type of an entry in words."""
+    """Description of the entry for a type in a file."""
     options = [each for each in typing.get_args(annotation) if each is not type(None)]
     if words := _in_words(annotation):
         return words
@@ -319,12 +319,12 @@ def _entry(annotation: object) -> str:
 
 
 def _one_of(texts: typing.Iterable[object]) -> str:
-    """Allowed texts in words."""
+    """Text that lists the allowed values of an entry."""
     return " or ".join(repr(each) for each in texts)
 
 
 def _bounds(unit: Unit) -> str:
-    """Bounds of a number in words; empty for none."""
+    """Text of a number's bounds; empty if it has none."""
     low = f"{'above' if unit.strict else 'at least'} {unit.low:g}" if unit.low > -float("inf") else ""
     high = f"{'below' if unit.strict else 'at most'} {unit.high:g}" if unit.high < float("inf") else ""
     return ", ".join(filter(None, (low, high)))

@@ -34,7 +34,7 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 
 @cache
 def whole_parts() -> dict[str, Slot]:
-    """Paths of parts that a change replaces as a whole, in the words that a scenario file has for them."""
+    """Paths of sections that a scheduled change replaces as a whole, each with its key in a scenario file."""
     by_path = dict[str, Slot]()
     for slot in slots(Scenario):
         if slot.word.whole:
@@ -62,7 +62,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
-    """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
+    """Scenario fields, by path, that follow from a new table for a section of a scenario file, such as the wind."""
     slot = whole_parts()[path]
     document = PartDocument(slot.path, value, scenario)
     if path == LAW:
@@ -90,7 +90,7 @@ class Overrides:
     numbers: tuple[tuple[str, float], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
-        """Changed parameter values after one more scheduled change; it replaces one of the same parameter."""
+        """Overrides with one more scheduled change, which replaces an earlier one of the same parameter."""
         path, value = change.path, change.table
         if not is_part(path, value):
             others = tuple(pair for pair in self.numbers if pair[0] != path)
@@ -100,7 +100,7 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """Overrides in a canonical order, equal for sequences of changes whose order has no effect.
+        """Overrides in a canonical order, independent of the order of changes wherever it has no effect.
 
         Args:
             scenario: scenario at the beginning of the flight.
@@ -118,7 +118,7 @@ class Overrides:
         return Overrides(self.parts, tuple(numbers.items()))
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the parameter at a path is overridden, also under another name: faults.0 may be faults.front."""
+        """True if the parameter at a path is overridden, also under another name, as faults.0 for faults.front."""
         if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
@@ -154,7 +154,7 @@ def is_part(path: str, value: object) -> bool:
 
 
 def _replaces(part: str, path: str) -> bool:
-    """True if a new section is also one in the place of what a path leads to."""
+    """True if replacing a section also replaces what a parameter path leads to."""
     return is_below(path, part) or (part == LAW and path.startswith("controller."))
 
 
@@ -189,7 +189,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """True if a flight is all laws that can be traced and compiled to machine code: no autopilot's program flies it."""
+    """True if machine code can fly a whole flight: all its laws can be traced, and none is an external autopilot."""
     flown = [stretch.overrides.parts_of(scenario).controller for stretch in stretches(scenario)]
     return all(each.compiled and autopilot_of(each) is None for each in flown)
 
@@ -208,7 +208,7 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
 
 @cache
 def what_may() -> str:
-    """Words for all that may change in flight."""
+    """Text that lists all parameters and sections that may change in flight."""
     numbers = [slot.path for slot in slots(Scenario) if slot.word.varies == "always" and slot.path in variable_words()]
     delays, parts = ", ".join(delay_words()), ", ".join(whole_parts())
     return f"what may is {delays}, a number of {', '.join(numbers)}, or as a whole {parts}"
@@ -348,7 +348,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
-    """Settings that are the same throughout a flight, by name: clocks, delays, counts, and latencies of queues."""
+    """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
     vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)

@@ -83,7 +83,7 @@ def is_added(scenario: Scenario, path: str) -> bool:
 
 
 def is_computed(scenario: Scenario, path: str) -> bool:
-    """True if the number at a path is no field of the scenario as it is, or one of its reference or start."""
+    """True if the value at a path is computed from fields, or belongs to the reference or the initial state."""
     target = target_of(_with_initial_state(scenario, (path,)), path)
     return target.view is not None or target.places[0][:2] in (INITIAL, ("agent", "reference"))
 
@@ -159,7 +159,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
 def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
-    """Record with the numbers in some fields, and then some that follow from several fields, replaced."""
+    """Record with some fields replaced first, and then some values that follow from several fields."""
     changed: Record = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
         viewed: Viewed = part(changed, place)
@@ -242,7 +242,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
 
 
 def _declaration(record: object, place: Place) -> Unit:
-    """Unit declaration of the innermost field on the way to a parameter that has a declaration."""
+    """Unit declaration of the innermost field on a parameter's path that declares one."""
     unit = Unit()
     for name in place:
         if isinstance(record, tuple):

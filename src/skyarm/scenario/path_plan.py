@@ -67,7 +67,7 @@ class Ceilings:
         self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
-        """Lower the speed bounds at some path positions (s) and within CALM seconds of flight around them.
+        """Lower the path-speed bounds at some path times (s), and around them within CALM seconds of flight.
 
         No bound is lowered below ``least``.
         """

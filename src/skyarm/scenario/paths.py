@@ -28,7 +28,7 @@ OF_STUDIES = "the same for all episodes; fly two studies"
 
 @immutable(kw_only=False)
 class Target:
-    """Number that a path leads to: the fields that store it, or a view of a record at a place.
+    """Target of a parameter path: the fields that store the number, or a record that computes it from its fields.
 
     Attributes:
         places: fields; of a view its record. view: None for fields.
@@ -39,7 +39,7 @@ class Target:
 
     @property
     def names(self) -> tuple[Place, ...]:
-        """Names of the number: two paths with a name in common lead to the same number."""
+        """Identifiers of the number; two parameter paths with a common identifier denote the same number."""
         return self.places if self.view is None else ((*self.places[0], f"view of {self.view.name}"),)
 
 
@@ -53,7 +53,7 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def target_of(scenario: Scenario, path: str) -> Target:
-    """Number that a path of a scenario's file, or of its records, leads to.
+    """Resolve a parameter path, in keys of a scenario file or field names of records, to the number that it denotes.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
@@ -80,7 +80,7 @@ def target_of(scenario: Scenario, path: str) -> Target:
 
 
 def path_of(scenario: Scenario, place: Place) -> str:
-    """Path of a field of a scenario, by the words of its file and the names of its records' fields."""
+    """Parameter path of a scenario field, in keys of the scenario file and field names of records."""
     slot, name = slot_at(place)
     if EACH in slot.place:
         name = str(part(scenario, (*slot.record, name)).name)
@@ -89,25 +89,25 @@ def path_of(scenario: Scenario, place: Place) -> str:
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
-    """Word around a field, the innermost if there are several, and the number of its item, if it has items."""
+    """Innermost key of a scenario file that contains a field, and the item of a list in which the field lies."""
     inside = [slot for slot in slots(Scenario) if matches(place[: len(slot.place)], slot.place)]
     slot = max(inside, key=lambda each: len(each.place))
     return slot, next((a for a, b in zip(place, slot.place, strict=False) if b == EACH), "")
 
 
 def matches(place: Sequence[str], pattern: Place) -> bool:
-    """True if a place is that of a word, whatever the number of its item."""
+    """True if a field path equals that of a key, in which ``*`` matches every item of a list."""
     return len(place) == len(pattern) and all(b in (a, EACH) for a, b in zip(place, pattern, strict=True))
 
 
 def is_below(path: str, word: str) -> bool:
-    """True if a path is a word of a file or leads to something inside it."""
+    """True if a parameter path equals a key path of a file or leads to something below it."""
     return path == word or path.startswith(f"{word}.")
 
 
 @cache
 def variable_words() -> dict[str, Place]:
-    """Words of a file below which numbers may vary, with the field that each denotes."""
+    """Keys of a scenario file below which numbers may vary, each with the field that it denotes."""
     return {
         slot.path: slot.place
         for slot in slots(Scenario)
@@ -117,7 +117,7 @@ def variable_words() -> dict[str, Place]:
 
 @cache
 def delay_words() -> dict[str, tuple[Place, str]]:
-    """Numbers that vary only where a field beside them is stated: path -> record, and name of that field."""
+    """Parameters that vary only if another field is stated: path -> record, and name of the other field."""
     return {
         f"{slot.path}.{name}": (slot.place, other)
         for slot in slots(Scenario)
@@ -127,7 +127,7 @@ def delay_words() -> dict[str, tuple[Place, str]]:
 
 
 def place_of_delay(scenario: Scenario, path: str) -> Place | None:
-    """Field of a delay that may vary, as the scenario states how long it gets at most; None for all else."""
+    """Field of a delay that may vary because the scenario states an upper bound for it; None for other parameters."""
     record, other = delay_words().get(path, ((), ""))
     if not other or part(scenario, (*record, other)) is None:
         return None

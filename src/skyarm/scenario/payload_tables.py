@@ -44,7 +44,7 @@ FIELD = {"pick": "pick", "place": "drop"}
 def with_model_changes(
     payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
 ) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
-    """Payloads, and scheduled changes by which the law's model follows the masses of known payloads.
+    """Payloads, and scheduled changes by which the payload mass of the law's model follows known payloads.
 
     Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 

@@ -1,4 +1,4 @@
-"""Readers of those words of a scenario file whose records have other fields than their tables.
+"""Readers of those scenario-file sections whose tables have other keys than the fields of their records.
 
 Each takes the entry of its word, the word's path and a :class:`ScenarioWords` of all others.
 """
@@ -48,7 +48,7 @@ LAW = "controller.law"
 
 
 class ScenarioWords(Protocol):
-    """Source of the other words of a scenario, for the reader of one.
+    """Source of the scenario's other values, for the reader of one section of its file.
 
     Attributes:
         folder: folder where paths of files begin.
@@ -60,20 +60,20 @@ class ScenarioWords(Protocol):
 
     @property
     def setting(self) -> Setting:
-        """Setting of the flight."""
+        """Flight data for reading a reference, such as vehicle, gravity and duration."""
         ...
 
     def word(self, path: str) -> Any:
-        """Value of a word, as its field holds it."""
+        """Value of a scenario field by its key path in the scenario file."""
         ...
 
     def vehicle(self, path: str) -> Vehicle:
-        """Vehicle that the table at a path names, without that table's other words."""
+        """Vehicle that the table at a path names, without the changes that the table's other keys make."""
         ...
 
 
 def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
-    """Read [environment.wind]."""
+    """Read the wind from the table [environment.wind] of a scenario file."""
     return wind_from(entry, path)
 
 
@@ -84,7 +84,7 @@ def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
 
 
 def model(entry: object, path: str, reading: ScenarioWords) -> Model:
-    """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
+    """Read the controller's [model]; without one, the plant's vehicle and gravity without payload or joint values."""
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
     carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading)
@@ -122,7 +122,7 @@ def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequenc
 
 
 def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
-    """Read [controller]: a law for the model, with layers around it."""
+    """Read [controller]: a control law for the model, with its safety and actuator layers."""
     fields, believed = Fields(entry, path), reading.word("model")
     facts = loop_facts(reading.word("rates"), reading.word("delays"))
     return controller_from(fields, believed, reading.law, facts, reading.folder)
@@ -160,7 +160,7 @@ def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
 
 
 def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[Tree] | None:
-    """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
+    """Read [world]: surfaces, objects, contact points and grippers, which phases of a task may command."""
     component: Component[Tree] | None = None
     if entry is not None:
         component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
@@ -169,14 +169,14 @@ def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[T
 
 
 def payloads(entry: object, path: str, reading: ScenarioWords) -> tuple[TimedPayload, ...]:
-    """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
+    """Read [[payloads]], with pick and drop times from the phases of a task."""
     events = [event for event in _events(reading) if not event.gripper]
     tables = with_instants(entry, events, reading.word("rates").control) if events else entry
     return registered_values("payload", TimedPayload, tables, path, "rigid")
 
 
 def _events(reading: ScenarioWords) -> Sequence[TaskEvent]:
-    """Events of the task that the reference flies."""
+    """Pick and place events of the task that the reference describes."""
     reading.word("reference")
     return reading.setting.events
 
@@ -206,7 +206,7 @@ def with_files(table: Entry, where: str, folder: Path) -> Entry:
 
 
 def _with_paths(table: Entry, where: str, other: Callable[[str, str, str], str]) -> Entry:
-    """Tables of [reference] or [world] with paths of files replaced by a function of word, path and place."""
+    """Replace the file paths in tables of [reference] or [world] by a function of key, path and table location."""
     if isinstance(table, list):
         return [_with_paths(each, f"{where}[{i}]", other) for i, each in enumerate(table)]
     if not isinstance(table, Mapping):
@@ -222,7 +222,7 @@ NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned"
 
 
 def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -> dict[str, Entry]:
-    """Tables of a scenario with all paths of files that begin in its folder replaced.
+    """Tables of a scenario file with all file paths replaced by a function of the path.
 
     Args:
         tables: plain tables of a file.
@@ -238,7 +238,7 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
 
 
 def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
-    """Read [[changes]], whose values hold what their files do: a change is read again in flight, without a folder."""
+    """Read [[changes]] with the contents of files that they name, since they are applied in flight without a folder."""
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
     return tuple(
         dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
@@ -247,7 +247,7 @@ def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, .
 
 
 def _without_files(table: Entry, where: str, folder: Path) -> Entry:
-    """Value of a change with samples in the place of their file, and the whole path of a file of gains.
+    """Value of a scheduled change, with samples read from their file and paths of gains files made absolute.
 
     Args:
         table: plain table of a file.
@@ -280,7 +280,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
-    """Read [reference], whose task leaves its events in the setting."""
+    """Read [reference], and store the events of its task in the flight data."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
 

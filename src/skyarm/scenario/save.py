@@ -1,4 +1,4 @@
-"""Scenario written back as a file: the tables that it was made from, entries in place of theirs, and numbers by path.
+"""Writing of a scenario as a file: the tables that it was made from, with changed entries and numbers by path.
 
 Vehicles, gains and planned references have no words of their own in a scenario's file, or more than one. So a scenario
 is written as what differs from a file: parts with words are replaced, every other number stands under ``[numbers]`` by
@@ -88,7 +88,7 @@ def save_scenario(
 def tables_of(
     scenario: Scenario, tables: Mapping[str, Entry], folder: PathLike = "", controller: str | None = None
 ) -> Tables:
-    """Tables that a scenario is read from, made of those of another one.
+    """Tables from which a scenario is read, derived from the tables of another scenario.
 
     Args:
         scenario: scenario to write.
@@ -115,7 +115,7 @@ def tables_of(
 
 
 def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
-    """Tables that a scenario is read from, under the law of those that are given.
+    """Tables from which a scenario is read, derived from given tables that have its control law.
 
     Raises:
         ScenarioError: one line: they are read as another one.
@@ -134,7 +134,7 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
 
 
 def _difference(made: Scenario, target: Scenario) -> str:
-    """Message on what a file does not say of a scenario: the first value that is read otherwise."""
+    """Error message about the first value of a scenario that would be read differently from the written file."""
     differences = scenario_differences(plain(target), plain(made))
     if any(path.startswith(GOVERNOR) for path in differences):
         return f"must have the [{GOVERNOR}] that planned the scenario's time: no file states a plan by its numbers"
@@ -149,7 +149,7 @@ def _difference(made: Scenario, target: Scenario) -> str:
 
 
 def law_entry(name: str) -> Tables:
-    """Words of [controller] for a law, a preset, an autopilot or ``LAW_tuned`` by its name."""
+    """Keys of [controller] for a law, a preset, an autopilot or ``LAW_tuned`` by its name."""
     if name in PRESETS:
         return {"preset": name}
     if name in AUTOPILOTS:
@@ -158,7 +158,7 @@ def law_entry(name: str) -> Tables:
 
 
 def _under_law(tables: Tables, name: str, folder: PathLike) -> Tables:
-    """Tables with another law, in the same layers, and without changes of the law before."""
+    """Tables of a scenario with another control law in the same layers, and without scheduled changes."""
     if is_gains_file(name):
         entry = {"tuned": os.path.relpath(Path(name).resolve(), Path(folder).resolve())}
     else:
@@ -174,14 +174,14 @@ def _until_end(scenario: Scenario) -> Scenario:
 
 
 def _tables_of(base: PathLike | Mapping[str, Entry]) -> tuple[Tables, Path]:
-    """Tables of the scenario that another one was made from, and the folder where their paths begin."""
+    """Tables of the scenario that another one was made from, and the folder that relative paths in them start from."""
     if isinstance(base, Mapping):
         return dict(base), Path()
     return read_named(file_name(base, "base"), "scenario", LIBRARY)
 
 
 def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
-    """Tables with paths of files as seen from another folder; those from the root stay."""
+    """Tables with relative file paths converted to start from another folder; absolute paths stay."""
 
     def from_new(path: str) -> str:
         if os.path.isabs(path):
@@ -192,7 +192,7 @@ def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
 
 
 def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
-    """Words whose values differ between two scenarios."""
+    """Keys of a scenario file whose values differ between two scenarios."""
 
     def content(scenario: Scenario, slot: Slot) -> str:
         field = slot.record[: 2 if slot.record[0] in groups(Scenario) else 1]
@@ -202,7 +202,7 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
 
 
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
-    """Tables with the entries of parts that differ in more than numbers, or whose words are numbers themselves."""
+    """Tables with new entries for sections whose differences cannot be written as numbers by path."""
     document = tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
@@ -224,7 +224,7 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
 
 
 def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
-    """Entry of payloads without instants that the base's table of a payload leaves to the phases of a task."""
+    """Entry of payloads without pick and drop times that the original tables leave to the phases of a task."""
     by_name = {each.get("name", str(i)): each for i, each in enumerate(stated)}
     return [
         {
@@ -237,7 +237,7 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
 
 
 def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
-    """Tables with the changes of a scenario that do not follow from its payloads."""
+    """Tables with those scheduled changes of a scenario that do not follow from its payloads."""
     bare = {name: each for name, each in tables.items() if name != "changes"}
     derived = scenario_from(bare, folder).changes
     if _alike(derived, scenario.changes):
@@ -250,7 +250,7 @@ WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world")
 
 
 def _alike(one: object, other: object) -> bool:
-    """True if two records differ in numbers alone."""
+    """True if two records have the same structure and differ in numbers at most."""
     ours, theirs = list(walk(one)), list(walk(other))
     if [place for place, _ in ours] != [place for place, _ in theirs] or mismatch(one, other, "") is not None:
         return False
@@ -258,7 +258,7 @@ def _alike(one: object, other: object) -> bool:
 
 
 def _entry(slot: Slot, value: Any) -> Any:
-    """Entry of a word in a file."""
+    """Entry that a scenario file has for the value of a key."""
     if slot.path == GOVERNOR:
         return True  # the plan follows from it
     if slot.path != slot.table:  # named items, each a table: NAME = { kind = ..., ... }
@@ -288,7 +288,7 @@ def _without_entry(tables: Tables, path: list[str]) -> Tables:
 
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
-    """Numbers by path that make one scenario of another, without those that follow from others where that is enough."""
+    """Numbers by path that turn one scenario into another; dependent numbers are left out unless they are needed."""
     ours, theirs = list(walk(begun)), list(walk(scenario))
     if [place for place, _ in ours] != [place for place, _ in theirs]:
         return {}  # of another structure, which numbers do not mend
@@ -307,7 +307,7 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
 
 
 def scenario_text(document: Mapping[str, Entry]) -> str:
-    """Text of a scenario file: a list's entries on lines of their own."""
+    """Text of a scenario file, in which each table or list inside a list has its own line."""
     lines = list[str]()
     for name, entry in sorted(document.items(), key=lambda each: isinstance(each[1], Mapping)):
         key = toml_key(name)
@@ -316,7 +316,7 @@ def scenario_text(document: Mapping[str, Entry]) -> str:
 
 
 def _table_lines(name: str, table: Mapping[str, Entry]) -> list[str]:
-    """Lines of a table: plain values, then the tables in it that have no kind."""
+    """Text lines of a TOML table: plain values and inline tables, then nested tables that contain lists."""
     inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
     lines = ["", f"[{name}]"]
     for key, value in table.items():
@@ -328,7 +328,7 @@ def _table_lines(name: str, table: Mapping[str, Entry]) -> list[str]:
 
 
 def _value_lines(begin: str, value: Entry, indent: str) -> list[str]:
-    """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
+    """Text lines of a TOML value; each entry of a list of tables or lists begins a new line."""
     if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
         return [f"{indent}{begin}{toml_value(value)}"]
     lines = [f"{indent}{begin}["]

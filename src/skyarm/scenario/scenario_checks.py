@@ -51,7 +51,7 @@ does, of 1200 it ends the process."""
 
 
 class Rule(NamedTuple):
-    """Consistency check of a scenario, with the words of its file that the check reads.
+    """Consistency check of a scenario, with the keys of the scenario file that the check reads.
 
     Attributes:
         numbers: False if only counts, names and other structure are read, which no replaced number changes.
@@ -99,7 +99,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
 
 
 def touches(each: Rule, changed: Collection[Place]) -> bool:
-    """True if a rule reads one of some fields, or something inside or around it."""
+    """True if a consistency check reads one of the given fields, or something inside or around it."""
     return any(
         place[: len(read)] == read[: len(place)]
         for word in each.reads
@@ -110,7 +110,7 @@ def touches(each: Rule, changed: Collection[Place]) -> bool:
 
 @cache
 def read_places(word: str) -> tuple[Place, ...]:
-    """Fields that hold a word of a scenario's file, or what a path below a word leads to."""
+    """Fields of a scenario that a key path of its file denotes or leads to."""
     places = []
     for slot in slots(Scenario):
         if is_below(word, slot.table):
@@ -124,7 +124,7 @@ def read_places(word: str) -> tuple[Place, ...]:
 
 @rule("controller", numbers=False)
 def law_has_model(scenario: Scenario) -> None:
-    """Check that the law's constants have a model of the vehicle."""
+    """Check that the constants of the control law contain a model of the vehicle."""
     if not isinstance(getattr(scenario.controller.par, "model", None), Model):
         raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
 
@@ -293,7 +293,7 @@ def plant_can_fly(scenario: Scenario) -> None:
 
 @rule("plant.vehicle", "controller", numbers=False)
 def law_fits_plant(scenario: Scenario) -> None:
-    """Check that plant and model have as many joints and rotors, and the law's lists a number for each."""
+    """Check that plant and model have as many joints and rotors, and that lists of the law have matching lengths."""
     truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
@@ -345,7 +345,7 @@ def surroundings_fit(scenario: Scenario) -> None:
 
 
 def _fields_of_users(slot: Slot, scenario: Scenario) -> None:
-    """Check the numbers of components, whose classes may be a user's that do not check themselves."""
+    """Check the numbers of components, since user-defined classes may lack checks of their own."""
     require_fields(part(scenario, slot.record), slot.table)
 
 

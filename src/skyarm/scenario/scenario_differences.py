@@ -57,7 +57,7 @@ def _has_choice(words: Words) -> bool:
 
 
 def _is_list(slot: Slot) -> bool:
-    """True if each item of the slot's field is one of the word's kind."""
+    """True if a field is a list whose items are each of the kind that its key declares."""
     return EACH not in slot.place and get_origin(slot.type) is tuple
 
 

@@ -117,7 +117,7 @@ def _read_scenario(name_or_path: PathLike, given: Mapping[str, Any]) -> Scenario
 
 
 def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Scenario:
-    """Return a scenario that is given, or the one of a shipped name, or at the path of a .toml file or of a log.
+    """Return a given scenario, or load one by its shipped name, from a .toml file or from a log.
 
     Args:
         given: a record, a name or a path.
@@ -168,7 +168,7 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
 
 
 def _by_path(given: Mapping[str, object]) -> dict[str, object]:
-    """Replaced values but the law by their path in a file, where ``plant`` is the kind of the plant."""
+    """Values that replace those of a scenario file, by key path and without the law; ``plant`` means ``plant.kind``."""
     return {"plant.kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
 
 
@@ -195,7 +195,7 @@ def scenario_from(
 
 
 def _scenario_of(document: Document) -> Scenario:
-    """Scenario of all words of a file; unknown ones are refused."""
+    """Make the scenario of all keys of a file; unknown keys raise an error."""
     top = document.table("")
     top.require_schema()
     vehicle, _ = document.word("plant").vehicle, document.word("duration")
@@ -220,7 +220,7 @@ def _scenario_of(document: Document) -> Scenario:
 
 
 def _payloads_and_changes(document: Document) -> dict[str, Any]:
-    """Payloads and changes by field; the law's model follows payloads that are known in advance, by changes."""
+    """Payloads and scheduled changes by field, with changes by which the law's model follows known payloads."""
     changes = tuple(each for each in document.word("changes") if not (each.of_law and document.law is not None))
     if not (payloads := document.word("payloads")):
         return {"changes": changes}
@@ -242,7 +242,7 @@ def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
 
 
 def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
-    """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
+    """Scenario with the numbers that a file states by parameter path, checked like values stated in tables."""
     try:
         require_apart(scenario, tuple(numbers))
         changed = with_numbers(scenario, numbers)
@@ -254,7 +254,7 @@ def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> S
 
 
 def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) -> ScenarioError:
-    """Error in numbers that a file states by path, which names the path where a record's field was named.
+    """Error about a number that a file states by parameter path; the message names that path, not a record's field.
 
     Args:
         scenario: scenario without the numbers.

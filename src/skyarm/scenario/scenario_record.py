@@ -115,7 +115,7 @@ class Delays:
 
     @property
     def longest(self) -> float:
-        """Longest command delay, s: the stated upper bound if delays vary between episodes."""
+        """Longest command delay (s): the stated upper bound if delays vary between episodes."""
         if self.longest_command is not None:
             return self.longest_command
         return float(self.command) + max(float(self.rotors), float(self.joints))
@@ -184,7 +184,7 @@ class Change:
             raise ScenarioError("value: has too many lists or tables within each other") from None
 
     def tick(self, rate: int) -> int:
-        """Index of the first control period with the change, at a control rate in Hz."""
+        """Index of the control period in which the change takes effect, at a control rate in Hz."""
         k = math.floor(self.at * rate)
         # against the instants as the loop has them: k / rate
         while k / rate < self.at:
@@ -349,7 +349,7 @@ class Agent:
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
-    """Decorator of a record whose keywords may be words of its groups, such as ``wind`` of ``environment``.
+    """Decorator of a dataclass that also accepts fields of its groups as keywords, such as ``wind`` of ``environment``.
 
     ``dataclasses.replace`` calls the class and takes them too. Type checkers see the record's own fields alone.
     """
@@ -489,12 +489,12 @@ class Scenario:
 
     @property
     def forces(self) -> tuple[AnyComponent, ...]:
-        """Added forces."""
+        """Force models in addition to wind and contact."""
         return self.environment.forces
 
     @property
     def ground(self) -> bool:
-        """True if the episode ends at z = 0."""
+        """True if the episode ends when the vehicle reaches the ground at z = 0."""
         return self.environment.ground
 
     @property
@@ -509,7 +509,7 @@ class Scenario:
 
     @property
     def controller(self) -> Controller:
-        """Law with its model."""
+        """Control law with its model of the vehicle."""
         return self.agent.controller
 
     @property
@@ -524,7 +524,7 @@ class Scenario:
 
     @property
     def path_time(self) -> PathTime | None:
-        """Planned time of the reference; None for none."""
+        """Time scaling of the reference; None without one."""
         return self.agent.path_time
 
     @property
@@ -642,7 +642,7 @@ class Scenario:
 
 
 def with_words(scenario: Scenario, **words: Any) -> Scenario:
-    """Scenario with other fields, or with other words of its groups such as ``wind``, which type checkers refuse."""
+    """Replace fields of a scenario or of its groups, such as ``wind``, by keywords that type checkers do not know."""
     return dataclasses.replace(scenario, **words)
 
 
@@ -689,7 +689,7 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """State whose numbers are all floats, inputs of compiled code, with a normalised quaternion."""
+    """State with all numbers as floats, which are inputs of compiled code, and with a normalised quaternion."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)

@@ -70,7 +70,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings issued by the environment models of a scenario, and of parts without effect on its flight."""
+    """Warnings issued by the environment models of a scenario, and about parts without effect on its flight."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:

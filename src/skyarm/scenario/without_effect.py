@@ -94,7 +94,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
 
 
 def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude: Quaternion) -> set[str]:
-    """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn.
+    """World axes along which moving air changes no force on the vehicle; x and y only together, since it may yaw.
 
     None if a part cannot be evaluated: it may feel air.
     """
@@ -118,14 +118,14 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
 
 def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
-    """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
+    """Initial state of an environment model; for one with random numbers, all its values equal ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
     memory = component.start(1.0 / scenario.rates.control, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
 def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> tuple[set[str], bool]:
-    """Axes along which a component moves the air, and whether it acts otherwise, at instants of the reference.
+    """Axes along which an environment model moves the air, and a flag for other effects, at instants of the reference.
 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
     at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
@@ -154,7 +154,7 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
 
 
 class _Readings(UserDict[str, object]):
-    """Readings of sensors by name, which note the names that are looked up."""
+    """Sensor readings by name, which record the names that are looked up."""
 
     read: set[str]
 
@@ -164,7 +164,7 @@ class _Readings(UserDict[str, object]):
 
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
-    """Readings of all sensors by name, of a vehicle without acceleration and by random numbers of 0.5."""
+    """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.sensors:

@@ -122,11 +122,11 @@ class Batch:
         self.base = np.array(self._legs[0].base)
 
     def __enter__(self) -> Batch:
-        """The batch itself: ``with Batch(...) as batch`` works, and leaves nothing open at the end."""
+        """Return the batch for a ``with`` statement, at whose end nothing has to be released."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Nothing: its threads end with each call, its code with the batch."""
+        """Do nothing: a batch holds no resources that have to be released."""
 
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
@@ -181,7 +181,7 @@ class Batch:
         return ends, log
 
     def _statuses(self, columns: list[Array], ends: list[LoopState], ticks: Array, ended: Array) -> Array:
-        """Termination status of each flight of the batch, by scenario and clock in force when the flight ended."""
+        """Termination status of each flight of the batch, under the scenario in force when the flight ended."""
         statuses = np.full(len(ticks), "completed", dtype=object)
         for leg, now in zip(self._legs, ends, strict=True):
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))

@@ -128,7 +128,7 @@ def _instant(
 
 
 def _path_time(row: InputRow[Reference]) -> Scalar:
-    """Time along the reference, s; equals the flight time unless the reference is time-scaled."""
+    """Time along the reference (s), equal to the flight time unless the reference is time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 

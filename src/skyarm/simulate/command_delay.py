@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
-    """Delay of commands as whole control periods (None where the queue's length sets them) and a rest in s."""
+    """Command delay as whole control periods (None if the queue length sets them) and a remainder (s)."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
@@ -112,7 +112,7 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
 
 
 def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
-    """Numbers of a command of which only the rotor speeds (rad/s) count; the others are zero.
+    """Flatten a command of rotor speeds (rad/s) alone; joint setpoints and tilt angles become zero.
 
     Raises:
         ScenarioError: a command beside them, another number of rotors, or what are not numbers.

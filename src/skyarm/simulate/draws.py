@@ -1,4 +1,4 @@
-"""Random channels of sensors, winds, forces and contacts: which random numbers of a period each of them draws."""
+"""Assignment of random channels (streams of random numbers) to sensors and wind, force and contact models."""
 
 from __future__ import annotations
 

@@ -179,12 +179,12 @@ class EpisodeCode:
 
 
 def _with_memory(loop: LoopState, memory: Tree) -> LoopState:
-    """Loop state with another memory of the law."""
+    """Closed-loop state with the internal state of the control law replaced."""
     return replace(loop, agent=replace(loop.agent, memory=memory))
 
 
 class _PythonSteps:
-    """Evaluation of a traced control period in Python floats, in place of the machine code's stepper."""
+    """Evaluation of a traced control period in Python floats instead of machine code."""
 
     def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
@@ -376,7 +376,7 @@ class Engine:
         return row
 
     def states_and_commands(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Logged states and commands of control periods ``start`` to ``stop`` as array views, a row each."""
+        """Logged states and commands of control periods ``start`` to ``stop`` as array views, one row per period."""
         first, command, measured = self._marks
         return self._log[start:stop, first:command], self._log[start:stop, command:measured]
 
@@ -404,7 +404,7 @@ class Engine:
         return bool(np.isnan(self._stepper.carry).any())
 
     def evaluate(self, now: LoopState) -> LoopState:
-        """Evaluate the control period that begins with a loop state by calls with floats; return the following state.
+        """Evaluate one control period in Python floats from a given closed-loop state; return the next state.
 
         Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
         """
@@ -458,7 +458,7 @@ class Engine:
             self.code.calls.memory = copy.deepcopy(memory)
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: ProgramKey) -> bool:
-        """Change parameter values from the next control period on; False, without effect, if that needs new code.
+        """Change parameter values from the next control period on; False, unchanged, if that needs recompilation.
 
         Args:
             scenario: scenario from now on.

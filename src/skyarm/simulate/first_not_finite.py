@@ -1,4 +1,4 @@
-"""Search for the line of a user's code that gave the first number of a control period that is not finite."""
+"""Search for the line of user code that produced the first infinite or NaN value in a control period."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def first_line(period: Callable[[], object]) -> str:
 
 
 def _kind(value: object) -> str:
-    """The worst number of a value that is not finite, "nan" or "inf"; else empty."""
+    """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are finite."""
     value = value.tolist() if isinstance(value, np.ndarray) else getattr(value, "state", value)  # of a motion
     if isinstance(value, float):
         return "" if math.isfinite(value) else str(abs(value))

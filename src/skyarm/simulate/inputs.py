@@ -89,14 +89,14 @@ class EpisodeInputs:
 
     @cached_property
     def row_example(self) -> GivenRow:
-        """Closed-loop inputs of one control instant as an example of their structure, for tracing."""
+        """Template of the closed-loop inputs at one control instant, for tracing."""
         if self.waits.guards:
             return InputRow(time=0.0, reference=())
         return self._whole_row
 
     @property
     def _whole_row(self) -> InputRow[Reference]:
-        """Example of a row that has its reference."""
+        """Template of the closed-loop inputs at one control instant, including the reference, for tracing."""
         scaled = structure_of(self.told_reference)
         return InputRow(time=0.0, reference=self.reference_example, told=scaled, path_time=0.0 if scaled else ())
 
@@ -144,12 +144,12 @@ class EpisodeInputs:
 
     @cached_property
     def reference_example(self) -> Reference:
-        """Reference of one instant with zeros as numbers, as a structural example for tracing."""
+        """Template of the reference at one instant, with zeros as numbers, for tracing."""
         return structure_of(self.held_reference)
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Compute times and references of a flight at all control instants, to the bits of Python floats."""
+    """Compute times and references of a flight at all control instants, rounded exactly as Python floats are."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
@@ -175,7 +175,7 @@ def _motion(scenario: Scenario) -> Program:
 
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
-    """Reference of arrays that a program computes from times (s) and other inputs."""
+    """Evaluate a traced reference program at an array of times (s), with further inputs if it has any."""
     reference: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
     return reference
 

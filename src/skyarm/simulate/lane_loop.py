@@ -72,20 +72,20 @@ class LaneLoop:
         return evaluate(self._start, columns, len(episodes))
 
     def program(self, step: Callable[..., tuple[Tree, Tree]], carry: Tree, parameters: Tree, fed: Tree = ()) -> Loop:
-        """Trace one control period of a batch into a program for machine code; all arguments are examples."""
+        """Trace one control period of a batch into a program for machine code; all arguments are templates."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
 def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
-    """Closed-loop inputs of a flight that counts its own control periods: time, and reference where no phase waits."""
+    """Closed-loop inputs at a given count of control periods: time, and the reference if no task phase waits."""
     if scenario.reference.guards:
         return InputRow(time=ticks / float(scenario.rates.control), reference=())
     return held_row(scenario, ticks)
 
 
 def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
-    """Time and held reference of a flight without phases that wait, which counts its own control periods."""
+    """Time and held reference at a given count of control periods, for a reference without phases that wait."""
     time = ticks / float(scenario.rates.control)
     return InputRow(time=time, reference=held_reference(scenario, ticks).dense())
 

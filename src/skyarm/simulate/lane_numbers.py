@@ -192,7 +192,7 @@ class LaneRules:
         self._passed: dict[str, tuple[float, float]] = {}
 
     def require(self, values: Mapping[str, ArrayLike]) -> None:
-        """Refuse parameter values that make the scenario of a lane invalid.
+        """Raise ScenarioError if parameter values make the scenario of a flight of the batch invalid.
 
         Args:
             values: path -> (lanes,) or one number for all; some of the paths, the others are the scenario's.
@@ -298,7 +298,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], lar
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, ArrayLike]) -> dict[Place, dict[str, list[Place]]]:
-    """Group varied parameters by the air model, force or joint drive that they belong to, if it limits the step."""
+    """Group varied parameters by the air model, force or joint drive whose integration step they may limit."""
     groups: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         for place in places_of(scenario, path) if path.startswith(STATED) else ():
@@ -310,14 +310,14 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, ArrayLike]) -> dic
 
 
 def _limits_step(kind: type) -> bool:
-    """True if the numbers of a class may limit the integration step."""
+    """True if parameters of a class may limit the integration step."""
     return getattr(kind, "largest_step", None) is not None or "largest_step" in (field_names(kind) or ())
 
 
 def _stable_step(
     record: AnyComponent | Drive, numbers: Mapping[Place, float], named: Mapping[str, float], euler: bool
 ) -> float | None:
-    """Longest stable integration step (s) of an air model, force or drive with changed parameters, or None."""
+    """Longest stable integration step (s) of an air model, force or drive with changed parameters; None for any."""
     try:
         other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)

@@ -23,13 +23,13 @@ SLOWER = "about 150 times slower per step, the same numbers"
 
 
 class _Episode(Session):
-    """Simulation of a flight without commands from the user, which makes its program shorter."""
+    """Simulation of a flight without user commands, which compiles to a shorter program."""
 
     _commands = False
 
 
 def run(scenario: Scenario | PathLike, progress: Progress | None = None) -> Log:
-    """Simulate the flight of a scenario, or of the one at a path or of a shipped name, and return its log.
+    """Simulate the flight of a scenario, given as an object, a file path or a shipped name, and return its log.
 
     A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
@@ -50,7 +50,7 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
 def run_until_interrupted(
     scenario: Scenario, progress: Progress | None = None, preparing: Callable[[float, float], object] | None = None
 ) -> tuple[Log, BaseException | None]:
-    """Simulate a flight that cannot be repeated; Ctrl-C or a signal ends it and keeps its log.
+    """Simulate a flight to its end or to an interruption (Ctrl-C or a signal), and return the log up to then.
 
     Returns:
         The log, and what ended the flight from outside, to be raised again once the log is written; else None.

@@ -144,7 +144,7 @@ class Sample:
 def carry_over(
     first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Clock = ()
 ) -> LoopState:
-    """Transfer the loop state to a changed scenario; states whose structure differs start anew, as in ``first``.
+    """Transfer the closed-loop state to a changed scenario; states whose structure differs are initialised anew.
 
     Args:
         first: first state of the changed scenario.
@@ -173,7 +173,7 @@ def _kept(new: Record, old: Record) -> Record:
 
 
 def structure_of(record: Record) -> Record:
-    """Copy of a dataclass with every scalar set to 0.0, as a structural example for tracing."""
+    """Copy of a dataclass with every scalar set to 0.0, as a template of its structure for tracing."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

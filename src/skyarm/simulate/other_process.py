@@ -1,4 +1,4 @@
-"""Trial of plugins in another process: an empty environment, another folder, another hash seed.
+"""Trial of plugins in another process with an empty environment, another folder and another hash seed.
 
 A part of a plugin that reads its environment or a file, or goes through a set, gives the same program in every trace
 of one process, and another one elsewhere. Files that its fields name are no such thing: they are there, too.
@@ -65,7 +65,7 @@ ANSWERING: list[bool] = []
 def try_elsewhere(
     scenario: Scenario, models: Sequence[tuple[object, object]], compare: Callable[[Found], None]
 ) -> None:
-    """Compare the fingerprints of a scenario's user-defined models from another process if one of them is of a plugin.
+    """Compare the fingerprints of user-defined models with those from another process if one of them is of a plugin.
 
     Models that differ in the values of their numbers alone are tried once in a process and those that it starts. A
     warning is where no other process can be had, it gives no answer, or the scenario cannot travel there.
@@ -120,7 +120,7 @@ def try_elsewhere(
 
 
 def _lend_file(name: object, folder: Path) -> None:
-    """Put a file that a text names, seen from the present folder, into another folder."""
+    """Make a file under a relative path available under the same relative path in another folder."""
     if not isinstance(name, str) or not name or os.path.isabs(name) or not os.path.exists(name):
         return
     there = Path(os.path.normpath(folder / name))
@@ -134,7 +134,7 @@ def _lend_file(name: object, folder: Path) -> None:
 
 
 def answer(fingerprints: Callable[..., Found]) -> Found | str:
-    """Fingerprints of the models of a scenario, or why a plugin cannot be loaded; both are read from standard input."""
+    """Trace the models of a scenario from standard input; return fingerprints, or why a plugin cannot be loaded."""
     ANSWERING.append(True)
     luggage_there, scenario = pickle.loads(sys.stdin.buffer.read())
     try:

@@ -46,7 +46,7 @@ class Substeps:
         self._plant, self._traced = plant, dict[float, Steps]()
 
     def __call__(self, seconds: float) -> Steps:
-        """Number of integration steps in an interval of ``seconds``, which is added to the list."""
+        """Return the number of integration steps in an interval of ``seconds``, and record both."""
         self._traced[seconds] = self._plant.substeps(seconds)
         return self._traced[seconds]
 
@@ -104,7 +104,7 @@ class EpisodeEndedError(Exception):
 
 
 class StagesInPython(Stages):
-    """Stages of a control period evaluated in Python: a termination raises, and any Python law may be called.
+    """Stages of a control period evaluated in Python with any Python law; a termination raises an exception.
 
     Args:
         scenario: scenario of the episode. calls: internal state of its law. example: command with its structure.
@@ -163,7 +163,7 @@ class LawCalls:
 
 
 def _graph_of(record: Tree) -> Graph:
-    """Graph of the traced program that the scalars of a dataclass belong to."""
+    """Computation graph of the traced program to which the scalars of a dataclass belong."""
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 

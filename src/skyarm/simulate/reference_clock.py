@@ -152,7 +152,7 @@ class Waits:
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
-        """Reference clock of a task that replaces another in mid-flight; guards with earlier times are skipped.
+        """Reference clock of a task that starts in mid-flight; guards whose planned times have passed are skipped.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -217,13 +217,13 @@ class Waits:
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
     def previewed_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """Held reference sample with those to come, as far as the reference is certain to go on."""
+        """Held reference sample with preview samples, which end at the next condition (guard) of the task."""
         sample, end = self.held_reference(clock, ticks), self.end(clock)
         time, offset = self.instants(self.times(clock, ticks))[0]
         return with_preview(sample, self._leads, lambda lead: self.reference(minimum(time + lead, end), offset))
 
     def end(self, clock: PathClock) -> Scalar:
-        """Path time (s) at which the reference waits for the guard that it comes to next."""
+        """Path time (s) at which the reference waits for its next condition (guard)."""
         return self.terms(clock.guard).end / self._rate
 
     def path_time(self, clock: PathClock) -> Scalar:
@@ -256,7 +256,7 @@ class Waits:
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
     def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
-        """Tip position, desired tip position, forces and switches by which guards are evaluated."""
+        """Measured and desired tip position, forces and tactile switches, for evaluating conditions (guards)."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
@@ -328,7 +328,7 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
-    """True in every ``every``-th control period, by the count of periods."""
+    """True in one of every ``every`` control periods, by the count of periods."""
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh

@@ -1,4 +1,4 @@
-"""Simulation of logged commands: the plant flies them from any state, with any vehicle parameters, in many lanes.
+"""Simulation of the plant under logged commands, from any state and with any vehicle parameters, in SIMD lanes.
 
 What a flight's commands explain is flown by the same step as every simulation. Lanes of machine code differ in the
 numbers of the vehicle, in where in the log they begin, and in a constant wrench, which stands for what the model leaves
@@ -38,7 +38,7 @@ Numbers: TypeAlias = Mapping[str, Scalar]
 
 @immutable
 class Unexplained(Component[tuple[Vec3, Vec3]]):
-    """Force (N) and torque (N m) on the base about its origin, base axes, which are its memory."""
+    """Unexplained force (N) and torque (N m) on the base about its origin, base axes, as a force model."""
 
     def wrenches(
         self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
@@ -50,7 +50,7 @@ class Unexplained(Component[tuple[Vec3, Vec3]]):
 
 @immutable
 class Inputs:
-    """Vehicle parameters, unexplained wrench and commands of one simulated lane over one step.
+    """Vehicle parameters, unexplained wrench and commands of one simulated flight over one step.
 
     Attributes:
         numbers: vehicle parameters in the order of the replay's names.
@@ -71,7 +71,7 @@ class Inputs:
 
 
 class CommandReplay:
-    """Plant in machine code that flies under logged commands.
+    """Compiled plant model that flies under logged commands.
 
     Args:
         vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by which steps are chosen.
@@ -145,12 +145,12 @@ class CommandReplay:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
-        """Simulated flights in lanes, all at rest at the origin, with the usual vehicle parameters."""
+        """Make flights simulated side by side, all at rest at the origin, with the usual vehicle parameters."""
         return ReplayedFlights(self._kernel, self._carry, self._inputs, lanes, threads)
 
 
 class ReplayedFlights:
-    """Flights of a replay side by side, step by step.
+    """Flights under logged commands, simulated side by side, step by step.
 
     Attributes:
         state: field of a state -> (numbers, lanes) now. memories: (numbers, lanes) of the joints' drives.
@@ -175,17 +175,17 @@ class ReplayedFlights:
         self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
 
     def step(self) -> None:
-        """Simulate one step of all lanes."""
+        """Simulate one step of all flights."""
         self._stepper.fill()
         self._stepper.step()
 
     def close(self) -> None:
-        """Shut down the threads of the lanes."""
+        """Shut down the threads of the simulation."""
         self._stepper.close()
 
 
 def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
-    """Rows of an array that hold a record's numbers, by the names of its fields, and their count."""
+    """Row views of an array that holds the scalars of a dataclass, by field name, and the count of these rows."""
     views, first = dict[str, Array](), 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))

@@ -58,7 +58,7 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """Course of a flight before its first control period: all scheduled changes are still to come."""
+        """Scenario schedule of a flight before its first control period: all scheduled changes are still to come."""
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
@@ -74,7 +74,7 @@ class Course:
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Course of the flight after applying the changes that are scheduled up to control period ``tick``."""
+        """Scenario schedule after applying the changes that are due up to control period ``tick``."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -83,7 +83,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Course of the flight after changes by the user at the start of control period ``tick``.
+        """Scenario schedule after changes by the user at the start of control period ``tick``.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -154,7 +154,7 @@ class Session:
     """Whether :meth:`step` takes commands; without them the program is shorter."""
 
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
-        """Session of the kind that the scenario's controller needs: an autopilot has one of its own."""
+        """Make a session of the class that the scenario's controller needs: an autopilot has its own."""
         require_flight(scenario)
         autopilot = autopilot_of(scenario.controller)
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
@@ -223,7 +223,7 @@ class Session:
 
     @property
     def wind(self) -> WindSample:
-        """Air velocity (m/s) and outside force (N) at the base at the start of the next period, world axes."""
+        """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
         scenario, now = self.scenario, self.now
         around = Surroundings(components=scenario.components, memories=now.components, time=self.time)
         return wind_at(around, scenario.plant, now.agent.state)
@@ -274,7 +274,7 @@ class Session:
         return going or self._name_cause()
 
     def _name_cause(self) -> bool:
-        """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
+        """Add the line of user code that produced the first infinite or NaN value to the cause of a termination."""
         engine = self._engine
         ended = engine.ended
         if not ended or engine.commanded or not self.returns or not has_own(self.scenario):
@@ -307,7 +307,7 @@ class Session:
 
     @property
     def latest_arrays(self) -> dict[str, Array]:
-        """Time, state and commands of :attr:`latest` by their names in a log; quicker to have than the samples."""
+        """Time, state and commands of the last control period by their names in a log; faster than :attr:`latest`."""
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
         rows = engine.states_and_commands(start, engine.tick)
@@ -346,7 +346,7 @@ class Session:
         self._continue_with(self._course.with_values(self.tick, values, self._engine.piece))
 
     def close(self) -> None:
-        """End what a session holds beside itself, such as an autopilot's program; nothing of a law's session."""
+        """Shut down programs that belong to the session, such as an autopilot; a control law's session has none."""
 
     def _make_engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else Python."""
@@ -418,7 +418,7 @@ def open_session(
     make: Callable[..., Session] = Session,
     preparing: Callable[[float, float], object] | None = None,
 ) -> Session:
-    """Session of a scenario: of its law, or of the autopilot that flies its base, once that has taken off.
+    """Open a session of a scenario: under its control law, or under its autopilot once that has taken off.
 
     Args:
         scenario: scenario that is flown.

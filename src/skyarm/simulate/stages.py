@@ -245,7 +245,7 @@ class Stages:
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     def advance_coupled(self, memories: Memories, coupled: Memories) -> Memories:
-        """States of all wind, force and contact models, with those of contacts as the plant integrated them."""
+        """States of all wind, force and contact models; contact states are those that the plant integrated."""
         results = iter(coupled)
         return tuple(
             next(results) if each.coupled else memory for each, memory in zip(self.components, memories, strict=True)
@@ -285,7 +285,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
 
 
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
-    """External wrench at a sensor's frame, in its axes, by all that acts on its link and on the links beyond.
+    """External wrench at a sensor's frame, in its axes, by all loads on the sensor's link and on the links beyond.
 
     Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
     nothing can push, because sensors keep them in their memories.

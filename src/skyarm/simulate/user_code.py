@@ -105,7 +105,7 @@ class UserPart:
     def require_numbers(
         self, method: str, label: str, result: object, example: object = None, also: type = int
     ) -> None:
-        """Refuse a result of a method with a part that is no number, or with other parts than an example's."""
+        """Raise an error if a method's result has an entry that is no number, or another structure than an example."""
         numbers = dict(named_parts(result, label))
         expected = numbers if example is None else dict(named_parts(example, label))
         if list(numbers) != list(expected):
@@ -117,13 +117,13 @@ class UserPart:
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
     def pair(self, result: object, what: str, kind: type = object) -> tuple[Tree, Any]:
-        """Memory and result of a step; refuse anything but a pair of these."""
+        """Return the result of a step, a pair of memory and value; raise an error if it is no such pair."""
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], kind):
             raise self.refusal(f"returns {kind_of(result)}: must return (memory, {what})")
         return result
 
     def call(self, method: str, *given: object) -> Any:
-        """Result of a method, which is kept; an argument that the method writes to raises an error."""
+        """Call a method of the user-defined model and store its result; raise an error if it modifies an argument."""
         law, own = method == "law", self.record
         function = partial(checked_law(own), par=own.par) if law else getattr(own, method)
         names = ("self", *inspect.signature(function).parameters)
@@ -167,7 +167,7 @@ Check = Callable[[Scenario, UserPart], Fingerprint]
 
 
 def _as_constructed(record: Any) -> Any:
-    """Copy of a record without what was kept in it since it was constructed."""
+    """Copy of a record as it was constructed, without values that it has stored in itself since."""
     if type(record) is tuple:
         return tuple(map(_as_constructed, record))
     try:
@@ -182,7 +182,7 @@ def _as_constructed(record: Any) -> Any:
 
 
 def require_shapes(scenario: Scenario) -> None:
-    """Refuse user-defined models whose methods take other arguments, return other shapes, or are not pure.
+    """Raise an error if methods of user-defined models have wrong arguments or result shapes, or are not pure.
 
     A method that is not pure writes to its arguments, or gives another program when it is traced anew, as it is or as
     it was constructed; or, where a plugin has it, in another process.
@@ -219,7 +219,7 @@ def has_own(scenario: Scenario) -> bool:
 
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
-    """Trace the user-defined models of a scenario, each alone; ``anew``: as it was constructed, errors noted."""
+    """Trace each user-defined model of a scenario on its own; ``anew``: as newly constructed, with errors recorded."""
     texts = []
     for part, check in _parts(scenario):
         try:
@@ -259,14 +259,14 @@ def _parts(scenario: Scenario) -> Iterator[tuple[UserPart, Check]]:
 
 
 def _first_own(record: object) -> object:
-    """First object of a user's class within a record, or function of the user's; None without any."""
+    """First object of a user-defined class, or user-defined function, within a record; None without any."""
     if own_code(record if callable(record) else type(record)) is not None:
         return record
     return next((own for each in parts(record).values() if (own := _first_own(each)) is not None), None)
 
 
 def _own_signals(record: object, place: str) -> Iterator[tuple[str, Signal]]:
-    """Signals of time within a record whose class is user-defined, each with its parameter path."""
+    """Time signals of user-defined classes within a record, each with its parameter path."""
     if isinstance(record, Signal) and own_code(type(record)) is not None:
         yield place, record
     for name, each in parts(record).items():
@@ -341,7 +341,7 @@ def _check_value(
     also: type = int,
     given: Callable[[Scalar, State], tuple[Tree, ...]] = lambda time, _: (time,),
 ) -> Fingerprint:
-    """Check a user-defined method without memory: one call, whose result must be numbers like an example's.
+    """Check a user-defined method without internal state by one call, whose result must have an example's structure.
 
     Args:
         scenario: scenario with the model.
@@ -465,7 +465,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
 
 
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
-    """Return a controller that is given as such or by its maker function, after a check."""
+    """Return a controller, given directly or built by a maker function, after a check."""
     if isinstance(law, Controller):
         check_controller(law)
         return law

@@ -31,7 +31,7 @@ class Fields:
         self._known: set[str] = set()
 
     def expect(self, names: Iterable[str]) -> None:
-        """State which fields the table may have, so that none of them is taken for another that is missing."""
+        """State the allowed keys of the table; none of them is then suggested as a misspelling of a missing key."""
         self._known.update(names)
 
     def at(self, name: str) -> str:
@@ -114,7 +114,7 @@ class Fields:
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self, beside: Sequence[str] = ()) -> None:
-        """Raise an error if a field of the table was not read; ``beside`` names fields that others have read."""
+        """Raise an error if a field of the table was not read; ``beside`` lists fields that are read elsewhere."""
         names = [*dict.fromkeys(self._asked), *beside]
         for name, value in self.table.items():
             if name not in self._asked:

@@ -57,7 +57,7 @@ def shown(value: object) -> str:
 def errors_as(
     kind: type[ValueError], before: str = "", of: type[Exception] | tuple[type[Exception], ...] = ValueError
 ) -> Iterator[None]:
-    """Context in which errors of a class become errors of another one, with some words before their own."""
+    """Context manager that turns errors of one class into another class and puts a prefix before their message."""
     try:
         yield
     except of as error:
@@ -92,7 +92,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 @cache
 def present_names(kind: str) -> dict[str, str]:
-    """Table old name -> text on what it is now: of a module, command, option, law, preset or word of a file."""
+    """Former names of modules, commands, options, laws, presets or keys, each with a text on its present name."""
     renamed: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
     return renamed[kind]
 

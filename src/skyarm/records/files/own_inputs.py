@@ -17,7 +17,7 @@ _read: ContextVar[set[tuple[Path, tuple[int, ...]]] | None] = ContextVar("read",
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Context of one command, in which no file is written over that was read before."""
+    """Context manager of a command, during which files that the command has read cannot be overwritten."""
     before = _read.set(set())
     try:
         yield
@@ -26,14 +26,14 @@ def inputs_kept() -> Iterator[None]:
 
 
 def note_input(path: Path) -> None:
-    """Note a file as input of the running command, by its place on the disk: it may have several names."""
+    """Record a file as input of the running command, with its identity on the disk, since it may have several names."""
     files = _read.get()
     if files is not None:
         files.add((path.absolute(), stamp_of(path)))
 
 
 def stamp_of(path: PathLike) -> tuple[int, ...]:
-    """Device, number, time in ns and size of a file; empty if there is none."""
+    """Device, inode number, modification time (ns) and size of a file; empty if there is none."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):  # not there yet, or never

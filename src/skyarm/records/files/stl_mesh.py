@@ -73,7 +73,7 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
 
 
 def read_stl(path: PathLike, scale: Scale = METRES) -> tuple[Array, IntArray]:
-    """Read an STL file: unique vertices (V, 3), m, and triangles as indices (F, 3)."""
+    """Read an STL file: unique vertices (V, 3) in metres, and triangles as indices (F, 3)."""
     vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, places.reshape(-1, 3)
 

@@ -31,7 +31,7 @@ DEPTH = 8
 
 
 def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
-    """Code object of the first function in an object that a user wrote; None if the library wrote them all.
+    """Code object of the first user-written function in an object; None if the library wrote them all.
 
     Args:
         thing: a function, a method, a partial one, an object that can be called, or a class.
@@ -57,7 +57,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
 
 
 def closed_over(function: object) -> Iterator[object]:
-    """Values that a function is closed over, without those that are not assigned yet."""
+    """Values that a closure captures, without those that are not assigned yet."""
     for cell in getattr(function, "__closure__", None) or ():
         with suppress(ValueError):
             yield cell.cell_contents
@@ -114,7 +114,7 @@ def place_of(thing: object) -> str:
 
 
 def require_result(function: object, value: Result, fine: bool, allowed: str) -> Result:
-    """Result of a user's function that is not traced, where it is one that is allowed.
+    """Return the result of a user-defined function that is not traced; raise an error if it is not allowed.
 
     Args:
         function: user's function, or one of the library's in its place.

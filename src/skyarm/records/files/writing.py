@@ -95,7 +95,7 @@ _cleared: set[Path] = set()
 
 
 def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
-    """Make the temporary file of a target, and lock it; removes those of killed processes beside it first."""
+    """Create and lock the temporary file of a target, after removing those that killed processes left next to it."""
     if target.parent not in _cleared:
         _cleared.add(target.parent)
         for path in target.parent.glob(".*.part"):
@@ -119,7 +119,7 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
 
 
 def _remove_unlocked(path: Path) -> None:
-    """Remove a temporary file that no process holds; on Windows none that is open can be removed."""
+    """Remove a temporary file unless a process holds its lock or, on Windows, has it open."""
     if os.name == "nt":
         path.unlink()
         return
@@ -207,7 +207,7 @@ def output_file(name: str, field: str, *suffixes: str) -> Path:
 
 
 def require_replaceable(*files: Path, renames: bool = False) -> None:
-    """Raise an error if a folder has the name of an output file, or it is an input, before any computation.
+    """Raise an error if an output file has the name of a folder, or is an input of the running command.
 
     Args:
         files: files that are written.

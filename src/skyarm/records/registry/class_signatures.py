@@ -73,7 +73,7 @@ OPTIONAL = "read(path)"
 
 
 def _functions_mistake(thing: object, made: str, *calls: str) -> tuple[str, str] | None:
-    """Error in an object that holds functions, as (file and line, message); None if there is none.
+    """Error in an object that must have certain functions, as (file and line, message); None if there is none.
 
     Args:
         thing: the object.
@@ -116,7 +116,7 @@ def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
 
 
 def _record_mistake(kind: str, thing: object) -> tuple[str, str] | None:
-    """Error in what is registered as a subclass of a kind's base, as (file and line, message); None if there is none.
+    """Error in an object that must be a subclass of its kind's base, as (file and line, message), or None.
 
     A signal may be a function of its table, too.
     """

@@ -82,7 +82,7 @@ _SENT: Sources = {}
 
 
 class _SentModules(SourceLoader):
-    """Imports the modules that another process sent, under the names and paths that they have there."""
+    """Importer of modules that another process sent, under the names and paths that they have in that process."""
 
     def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
         if name in _SENT:
@@ -132,7 +132,7 @@ def plugin_of(module: str) -> Plugin | None:
 
 
 def is_of_plugin(code: CodeType) -> bool:
-    """True if code is of an installed package, or of a file named as that of a plugin or a module beside it."""
+    """True if code belongs to an installed package, or to a file that is named like one of a loaded plugin."""
     file = code.co_filename
     return INSTALLED in file or Path(file).name in {Path(each).name for each in identities()}
 
@@ -331,7 +331,7 @@ def load_installed() -> None:
 
 
 def sources_of_plugins() -> Sources:
-    """Modules of the files that were loaded as plugins, and all that came from their folders, for another process."""
+    """Sources of the modules loaded from plugin files and from the folders of those files, for another process."""
     sources = {name: source for key in _LOADED for name, source in _SOURCES.get(key, {}).items()}
     folders = {Path(key).parent for key in _LOADED if key in _SOURCES}
     for name, file in ((name, file_of(module)) for name, module in [*sys.modules.items()] if folders):

@@ -118,7 +118,7 @@ SHIPPED = "skyarm"
 
 
 def take_over(row: Registration) -> None:
-    """Register an entry of another process, unless its name is taken here: by the same plugin, or the same script."""
+    """Register an entry of another process, unless its name is already registered here."""
     _ready()[row.kind].setdefault(row.name, row)
 
 
@@ -141,7 +141,7 @@ def registrations(kind: str) -> Mapping[str, Registration]:
 
 
 def names(kind: str, *, shipped: bool = True) -> tuple[str, ...]:
-    """Registered names of a kind; of users alone without those that ship."""
+    """Registered names of a kind; without those that the library ships unless ``shipped``."""
     return tuple(name for name, each in registrations(kind).items() if shipped or each.source != SHIPPED)
 
 
@@ -164,7 +164,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
 
 def function_of_option(option: str) -> Any:
-    """Function by which a leaf performs an option of a command, such as ``run --ros``."""
+    """Function that performs an option of a command, such as ``run --ros``."""
     module, _, name = OPTIONS[option].partition(":")
     return getattr(import_module(module), name)
 
