@@ -96,7 +96,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
 def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude: Quaternion) -> set[str]:
     """World axes along which moving air changes no force on the vehicle; x and y only together, since it may yaw.
 
-    None if a part cannot be evaluated: it may feel air.
+    No axis if a part cannot be evaluated: it may react to moving air.
     """
     vehicle, blind = scenario.plant.vehicle, {*"xyz"}
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n

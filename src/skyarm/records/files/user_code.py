@@ -201,9 +201,10 @@ def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Table of digests by file name; a second digest of one name is stored under a numbered name."""
     digests: dict[str, str] = {}
     for plain, identity in pairs:
-        name = plain
+        name, number = plain, len(digests)
         while digests.get(name, identity) != identity:
-            name = f"{plain} ({len(digests) + 1})"
+            number += 1
+            name = f"{plain} ({number})"
         digests[name] = identity
     return digests
 
