@@ -125,7 +125,7 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
 
 
 def _jump_times(scenario: Scenario) -> list[float]:
-    """Times, s, at which the reference may jump, in order."""
+    """Times (s) at which the reference may jump, in order."""
     path, times = scenario.path_time, scenario.reference.switch_times()
     return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
 

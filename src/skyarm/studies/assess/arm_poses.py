@@ -57,7 +57,7 @@ class Allocation:
         return self.inverse @ efforts[:WRENCH]
 
     def headroom(self, squared: Array, change: Array) -> Array:
-        """Multiples (rotors, poses) of a change of squared speeds that bring each rotor to a limit; inf without one.
+        """Multiples (rotors, poses) of a change of squared rotor speeds that bring each rotor to a limit; inf if none.
 
         Args:
             squared: (rotors, poses) squared speeds, (rad/s)^2.

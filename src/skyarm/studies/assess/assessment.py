@@ -130,7 +130,7 @@ def check(
     poses: int = POSES,
     gravity: float | None = None,
 ) -> Assessment:
-    """Check whether a vehicle, or that of a scenario, can fly, and why not, as ``skyarm check`` does.
+    """Check if a vehicle, or the vehicle of a scenario, can fly, and explain why not, as ``skyarm check`` does.
 
     Args:
         what: a vehicle or a scenario, or the name or path of one.

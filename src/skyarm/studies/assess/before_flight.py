@@ -1,4 +1,4 @@
-"""Warnings that need neither flights nor arm poses, before a flight."""
+"""Warnings before a flight that need neither simulated flights nor sampled arm poses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 
 
 def warnings_before_flight(scenario: Scenario) -> list[str]:
-    """Warnings about unlikely numbers, a reference beyond limits, and a contact force that cannot be held."""
+    """Warnings about suspicious values, a reference beyond limits, and a contact force that cannot be held."""
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
     findings, pushing = along_reference(scenario), push_limits(scenario)
     if at is not None and scenario.worlds:

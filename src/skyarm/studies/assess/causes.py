@@ -1,4 +1,4 @@
-"""Order of alarms by cause: what follows from an alarm that stands already is a note, not one more alarm."""
+"""Ordering of check alarms by cause: an alarm that follows from another one is downgraded to a note."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FOLLOWS = {
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings in which an alarm that follows from another one is a note that names its cause.
+    """Check results in which each alarm that follows from another one is downgraded to a note that names its cause.
 
     A fault is so stated once; what follows from no other alarm stays one. An alarm causes none that is more severe,
     but numbers in other units do, and then are as severe themselves.

@@ -1,4 +1,4 @@
-"""Sheet of a check: alarms with remedies, notes, passed checks and verdict."""
+"""Report of a feasibility check: alarms with remedies, notes, passed checks and verdict."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def sheet(found: Assessment) -> list[Line]:
 
 
 def _in_short(each: Finding) -> str:
-    """Short text of a passed check: its question with the number found."""
+    """Short text of a passed check: the checked quantity with its value."""
     text = _number(each.value, each)
     return each.question if text.split(" ")[0] in ("-", "0") else f"{each.question} {text}"
 
 
 def _rows(findings: Iterable[Finding]) -> Table:
-    """Make a table of check results: level, question and answer."""
+    """Make a table of check results: severity, checked quantity and result."""
     rows = [(Mark(text=each.level, title=each.level), Mark(text=each.question), each.text) for each in findings]
     return table_of(("",) * 3, rows, left=3)
 
 
 def _number(value: float, finding: Finding) -> str:
-    """Format a number of a check result with its unit; a dash for NaN."""
+    """Format the value of a check result with its unit; a dash for NaN."""
     return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

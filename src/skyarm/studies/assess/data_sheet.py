@@ -118,7 +118,7 @@ APART = ("name", "tilt")
 
 
 def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
-    """Make tables of dataclasses of one class: a column for each field that differs, then the equal fields."""
+    """Make tables of the records of one dataclass: a column per field that differs, then the fields equal in all."""
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
     shared: dict[str, str] = {}
@@ -146,7 +146,7 @@ def _cell(value: Tree) -> str:
 
 
 def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of a vehicle's totals: mass, frames, hover, reach and static efforts."""
+    """Yield name and text of each property of a whole vehicle: mass, frames, hover, reach and static efforts."""
     yield "mass", f"{shown_number(facts['mass_kg'], 5)} kg"
     yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in facts["centre_of_mass_m"]) + " mm"
     if vehicle.planar:

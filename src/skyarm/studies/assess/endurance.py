@@ -97,7 +97,7 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
     least = share * float(battery.reference_voltage)
 
     def voltage_at(charge: float) -> float | None:
-        """Battery voltage, V, in hover at a state of charge; None where the battery cannot supply the hover."""
+        """Battery voltage (V) in hover at a state of charge; None if the battery cannot supply the hover."""
         voltage, idle = float(battery.voltage(charge, power)), float(battery.open_circuit_voltage(charge))
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None

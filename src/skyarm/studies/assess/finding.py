@@ -49,7 +49,7 @@ class Finding:
     joints: Sequence[Scalar] | Array = ()
 
     def __post_init__(self) -> None:
-        """Convert the numbers to floats and clear the suggested change of a check that is ok."""
+        """Convert the values of a check result to floats, and clear the remedy if the check is passed."""
         object.__setattr__(self, "value", float(self.value))
         object.__setattr__(self, "joints", tuple(map(float, self.joints)))
         if self.level == OK:
@@ -61,7 +61,7 @@ class Finding:
 
 
 class Details(TypedDict, total=False):
-    """Further fields of a check result."""
+    """Optional fields of a check result: limit, unit and joint values."""
 
     limit: float
     unit: str
@@ -113,7 +113,7 @@ BEHIND_A_FIELD = re.compile(r": | of | reaches ")
 
 
 def finding_of_line(line: str, question: str, level: str) -> Finding:
-    """Check result of a warning in one line: its field, and the question at its end as the remedy."""
+    """Convert a one-line warning to a check result: its parameter, and the hint at its end as the remedy."""
     head, equals, _ = line.partition(" = ")
     field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
     # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon

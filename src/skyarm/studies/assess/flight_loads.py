@@ -97,7 +97,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
 
 
 def _control_instants(scenario: Scenario) -> Iterator[Array]:
-    """Start times of the flight's control periods, s, in blocks (K,)."""
+    """Start times (s) of a flight's control periods, in blocks (K,)."""
     rate = scenario.rates.control
     count = math.ceil(scenario.duration * rate - 1e-9)
     for first in range(0, count, AT_ONCE):

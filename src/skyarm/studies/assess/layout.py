@@ -38,7 +38,7 @@ STAGGERED = 0.1
 
 
 def disc_radius(vehicle: Vehicle) -> float:
-    """Radius, m, of the largest rotor discs that do not overlap; rotors above each other are not compared."""
+    """Radius (m) of the largest rotor discs that do not overlap; rotors above each other are not compared."""
     least = float(_hub_distances(vehicle).min(initial=np.inf))
     return 0.5 * least if least < np.inf else 0.1
 
@@ -122,7 +122,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
 
 
 def thrust_number(rotor: Rotor, radius: float) -> float:
-    """Thrust coefficient C_T = thrust / (rho n^2 D^4) of a rotor, n in 1/s, for a disc of this radius."""
+    """Thrust coefficient C_T = thrust / (rho n^2 D^4) of a rotor, n in 1/s, for a given disc radius."""
     turns = 4.0 * math.pi**2
     return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
 

@@ -1,4 +1,4 @@
-"""Check of a commanded contact force by flights: which force the closed loop holds, and why not more.
+"""Check of a commanded contact force by simulated flights: the largest force that is held, and what limits it.
 
 Statics say what joints and rotors bear (:mod:`skyarm.studies.assess.push_limits`), not whether the loop presses: the
 recoil of the base may stretch the arm, and a tip of much inertia bounces. The scenario is therefore flown with shares
@@ -50,7 +50,7 @@ VALUE = "reference.push.force.value"
 
 
 def pressing_flights(scenario: Scenario) -> list[Finding]:
-    """Check result for a constant contact force in flights; empty without one, or by a law without force control."""
+    """Check result for a constant contact force in simulated flights; empty without one or without force control."""
     at = _constant_push(scenario)
     if at is None:
         return []
@@ -99,7 +99,7 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
 
 
 def _constant_push(scenario: Scenario) -> Reference | None:
-    """Reference at the largest contact force, if it is a constant and held by a law with force control; else None."""
+    """Reference at the largest contact force, if constant and commanded to a law with force control; otherwise None."""
     if not scenario.worlds or not presses(scenario.controller.par):
         return None
     try:
@@ -110,7 +110,7 @@ def _constant_push(scenario: Scenario) -> Reference | None:
 
 
 def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
-    """Fault if the steps of the contact are too long for the inertia of the tip; else empty.
+    """Fault if the integration steps of the contact are too long for the inertia of the arm tip; otherwise empty.
 
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner 2003.
     """
@@ -127,7 +127,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
-    """Mean error of the force (N), status and share of periods with a rotor at its limit of flights: (shares, noises).
+    """Force error (N), status and share of saturated periods of flights at several force levels and noise seeds.
 
     Args:
         scenario: a constant force, no changes of it in flight.
@@ -176,13 +176,13 @@ def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:
 
 
 def base_recoil(scenario: Scenario, force: float) -> float:
-    """Distance (m) that the base is pushed back while the force comes on, before it leans against it."""
+    """Distance (m) that the base is pushed back while the contact force builds up, before it tilts against it."""
     rise = float(part_of(scenario.controller.par, "interaction").rise)
     return 0.5 * rise * rise * force / float(scenario.plant.vehicle.mass)
 
 
 def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
-    """Distance (m) between the length of the arm as it stands, from the first joint to the tip, and its full length."""
+    """Distance (m) by which the arm can still extend: its full length less the present one, first joint to tip."""
     poses, index = link_poses(vehicle, joints), vehicle.frame().link
     places = [frame_pose(vehicle, vehicle.frame(), joints).p]
     while index != BASE:

@@ -99,7 +99,7 @@ def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
 
 
 def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> tuple[float, float]:
-    """Yaw torque of a push on the tip, and the largest of tangential friction with coefficient 1, N m.
+    """Yaw torques (N m) of a push on the tip, and of tangential friction with coefficient 1 in the worst direction.
 
     A force f at r turns about z by f.(z x r).
     """
@@ -136,7 +136,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def _guards(scenario: Scenario, speed: float) -> list[Finding]:
-    """Guards for a level force that would drive a standing object ahead of the tip faster than the approach (m/s)."""
+    """Warnings of reference guards whose level force would push a standing object faster than the approach (m/s)."""
     findings, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
     friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
     for i, guard in enumerate(scenario.reference.guards):
@@ -173,7 +173,7 @@ def _error(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[float, float]:
-    """Errors of a force that is estimated from joint torques, N: of one scale of all joints, and the standard error.
+    """Errors (N) of a contact force estimated from joint torques: of a common torque scale error, and standard error.
 
     Args:
         scenario: vehicle, gravity and law.

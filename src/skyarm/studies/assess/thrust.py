@@ -144,7 +144,7 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
 
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
-    """Largest payload, kg, that each rotor and joint (rows) can carry in each pose; negative if already overloaded."""
+    """Largest payload (kg) that each rotor and joint (rows) can carry in each pose; negative if already overloaded."""
     allocation, bare = replace(poses.allocation, highest=poses.allocation.highest / ENOUGH), poses.efforts(joints)
     per_kilogram = loaded.efforts(joints) - bare
     rotors = allocation.headroom(allocation.squared_speeds(bare), allocation.squared_speeds(per_kilogram))

@@ -1,4 +1,4 @@
-"""Flights of a comparison, by controller, case and condition: their work, its cell of results, and its statistics.
+"""Flights of a comparison by controller, case and condition: their simulation, results and statistics.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -72,7 +72,7 @@ class Cell:
 
     @classmethod
     def of_rows(cls, work: Work, rows: Rows) -> Cell:
-        """Metrics and status in the rows of a work, without the columns that identify its flights."""
+        """Metrics and status from result rows, without the columns that identify the flights."""
         others = {"episode", "status", "end_time", *work.fixed, *work.columns}
         return cls({name: column for name, column in rows.items() if name not in others}, rows["status"])
 
@@ -121,12 +121,12 @@ class CellFlights:
 
     @property
     def label(self) -> str:
-        """Name of these flights among those of a suite, for their file of rows and for progress output."""
+        """Unique name of these flights in a suite, for their result file and for progress output."""
         plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
         return "__".join(self.name) + plant
 
     def work(self) -> Work:
-        """Work of these flights: their scenario, perturbed numbers, keys of noise and metrics."""
+        """Work item of these flights: scenario, perturbed parameters, noise keys and metrics."""
         scenario = self.scenario()
         values, count = self.values(scenario), self.episodes(scenario)
         names = dict(zip(NAMES, self.name, strict=True))
@@ -162,7 +162,7 @@ class CellFlights:
 
     @property
     def meets_perturbed_plants(self) -> bool:
-        """True if every flight meets numbers of its own."""
+        """True if every flight has its own perturbed plant."""
         return self.condition.spread is not None
 
     def episodes(self, scenario: Scenario) -> int:

@@ -54,7 +54,7 @@ def compare(
     progress: Progress | None = None,
     **options: Any,
 ) -> ComparisonResults:
-    """Compare laws on a scenario or on a suite of trials, as ``skyarm compare`` does; the same call continues.
+    """Compare laws on a scenario or a suite, as ``skyarm compare`` does; the same call resumes an interrupted one.
 
     Args:
         what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite".
@@ -75,7 +75,7 @@ def compare(
 
 
 def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str, /, **options: Any) -> Suite[Any]:
-    """Comparison of laws on a scenario or on a suite of trials, to be flown.
+    """Comparison of laws on a scenario or on a suite of trials, before its flights are simulated.
 
     Args:
         what: a scenario, the name or path of one, or a name of ``SUITES``.

@@ -80,7 +80,7 @@ def own_entrant(law: str) -> Entrant | None:
 
 
 def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
-    """Look up the named laws for the paper suite.
+    """Look up the controllers of a comparison by the names of their control laws.
 
     Raises:
         ValueError: one line with the field: a name that is none, or two names of one law.
@@ -99,7 +99,7 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
 
 
 def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> tuple[str, ...]:
-    """Check names of control laws, of which a suite has some of its ``own``.
+    """Check names of control laws against the registered laws and a suite's ``own`` names.
 
     Raises:
         ValueError: one line with the field: a name that is none, or two names of one law.

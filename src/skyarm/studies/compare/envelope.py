@@ -161,7 +161,7 @@ class Envelope(Suite[AxisFlights]):
 
     @property
     def flyable_axes(self) -> tuple[str, ...]:
-        """Names of the difficulty axes that the vehicle can fly; those of other vehicles only beside the paper's."""
+        """Names of the difficulty axes that the vehicle can fly; those with their own vehicle only for the paper's."""
         servos = bool(self.setting.truth.drives)
         return tuple(
             name
@@ -403,7 +403,7 @@ def command_rows(axis: Record) -> list[list[str]]:
 
 
 def command_text(point: Record) -> str:
-    """Table text of the rotor commands: jitter, rad/s, and share of periods at a limit, %; of plants the largest."""
+    """Table text of rotor jitter (rad/s) and share of periods at a limit (%); the largest of perturbed plants."""
     if point["jitter"] is None or (point["lost"] and "plants" not in point):
         return LOST
     return f"{number(point['jitter'])}; {number(point['limited'], 1e2)} %"

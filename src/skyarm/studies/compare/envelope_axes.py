@@ -173,7 +173,7 @@ def slow_circle(setting: Setting, delays: Delays = ON_TIME, noise: SensorNoise =
 
 
 def slow_circle_with_onset(setting: Setting) -> Scenario:
-    """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
+    """Envelope trial: slow circle with a command delay that sets in at 8 s."""
     late = Change(at=ONSET, path=LATE, value=LATEST)
     return with_words(slow_circle(setting), delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
 
@@ -194,7 +194,7 @@ def figure_frequencies(setting: Setting, frequency: float) -> Numbers:
 
 
 def random_curve(setting: Setting, step: float) -> Scenario:
-    """Envelope trial: base and joints follow B-splines of random points, the given time apart, s."""
+    """Envelope trial: base and joints follow B-splines with random control points at a given spacing (s)."""
     draws = np.random.default_rng(POINTS)
     count = math.ceil(DURATION / min(RANDOM_STEPS)) + 8
 

@@ -90,7 +90,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
 
 
 def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:
-    """Coordinates of points of the unit sphere, uniform by area where height and azimuth (rad) are.
+    """Coordinates of points on the unit sphere, uniformly distributed if height and azimuth (rad) are.
 
     Source: Archimedes: height and azimuth of a uniform point are uniform and independent.
     """

@@ -123,7 +123,7 @@ def fly_suite(
 
 
 def open_store(folder: Path) -> Store | None:
-    """Store of a benchmark's rows, with warnings of what will be flown again; None without pyarrow."""
+    """Open the store of a benchmark's results, and warn of flights to repeat; None without pyarrow."""
     if not files_by_label(folder / ROWS) and any((folder / "cells").glob("*.cell")):
         warnings.warn(f"{folder}: cells of skyarm 0.3 do not count: what they hold is flown again", stacklevel=2)
     store = Store.if_kept(folder)

@@ -29,7 +29,7 @@ GROUND = False
 
 
 def library_rows(name: str) -> Iterator[dict[str, Any]]:
-    """Rows of a table of the comparisons' library, such as its entrants; their lists as tuples."""
+    """Yield the entries of a library file of the comparisons, such as its controllers, with lists as tuples."""
     file = resources.files("skyarm.studies.compare") / "library" / f"{name}.toml"
     (rows,) = tomllib.loads(file.read_text("utf-8")).values()
     for row in rows:

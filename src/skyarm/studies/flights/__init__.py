@@ -1,4 +1,4 @@
-"""Many flights: what flies (work), how (fly), where (executor), and the rows that are kept of it (store)."""
+"""Simulation of many flights: work items, their simulation, parallel execution, and stored results."""
 
 from skyarm.studies.flights.executor import Crew
 from skyarm.studies.flights.store import Store

@@ -1,4 +1,4 @@
-"""Execution of works on threads of this process, in other processes or on a Ray cluster, with rows kept in a folder."""
+"""Execution of simulations on local threads, worker processes or a Ray cluster, with results stored in a folder."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Progress = Callable[[int, int, str], object]
 
 
 def require_place(on: str, field: str = "on") -> str:
-    """Check the name of a place where works fly; an error names the field.
+    """Check the name of an execution backend: local, processes, ray or ray:HOST:PORT; errors name the field.
 
     Raises:
         ValueError: one line: no such place, or its extra is missing.
@@ -40,7 +40,7 @@ def require_place(on: str, field: str = "on") -> str:
 
 
 class Executor(Protocol):
-    """Performs calls somewhere.
+    """Backend that executes function calls: in this process, in worker processes or on a cluster.
 
     Attributes:
         slots: largest number of calls under way. flying: number of those that are.
@@ -53,17 +53,17 @@ class Executor(Protocol):
     def flying(self) -> int: ...  # noqa: D102
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Begin a call."""
+        """Submit a function call for execution, identified by a work item."""
 
     def collect(self) -> tuple[Work, bytes]:
-        """Wait for a call; its token and result."""
+        """Wait for a submitted call to finish; returns its work item and result."""
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """End; what still flies is waited for, or abandoned. Tokens and results that were not collected."""
+        """Shut down, after waiting for running calls or abandoning them; returns the results not collected yet."""
 
 
 class Here:
-    """Performs one call at a time, in this process."""
+    """Executor that runs one function call at a time, in this process."""
 
     slots = 1
 
@@ -72,25 +72,25 @@ class Here:
 
     @property
     def flying(self) -> int:
-        """1 while a call waits."""
+        """Number of submitted function calls that are not executed yet: 0 or 1."""
         return len(self._next)
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Note a call."""
+        """Store a function call, which is executed when its result is collected."""
         self._next.append((token, lambda: function(*arguments)))
 
     def collect(self) -> tuple[Work, bytes]:
-        """Perform the call that was noted."""
+        """Execute the stored function call; returns its work item and result."""
         token, call = self._next.pop()
         return token, call()
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Nothing goes on."""
+        """Return an empty list, since no function call runs in the background."""
         return []
 
 
 def _executor(on: str, workers: int) -> Executor:
-    """Make the executor of a place where works fly."""
+    """Create the execution backend of a given name."""
     if on == LOCAL:
         return Here()
     if on == PROCESSES:
@@ -103,7 +103,7 @@ def _executor(on: str, workers: int) -> Executor:
 
 
 class Crew:
-    """Flies works at a chosen place, and keeps their rows: those that a folder holds do not fly again.
+    """Runner that simulates work items on a chosen backend and stores their results; stored ones are not repeated.
 
     Args:
         on: "local", "processes", "ray" (started here) or "ray:HOST:PORT" (joined); None the usual one of what is left.
@@ -140,7 +140,7 @@ class Crew:
                 warnings.warn(f"{self.store.folder}: damaged, and flown again: {names}", stacklevel=2)
 
     def fly(self, works: Iterable[Work]) -> Iterator[tuple[Work, bytes]]:
-        """Works with the contents of their files of rows, as they land; those that are kept first.
+        """Yield each work item with the content of its result file, stored ones without simulating them again.
 
         A work is taken from ``works`` when there is room for it: of millions only some are in memory. Those that are to
         fly at the usual place wait until it is known how many.
@@ -165,7 +165,7 @@ class Crew:
             yield self._collect(self._executor)
 
     def _begin(self, work: Work, on: str) -> Iterator[tuple[Work, bytes]]:
-        """Begin to fly a work as soon as there is room for it; what lands until then."""
+        """Submit a work item once the executor has room; yields the work items that finish until then."""
         if self._executor is None:
             self._executor = _executor(on, self.workers)
         while self._executor.flying >= self._executor.slots:
@@ -181,7 +181,7 @@ class Crew:
         return work, content
 
     def rows(self, works: Iterable[Work]) -> list[Rows]:
-        """Rows of some works, in their order. On threads those of one program fly as one batch: no thread waits."""
+        """Result rows of several work items in order; on threads, those of one program and seed run as one batch."""
         every = list(works)
         here = self.on == LOCAL
         flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))
@@ -189,7 +189,7 @@ class Crew:
         return [by_work[id(work)] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
-        """Works with their rows, flown here."""
+        """Yield work items with their result rows, stored or simulated in this process."""
         groups: dict[int | tuple[str, int], list[Work]] = {}
         for work in works:
             there = self.store.get(work) if self.store else None
@@ -206,5 +206,5 @@ class Crew:
 
 
 def rows_file(work: Work, metadata: dict[bytes, bytes], threads: int) -> bytes:
-    """Content of the file of rows of a work; its bytes depend on the work and the metadata alone."""
+    """Simulate a work item; returns its result file, whose bytes depend on work item and metadata alone."""
     return pack_rows(fly(work, threads), metadata)

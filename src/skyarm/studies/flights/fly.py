@@ -1,4 +1,4 @@
-"""Simulation of a work: one batch where the law can be traced, else a flight at a time. The rows depend on it alone."""
+"""Simulation of a work item: one compiled batch if the law can be traced, otherwise one flight at a time."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _programs: OrderedDict[str, Batch] = OrderedDict()
 
 
 def fly(work: Work, threads: int = 1) -> Rows:
-    """Simulate a work; returns its rows, whose bits depend neither on threads nor on what flew before."""
+    """Simulate a work item; returns its result rows, bitwise independent of threads and earlier simulations."""
     (rows,) = fly_together([work], threads)
     return rows
 
 
 def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
-    """Simulate works of one program and one seed as one batch, or one that flies alone; rows as of each by itself."""
+    """Simulate work items of one program and seed as one batch, with the same results as each by itself."""
     first, ends = works[0], np.cumsum([work.count for work in works])[:-1]
     if first.alone:
         return [{**_leading_columns(first), **_one_by_one(first)}]
@@ -49,14 +49,14 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
 
 
 def _leading_columns(work: Work) -> Rows:
-    """Columns that tell the flights of a work apart."""
+    """Result columns that identify the flights of a work item."""
     fixed = {name: np.broadcast_to(np.asarray(column), work.count) for name, column in work.fixed.items()}
     drawn = {path: np.asarray(column, dtype=float) for path, column in work.columns.items()}
     return {"episode": np.asarray(work.episodes, dtype=np.uint32), **fixed, **drawn}
 
 
 def _batch(work: Work) -> Batch:
-    """Compiled simulation of a work, shared with others of the same program."""
+    """Compiled simulation of a work item, shared with other work items of the same program."""
     batch = _programs.pop(work.program, None)
     if batch is None:
         batch = Batch(
@@ -76,7 +76,7 @@ def _batch(work: Work) -> Batch:
 
 
 def _one_by_one(work: Work) -> Rows:
-    """Metrics, status and end of flights that fly one after the other; NaN for a metric that one of them lacks."""
+    """Metrics, status and end time of flights simulated one after the other; NaN for a metric that a flight lacks."""
     rows: list[dict[str, float | str | bytes]] = []
     for k in range(work.count):
         log = run(one_scenario(work, k))
@@ -90,7 +90,7 @@ def _one_by_one(work: Work) -> Rows:
 
 
 def _metrics_of(work: Work, log: Log) -> list[str]:
-    """Metrics of a single flight: an effort is none where the log's command of the joint is a setpoint."""
+    """Names of the metrics of a single flight, without efforts of joints that are commanded by setpoints."""
     setpoints = {f"tau{i + 1}_rms" for i, unit in enumerate(names_of(log).setpoints) if unit is not None}
     return [name for name in work.metrics if name not in setpoints]
 
@@ -100,7 +100,7 @@ def _column(values: list[float | str | bytes]) -> Array:
 
 
 def one_scenario(work: Work, k: int) -> Scenario:
-    """Scenario of a single flight of a work, with its command delay rounded to whole physics steps."""
+    """Scenario of a single flight of a work item, with its command delay rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
     single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))

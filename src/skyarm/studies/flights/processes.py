@@ -1,4 +1,4 @@
-"""Worker processes that fly works. They ignore Ctrl-C and end with their parent; what a killed one flew flies again."""
+"""Worker processes for simulations: they ignore Ctrl-C and end with their parent; killed ones are replaced."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_TRIES = 3
 
 
 class Processes:
-    """Pool of worker processes that performs calls; one that breaks is replaced.
+    """Pool of worker processes that executes function calls; a broken pool is replaced.
 
     Args:
         count: number of processes, started as they are needed.
@@ -45,7 +45,7 @@ class Processes:
         return len(self._flying)
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Begin a call, whose result :meth:`collect` gives with the token."""
+        """Submit a function call, whose work item and result :meth:`collect` returns."""
         self._begin(token, pack((function, arguments)), 1)
 
     def _begin(self, token: Work, call: bytes, tries: int) -> None:
@@ -63,7 +63,7 @@ class Processes:
         self._flying[broken] = token, call, tries
 
     def collect(self) -> tuple[Work, bytes]:
-        """Wait for a call; returns its token and result. What a killed process had begun is begun again.
+        """Wait for a call to finish, restarting those of killed processes; returns its work item and result.
 
         Raises:
             OSError: a process ended unexpectedly in each of some tries.
@@ -78,7 +78,7 @@ class Processes:
                 return self._flying.pop(done)[0], result
 
     def _mend(self, error: BrokenProcessPool) -> None:
-        """Begin all calls again whose pool has broken, in a new one."""
+        """Restart all unfinished calls of a broken process pool in a new pool."""
         assert self._pool is not None
         self._pool.shutdown(wait=False)
         self._pool = None
@@ -92,7 +92,7 @@ class Processes:
             self._begin(token, call, tries + begun)
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """End all processes; what still flies is waited for, or abandoned. What has landed, as by :meth:`collect`.
+        """End all processes, after waiting for running calls or abandoning them; returns the results not collected yet.
 
         A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
         process holds the sending end as well: it is closed first.
@@ -137,14 +137,14 @@ def perform(work: bytes) -> bytes:
 
 
 def serve(parents: bytes, tried: Iterable[str] = ()) -> None:
-    """Initialise a worker process: ignore Ctrl-C, load the parent's luggage, end with the parent."""
+    """Initialise a worker process: ignore Ctrl-C, load the parent's plugins, end with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _REFUSED.extend(equip(parents, tried))
     threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
 
 
 def equip(parents: bytes, tried: Iterable[str]) -> list[RegistryError]:
-    """Load the luggage of the process that calls; what is wrong with it, an error of every call of that process."""
+    """Load the plugins of the calling process; returns errors, which every call of that process then raises."""
     TRIED.update(tried)
     try:
         unload(parents)

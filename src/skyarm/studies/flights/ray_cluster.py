@@ -1,4 +1,4 @@
-"""Calls on a Ray cluster: one that is started here, or one that is joined. Its nodes need nothing of this disk.
+"""Execution on a Ray cluster, started here or joined; its nodes need no access to this machine's disk.
 
 Calls and results travel as bytes, plugins by content. A call whose process or node dies begins again elsewhere. A node
 whose versions would fly other rows is refused before its first flight.
@@ -56,7 +56,7 @@ ray.shutdown()"""
 
 
 class Ray:
-    """Performs calls on the processors of a Ray cluster.
+    """Executor that runs function calls on the processors of a Ray cluster.
 
     The cluster that this process has joined already, if any, is used and stays joined.
 
@@ -88,7 +88,7 @@ class Ray:
 
     @property
     def slots(self) -> int:
-        """Two calls a processor of the cluster as it is now."""
+        """Largest number of calls to submit at a time: two per processor of the cluster at present."""
         if time.monotonic() > self._counted + LOOK_SECONDS:
             self._slots = max(1, int(2 * self._ray.cluster_resources().get("CPU", 0)))
             self._counted = time.monotonic()
@@ -100,11 +100,11 @@ class Ray:
         return len(self._flying)
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
-        """Begin a call, whose result :meth:`collect` gives with the token."""
+        """Submit a function call, whose work item and result :meth:`collect` returns."""
         self._flying[self._perform.remote(self._kin, self._outfit, pack((function, arguments)))] = token
 
     def collect(self) -> tuple[Work, bytes]:
-        """Wait for a call; returns its token and result.
+        """Wait for a call to finish; returns its work item and result.
 
         Raises:
             OSError: its process or node died in each of some tries.
@@ -123,7 +123,7 @@ class Ray:
             raise OSError(f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1} times: {why}") from error
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Leave the cluster, or end the one that was started; what still flies is waited for, or cancelled.
+        """Leave the cluster, or stop the one started here, after waiting for running calls or cancelling them.
 
         Returns what has landed, as :meth:`collect` gives it.
         """
@@ -146,7 +146,7 @@ class Ray:
 
 
 def require_ray(where: str) -> ModuleType:
-    """Package ray; an error in one line, which begins with ``where``, if it is missing.
+    """Import the package ray; raise a one-line error that begins with ``where`` if it is missing.
 
     Raises:
         ValueError: one line: it is not installed, or not as a whole.
@@ -162,7 +162,7 @@ def require_ray(where: str) -> ModuleType:
 
 
 def _begin(ray: ModuleType, address: str, workers: int) -> None:
-    """Join a cluster, or start one."""
+    """Join the Ray cluster at an address, or start one on this machine."""
     on = f"on = {shown(f'ray:{address}' if address else 'ray')}"
     if address:
         _knock(address, on)
@@ -181,9 +181,9 @@ def _begin(ray: ModuleType, address: str, workers: int) -> None:
 
 @contextmanager
 def _without_warnings() -> Iterator[None]:
-    """Context in which Ray warns of nothing and begins, or ends, to the last process: signals arrive afterwards.
+    """Context that silences warnings and delays signals until Ray has completely started or stopped.
 
-    Cut off, it leaves some behind. The handler of SIGTERM, which it replaces, is the former one afterwards.
+    Cut off, Ray leaves processes behind. The handler of SIGTERM, which it replaces, is the former one afterwards.
     """
     main, came = threading.current_thread() is threading.main_thread(), list[int]()
     usual = {each: signal.getsignal(each) for each in ENDINGS} if main else {}
@@ -202,7 +202,7 @@ def _without_warnings() -> Iterator[None]:
 
 @contextmanager
 def _own_address(*, alone: bool) -> Iterator[None]:
-    """Context in which what is started listens on the loopback address only, as everywhere but on Linux."""
+    """Context in which a Ray cluster for this machine alone listens on the loopback address only."""
     from ray._private import ray_constants
 
     usual = ray_constants.ENABLE_RAY_CLUSTER
@@ -214,7 +214,7 @@ def _own_address(*, alone: bool) -> Iterator[None]:
 
 
 def _knock(address: str, on: str) -> None:
-    """Raise an error unless a cluster answers at an address and takes this machine."""
+    """Raise an error unless a Ray cluster answers at an address and has this machine as a node."""
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), ANSWER_SECONDS).close()
@@ -231,14 +231,14 @@ def _knock(address: str, on: str) -> None:
 
 
 def kin() -> dict[str, str]:
-    """Versions that must be those of the driver for its works to be read and their rows to be the same bytes."""
+    """Package versions that a node must share with the driver to read its work items and produce identical results."""
     installed = versions("pyarrow", "mujoco-core")
     python = ".".join(installed["python"].split(".")[:2])
     return {**kinship(), "python": python, **{name: installed[name] for name in ("pyarrow", "mujoco-core")}}
 
 
 def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:
-    """Function that a node's processes execute."""
+    """Make the function that the processes of a cluster node execute."""
 
     def perform_there(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
         # pickled by value, since it is local: this module may be missing on a node, or of another version
@@ -260,7 +260,7 @@ _arrived: dict[bytes, list[RegistryError]] = {}
 
 
 def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
-    """Perform a call in a process of a node, whose versions are compared before its first one.
+    """Execute a serialised call in a process of a cluster node, after a check of its package versions.
 
     Raises:
         ValueError: the node has other versions than the driver.

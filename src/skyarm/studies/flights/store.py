@@ -1,4 +1,4 @@
-"""Rows in a folder: a Parquet file for each work, whose name holds the SHA-256 digest of all its bytes.
+"""Result files in a folder: one Parquet file per work item, named by the SHA-256 digest of its bytes.
 
 A file counts if its bytes fit its name and its metadata names the work that is asked for. Everything else is flown
 again: a flipped bit, half a file, rows of other numbers or of another version. Nothing is unpacked before its size is
@@ -49,7 +49,7 @@ LONGEST = 120
 
 @lru_cache(maxsize=1)
 def _parquet() -> ModuleType | None:
-    """Package pyarrow.parquet; None if it is not installed: then rows are flown, and not kept."""
+    """Module pyarrow.parquet; None if it is not installed, in which case results are not stored."""
     try:
         return import_module("pyarrow.parquet")
     except ImportError:
@@ -57,7 +57,7 @@ def _parquet() -> ModuleType | None:
 
 
 def require_parquet() -> None:
-    """Raise an error that names the extra if rows cannot be kept.
+    """Raise an error that names the missing optional dependency if results cannot be stored.
 
     Raises:
         ValueError: pyarrow is not installed.
@@ -67,7 +67,7 @@ def require_parquet() -> None:
 
 
 def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
-    """Content of a Parquet file of rows; a pickle, which never leaves these processes, without pyarrow."""
+    """Serialise result rows as a Parquet file; without pyarrow as a pickle, which is never stored."""
     parquet = _parquet()
     if parquet is None:
         return pickle.dumps(rows)
@@ -96,7 +96,7 @@ def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
 
 
 def unpack_rows(content: bytes) -> Rows:
-    """Columns of a file of rows.
+    """Read all columns of a result file, given its content.
 
     Raises:
         ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
@@ -113,7 +113,7 @@ def unpack_rows(content: bytes) -> Rows:
 
 
 def _column(column: ChunkedArray) -> Array:
-    """Column of a table as an array: words share their letters, however many rows have them."""
+    """Convert a column of an Arrow table to an array, in which equal texts share one string."""
     import pyarrow as pa
 
     if column.null_count:
@@ -127,7 +127,7 @@ def _column(column: ChunkedArray) -> Array:
 
 
 def open_rows(content: bytes) -> ParquetFile:
-    """Parquet file of rows, after a check of its columns and of the size that it unpacks to.
+    """Open the content of a Parquet result file, after a check of its columns and of its unpacked size.
 
     Raises:
         ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
@@ -158,7 +158,7 @@ def open_rows(content: bytes) -> ParquetFile:
 
 
 def _is_of_rows(kind: DataType) -> bool:
-    """True for types of columns that rows have; plain text could be unpacked again for every row."""
+    """True for a column type allowed in result files: numbers, dictionary-encoded text or binary logs."""
     import pyarrow as pa
 
     types = pa.types
@@ -167,7 +167,7 @@ def _is_of_rows(kind: DataType) -> bool:
 
 
 def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
-    """Content of one file of some columns of several files of rows, null where one lacks a column of another.
+    """Concatenate chosen columns of several result files into one file, with null where a file lacks a column.
 
     The status is plain text there, as whoever reads that file has always had it.
     """
@@ -182,7 +182,7 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
 
 
 def sound_content(path: Path, *, named: bool = True) -> bytes | None:
-    """Content of a file whose bytes fit the digest in its name, if it is ``named`` by it; None for any other."""
+    """Read a result file; None if it is unreadable, or if its bytes do not match the digest in its name (``named``)."""
     match = FILE.fullmatch(path.name)
     try:
         with path.open("rb") as file:
@@ -197,14 +197,14 @@ def sound_content(path: Path, *, named: bool = True) -> bytes | None:
 
 @immutable
 class FileFacts:
-    """Metadata and number of rows of a file."""
+    """Metadata and number of rows of a result file."""
 
     metadata: Mapping[bytes, bytes]
     rows: int
 
 
 def facts_of(content: bytes, *, whole: bool = False) -> FileFacts:
-    """Metadata of a file of rows, empty if it is damaged or too large; ``whole`` reads all of it to see that."""
+    """Metadata of a result file, empty if it is damaged or too large; ``whole`` also reads all of its data."""
     import pyarrow as pa
 
     try:
@@ -217,7 +217,7 @@ def facts_of(content: bytes, *, whole: bool = False) -> FileFacts:
 
 
 def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
-    """Files of rows in a folder by the label of their work, in order of their names.
+    """Paths of the result files in a folder by the label of their work item, sorted by name.
 
     Raises:
         OSError: the folder cannot be listed.
@@ -238,7 +238,7 @@ WORDS = ("controller", "status")
 
 
 def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array:
-    """One column of all rows of some files, of one controller if it is named.
+    """Read one column of several result files, optionally of a single controller.
 
     Raises:
         ValueError: one line: no such column, or not of numbers.
@@ -260,7 +260,7 @@ ROWS = "rows"
 
 
 class Store:
-    """Rows of a folder of results, opened for writing.
+    """Folder of result files, opened for writing.
 
     Args:
         folder: folder of the results, made if missing; the rows are in ``rows`` below it.
@@ -280,12 +280,12 @@ class Store:
 
     @cached_property
     def _files(self) -> dict[str, list[Path]]:
-        """Files by label, listed at their first use: the folder is this process's own then."""
+        """Result files by label, listed at first use, when no other process writes to the folder."""
         return files_by_label(self.rows)
 
     @classmethod
     def if_kept(cls, folder: PathLike) -> Store | None:
-        """Store in a folder; None without pyarrow.
+        """Open the store in a folder; None without pyarrow.
 
         Raises:
             ValueError: one line: it holds the rows of a sweep.
@@ -299,7 +299,7 @@ class Store:
         return cls(folder)
 
     def alone(self, part: str = "") -> AbstractContextManager[None]:
-        """Context manager in which no other process writes these rows, or this part of them.
+        """Context manager that excludes other processes from writing to the folder, or to a named part of its files.
 
         Raises:
             TakenError: another process does.
@@ -307,7 +307,7 @@ class Store:
         return one_writer(self.folder, name=f"{LOCK}_{part}" if part else LOCK)
 
     def get(self, work: Work) -> bytes | None:
-        """Content of the file of a work; None if it has to fly."""
+        """Content of the stored result file of a work item; None if it must be simulated."""
         label, key = name_of(work.label), work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
@@ -320,11 +320,11 @@ class Store:
         return None
 
     def metadata(self, work: Work) -> dict[bytes, bytes]:
-        """Metadata of the file of a work."""
+        """Metadata for the result file of a work item."""
         return {KEY: work.key.encode(), LABEL: work.label.encode(), STUDY: self.study.encode()}
 
     def put(self, work: Work, content: bytes) -> None:
-        """Write the file of a work, and remove those of its label that did not count.
+        """Write the result file of a work item, and remove the files that it replaces.
 
         Nothing is written where an autopilot's program has failed, which may go better another time.
 
@@ -340,7 +340,7 @@ class Store:
         self.written.add(path.name)
 
     def _keep_only(self, label: str, path: Path) -> None:
-        """Remove the files of a label that do not count: of a study's own folder all but one, else damaged ones."""
+        """Remove the files of a label that a new one replaces: in a study's folder all others, else damaged ones."""
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
                 with contextlib.suppress(OSError):
@@ -348,12 +348,12 @@ class Store:
         self._files[label] = [path]
 
     def close(self) -> None:
-        """Force the names of the files to disk."""
+        """Flush the folder's list of files to disk."""
         sync_folder(self.rows)
 
 
 def _fits(content: bytes, work: Work) -> bool:
-    """True if a file has the rows of a work: all that was given, metrics, status and end, as numbers and words."""
+    """True if a file has the result rows of a work item: all its columns, with the right types and lengths."""
     try:
         rows = unpack_rows(content)
     except ValueError:
@@ -378,7 +378,7 @@ def _fits(content: bytes, work: Work) -> bool:
 
 
 def name_of(label: str) -> str:
-    """Beginning of the names of the files of a label."""
+    """File name stem of a label, with a digest if characters were replaced or cut off."""
     plain = re.sub(r"[^\w.() -]+", "-", label, flags=re.ASCII)
     if plain == label and len(label) <= LONGEST:
         return label

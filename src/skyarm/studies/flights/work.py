@@ -1,4 +1,4 @@
-"""Flights of one scenario that fly together, as data, and the digest of all on which their rows depend."""
+"""Work items: flights of one scenario simulated together, and the digest of all that their results depend on."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Measure = Callable[[Log], Mapping[str, float | None]]
 
 @immutable(slots=False, eq=False)
 class Work:
-    """Flights of one scenario that fly together; any process flies the same rows from it.
+    """Work item: flights of one scenario that are simulated together, with the same results in any process.
 
     Attributes:
         label: name in a folder, unique there.
@@ -80,7 +80,7 @@ class Work:
 
     @cached_property
     def program(self) -> str:
-        """Digest of what the compiled simulation depends on: works that share it share one."""
+        """Digest of all that the compiled simulation depends on; work items with equal digests share one."""
         metrics = [added_metric(name) for name in sorted(registrations("metric")) if name in self.metrics]
         return digest(
             {
@@ -99,7 +99,7 @@ class Work:
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 digest, in hexadecimal, of all on which the rows depend: numbers, code and versions."""
+        """SHA-256 digest (hexadecimal) of all that the results depend on: parameters, code and versions."""
         return digest(
             {
                 "program": self.program,
@@ -136,14 +136,14 @@ def _identity(scenario: Scenario) -> str:
 
 @lru_cache(maxsize=1)
 def kinship() -> Mapping[str, str]:
-    """Versions on which the bits of rows may depend, and the digest of the library's own code."""
+    """Package versions on which the bits of results may depend, and the digest of the library's own code."""
     installed = versions("numpy", "llvmlite")
     return {**{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
 
 
 @lru_cache(maxsize=1)
 def _source() -> str:
-    """Digest of the library's source, so that changed code flies anew."""
+    """Digest of the library's source code: changed code invalidates stored results."""
     package = Path(skyarm_files.__file__).parents[2]
     source_digest = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):

@@ -1,1 +1,1 @@
-"""System identification: vehicles from logs of flights, by windows of them that the engine flies under the commands."""
+"""System identification: vehicle models from flight logs, fitted by simulating short windows of the flights."""

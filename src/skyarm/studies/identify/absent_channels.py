@@ -1,4 +1,4 @@
-"""Cost of channels that flights lack: by how much the intervals of numbers would be narrower with them.
+"""Cost of unlogged channels: by how much confidence intervals of parameters would be narrower with them.
 
 A fit to windows gives the information of what was measured. That of a pose beside it follows from the slopes of the
 flown windows and a usual noise; of joints' efforts that are known, their hat functions are no longer free.
@@ -26,7 +26,7 @@ KNOWN = 1e-3
 
 
 def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[str, Array]:
-    """Ratios (K,) of intervals without a channel to those with it, by the name of each channel that is absent.
+    """Ratios (K,) of confidence intervals without a channel to those with it, by the name of each unlogged channel.
 
     Args:
         errors: errors of all windows.
@@ -63,7 +63,7 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
 
 
 def _with_pose(flight: Clocked, absent: list[str]) -> Clocked:
-    """Flight with samples of channels that it lacks; only that there are samples counts."""
+    """Flight with placeholder samples of unlogged channels, of which only the presence matters."""
     time = np.arange(flight.begin, flight.edges[-1], PERIOD)
     rows = {"position": np.zeros((time.size, 3)), "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1))}
     more = {name: Channel(time=time, values=rows[name], source="absent") for name in absent}

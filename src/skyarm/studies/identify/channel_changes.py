@@ -67,19 +67,19 @@ class ChannelChange:
     severity: str = REFUSED
 
     def of(self, flight: FlightData, amount: float) -> FlightData:
-        """Flight after the change that undoes a fault of some amount."""
+        """Flight after the correction of a logging fault of a given amount."""
         own = {name: flight[name] for name in self.names if name in flight}
         rest = {name: flight[name] for name in flight if name not in own}
         return dataclasses.replace(flight, channels={**rest, **self.make(own, amount)})
 
 
 def by_rows(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
-    """Channels with other values, each by a function of them and the amount."""
+    """Channels with values transformed by a function of the values and the fault's amount."""
     return {name: dataclasses.replace(each, values=function(each.values, amount)) for name, each in own.items()}
 
 
 def by_time(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
-    """Channels with other times, likewise."""
+    """Channels with sample times transformed by a function of the times and the fault's amount."""
     return {name: dataclasses.replace(each, time=function(each.time, amount)) for name, each in own.items()}
 
 
@@ -89,7 +89,7 @@ STRETCHED = partial(by_time, lambda time, times: time / times)
 
 
 def leave_out(own: Channels, amount: float) -> Channels:
-    """No channel in place of those at fault."""
+    """Leave out the faulty channels: an empty mapping in their place."""
     return {}
 
 
@@ -120,27 +120,27 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChang
 
 
 def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> ChannelChange:
-    """Change of the values by a map (k, k) of their columns, at a price for each that it moves."""
+    """Candidate correction that maps the columns of channels by a matrix (k, k), with a price per moved column."""
     moved = int((mapping != np.eye(len(mapping))).any(axis=1).sum())
     make = partial(by_rows, lambda rows, _: rows @ mapping.T)
     return ChannelChange(channel, words, remedy, names, make, price=moved * PRICE_COLUMN)
 
 
 def _straight(time: Array, _: float) -> Array:
-    """Evenly spaced times in place of stamps, on the straight line through them."""
+    """Replace time stamps by evenly spaced times on the straight line fitted to them."""
     count = np.arange(time.size, dtype=float)
     return np.asarray(np.polyval(np.polyfit(count, time, 1), count))
 
 
 def _in_world(own: Channels, _: float) -> Channels:
-    """Velocity in world axes from that in base axes."""
+    """Rotate a velocity that was logged in base axes into world axes."""
     velocity, attitude = own["velocity"], own["quaternion"]
     values = turn_vectors(attitude_at(attitude, velocity.time), velocity.values)
     return {**own, "velocity": dataclasses.replace(velocity, values=values)}
 
 
 def _ours(frame: str, world: str, attitude: Array, _: float) -> Array:
-    """Attitudes (N, 4) from those of a base in a world of other axes."""
+    """Attitudes (N, 4) in the library's convention, from those of another body frame and world frame."""
     w, x, y, z = attitude.T
     return np.stack([*to_our_attitude(w, x, y, z, frame, world)], axis=1)
 
@@ -172,7 +172,7 @@ OTHER_UNITS = (
 
 
 def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
-    """Yield changes of the axes of sensors."""
+    """Yield candidate corrections of sensor axes: permutations and sign changes."""
     plain, mean = np.eye(3), flight["accelerometer"].values.mean(axis=0)
     k = int(np.argmax(np.abs(mean)))
     thrust = math.copysign(1.0, mean[k]) * plain[k]
@@ -195,7 +195,7 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
 
 
 def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChange]:
-    """Yield turns of the base axes of several sensors, which put a measured thrust along z."""
+    """Yield candidate rotations of the base axes of several sensors, which put the measured thrust along z."""
     upright, remedy = bool(thrust[2] > 0.0), "turn the rotors of the vehicle file, or the IMU's axes"
     lift = 0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0]) if thrust[2] >= 0.0 else [math.pi, 0.0, 0.0]
     make = partial(_base_turned, Quaternion.of_rotation_vector(Vec3(*lift)))
@@ -215,7 +215,7 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
 
 
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
-    """Channels in base axes that are turned: by a quaternion that puts z up, then about z."""
+    """Rotate channels in base axes by a quaternion that puts z up, then by an angle (deg) about z."""
     turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
     back, channels = turn.conjugate(), dict[str, Channel]()
     for name, each in own.items():
@@ -233,7 +233,7 @@ def _axis(row: Array) -> str:
 
 
 def _axes_words(mapping: Array) -> str:
-    """Words for the axes that a signed permutation (3, 3) puts right: of each true axis the one that was read."""
+    """Description of the axis fault that a signed permutation (3, 3) corrects, such as swapped axes."""
     moved = [i for i in range(3) if mapping[i, i] != 1.0]
     which = " and ".join("xyz"[i] for i in moved)
     if np.count_nonzero(np.diag(mapping)) == 3:
@@ -245,7 +245,7 @@ def _axes_words(mapping: Array) -> str:
 
 
 def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelChange]:
-    """Yield other orders and another range of the rotors' commands."""
+    """Yield candidate corrections of the order and range of rotor commands."""
     plain = tuple(range(len(rotors)))
     places = np.array([[float(c) for c in each.position] for each in rotors])
     # one above the other are told apart by their height
@@ -280,7 +280,7 @@ def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
 
 
 def _of_joints(names: Sequence[str]) -> Iterator[ChannelChange]:
-    """Yield other orders, signs and zeros of the joints' channels."""
+    """Yield candidate corrections of the order, signs and zeros of joint channels."""
     plain, every = np.eye(len(names)), range(len(names))
     maps = dict[str, Array]()
     for order in _exchanges(every):
@@ -300,5 +300,5 @@ def _of_joints(names: Sequence[str]) -> Iterator[ChannelChange]:
 
 
 def _less(unit: Array, rows: Array, amount: float) -> Array:
-    """Samples (N, k) less a constant offset of some columns."""
+    """Subtract a constant offset from some columns of samples (N, k)."""
     return rows - amount * unit

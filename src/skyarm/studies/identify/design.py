@@ -1,4 +1,4 @@
-"""D-optimal excitation: segments of multisines within limits that show most of a vehicle's numbers.
+"""D-optimal excitation: multisine segments within flight limits that identify a vehicle's parameters best.
 
 Segments from rest to rest are drawn within the limits without flying them: attitude, rotor speeds and joint efforts
 follow from inverse dynamics. Windows of each that the engine flies, under the noise of a simulated flight, give its
@@ -50,7 +50,7 @@ SHRUNK, PATIENCE = 0.85, 20
 
 @immutable
 class DesignLimits:
-    """Limits of a flight.
+    """Limits of an excitation flight: space, tilt, clearance of the arm, and duration.
 
     Attributes:
         box: m, edge of the cube in which the base origin stays.
@@ -100,7 +100,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
 
 @immutable(kw_only=False, eq=False)
 class Candidate:
-    """Segment and its information matrix (P, P) on the scale of the search."""
+    """Multisine segment and its Fisher information matrix (P, P) on the scale of the search."""
 
     segment: Segment
     information: Array
@@ -108,7 +108,7 @@ class Candidate:
 
 @immutable(eq=False)
 class MeasuredNoise:
-    """Sensors of a measured flight with their noise, by which segments are judged.
+    """Sensors of a flight with their noise, for which excitation segments are evaluated.
 
     Attributes:
         flight: flight whose sensors and commands they are.
@@ -124,17 +124,17 @@ class MeasuredNoise:
 
     @property
     def prior(self) -> Array:
-        """Standard deviations (P,) of what is known before."""
+        """Prior standard deviations (P,) of the searched parameters."""
         return np.array([each.spread for each in self.search.unknowns])
 
     @property
     def in_vehicle(self) -> Mask:
-        """Flags (P,) of the numbers that are the vehicle's."""
+        """Flags (P,) of the searched parameters that belong to the vehicle, not to its sensors or surroundings."""
         return np.array([each.in_vehicle for each in self.search.unknowns])
 
 
 def measured_noise(flight: FlightData, vehicle: Vehicle) -> MeasuredNoise:
-    """Noise of a flight of a vehicle whose numbers are known nearly.
+    """Estimate the sensor noise in a flight of a vehicle whose parameters are nearly known.
 
     Raises:
         ValueError: one line: a flight that does not fit the vehicle, or SciPy is missing.
@@ -147,7 +147,7 @@ def measured_noise(flight: FlightData, vehicle: Vehicle) -> MeasuredNoise:
 
 
 def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
-    """Information matrix (P, P) of a flight on the numbers of the vehicle whose search it was measured for."""
+    """Fisher information matrix (P, P) of a flight about a vehicle's parameters, under given sensor noise."""
     search = measured.search
     clocked = on_clock(flight, search.start, search.flights[0].step)
     errors = dataclasses.replace(search, flights=[clocked]).errors(search.whole, before=measured.plant)
@@ -160,7 +160,7 @@ def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
 def fitted_segment(
     vehicle: Vehicle, segment: Segment, axes: Axes, limits: DesignLimits, period: float
 ) -> tuple[Segment, RequiredFlight] | None:
-    """Segment shrunk into the limits, and its flight; None if it stays outside them.
+    """Multisine segment scaled down into the flight limits, and its flight; None if it stays outside them.
 
     Args:
         vehicle: vehicle that flies it.
@@ -184,7 +184,7 @@ def fitted_segment(
 
 
 def volume_gain(information: Array, prior: Array, inside: Mask) -> float:
-    """Logarithm of the volume that an information matrix leaves to numbers, over the square root, with sign turned.
+    """D_s-optimality criterion: log determinant of the information about chosen parameters, relative to the prior.
 
     Args:
         information: (P, P) of the data.
@@ -207,7 +207,7 @@ def design_segments(
     seed: int = 0,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> list[Segment]:
-    """Segments, one after the other, that show most of a vehicle's numbers.
+    """Choose multisine segments, flown one after the other, that identify a vehicle's parameters best.
 
     Args:
         vehicle: nominal vehicle.
@@ -264,7 +264,7 @@ def design_segments(
 
 
 def _greedy(pool: Sequence[Candidate], count: int, gain: Callable[[Sequence[Candidate]], float]) -> list[Candidate]:
-    """Candidates taken one by one, each with the highest gain beside those taken."""
+    """Choose candidates one by one, each with the largest gain in addition to those already chosen."""
     taken: list[Candidate] = []
     for _ in range(count):
         taken.append(max(pool, key=lambda each: gain([*taken, each])))

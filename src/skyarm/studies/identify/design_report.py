@@ -1,4 +1,4 @@
-"""Report of a designed excitation flight: the intervals to expect of each number, and what the flight needs."""
+"""Report of a designed excitation flight: expected confidence intervals, and the space and tilt that it needs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HEADS = ("", "95 % interval, designed", "undesigned", "sharper by")
 
 
 def design_facts(found: DesignedFlight) -> list[dict[str, float | str]]:
-    """Half widths of the 95 % intervals of each number, in its unit, as plain data."""
+    """Expected half widths of the 95 % interval of each parameter, in its unit, as plain data."""
     return [
         {
             "name": each.designed.name,
@@ -49,5 +49,5 @@ def design_lines(found: DesignedFlight, vehicle: str, seconds: float) -> list[st
 
 
 def _width(verdict: str) -> str:
-    """Width of an interval from the words on a number."""
+    """Interval width as text, extracted from the verdict on a parameter."""
     return verdict.removeprefix("excited (").removesuffix(")")

@@ -1,4 +1,4 @@
-"""Excitation flight of a vehicle as a scenario: designed, flown once in the closed loop, beside an undesigned one.
+"""Design of an excitation flight as a scenario, checked in the closed loop and compared with an undesigned flight.
 
 The scenario's sensors have the noise of the comparison suite and the default inertial unit; expected intervals are
 those of :func:`skyarm.studies.identify.information.expected_numbers`, from simulated flights of the vehicle as it is
@@ -50,7 +50,7 @@ SATURATED = 0.002
 
 @immutable
 class Sharpened:
-    """Number of a vehicle with the half widths of the 95 % intervals to expect.
+    """Parameter of a vehicle with its expected 95 % intervals after a designed and an undesigned flight.
 
     Attributes:
         designed: accuracy by the designed flight.
@@ -62,7 +62,7 @@ class Sharpened:
 
     @property
     def ratio(self) -> float:
-        """Half width after the undesigned flight over that after the designed one."""
+        """Ratio of the expected half width after the undesigned flight to that after the designed one."""
         return self.undesigned.half_width / self.designed.half_width
 
 
@@ -86,7 +86,7 @@ class DesignedFlight:
     saturated: float
 
     def text(self) -> str:
-        """Scenario file."""
+        """Text of the scenario file."""
         return scenario_text(self.document)
 
 
@@ -100,7 +100,7 @@ def design_flight(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> DesignedFlight:
-    """Design the flight that shows most of a vehicle's numbers within limits, and fly it once.
+    """Design the flight within limits that identifies a vehicle's parameters best, and simulate it.
 
     Args:
         vehicle: nominal vehicle.
@@ -205,5 +205,5 @@ def _tilt(log: Log) -> Array:
 
 
 def _saturated_share(log: Log, vehicle: Vehicle) -> float:
-    """Share of commands at a rotor's upper limit."""
+    """Share of logged rotor commands at a rotor's upper speed limit."""
     return float((log.rotor_commands >= highest_speeds(vehicle.rotors)).mean())

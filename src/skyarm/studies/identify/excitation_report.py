@@ -1,4 +1,4 @@
-"""Report of a measured flight for a start vehicle: its faults, and the numbers that it excites."""
+"""Report of a measured flight for a start vehicle: logging faults, and the parameters that it can identify."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skyarm.view.pages import Facts
 
 
 def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFault]) -> Sequence[ExpectedNumber]:
-    """Accuracy that a flight allows for each number of a vehicle; empty for a flight with refused faults.
+    """Accuracy that a flight allows for each parameter of a vehicle; empty if a fault makes the flight unusable.
 
     Raises:
         ValueError: one line: a flight that is too short or does not fit the vehicle.
@@ -25,7 +25,7 @@ def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFaul
 
 
 def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequence[ExpectedNumber]) -> Facts:
-    """Faults and excited numbers of a flight as plain data."""
+    """Faults and excited parameters of a measured flight as plain data."""
     return {
         "start": start.name,
         "faults": [{**asdict(each), "words": each.words} for each in faults],
@@ -37,12 +37,12 @@ def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequen
 
 
 def fault_line(fault: LogFault) -> str:
-    """Fault as one line, without its file."""
+    """Fault of a measured flight as one line of text, without its file."""
     return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
 
 
 def excitation_lines(numbers: Sequence[ExpectedNumber]) -> list[str]:
-    """Table of the expected 95 % intervals, a line for each number."""
+    """Text lines with the expected 95 % interval of each parameter."""
     titles = [f"{each.title}:" for each in numbers]
     widths = max(map(len, titles)), max(len(each.verdict) for each in numbers)
     rows = zip(titles, numbers, strict=True)

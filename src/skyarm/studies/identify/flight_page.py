@@ -1,4 +1,4 @@
-"""Page of a measured flight: its channels, notes and clock, and what it shows of a vehicle."""
+"""Page of a measured flight: its channels, notes, clock, and the vehicle parameters that it can identify."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skyarm.view.pages import heading
 
 
 def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
-    """Print the page of a flight, with its faults and excitation for a start vehicle.
+    """Print the page of a measured flight, with its faults and excitation for a start vehicle.
 
     Args:
         name: path of the flight.

@@ -1,4 +1,4 @@
-"""Replay of a measured flight for ``skyarm studio --vehicle``, with what was identified together with the vehicle."""
+"""Replay of a measured flight for ``skyarm studio --vehicle``, with delays and offsets identified with the vehicle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skyarm.view.studio.replay import HORIZONS, PredictionReplay
 
 
 def replay_of(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> PredictionReplay:
-    """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
+    """Read a flight, a vehicle, and the delays and offsets identified with it, and predict the flight."""
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)

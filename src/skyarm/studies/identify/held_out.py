@@ -1,4 +1,4 @@
-"""Prediction of held-out flights: errors of the identified vehicle, of the start vehicle and of holding."""
+"""Prediction of held-out flights: errors of the identified vehicle, of the start vehicle and of constant velocity."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def predict_held_out(
     seen: Sequence[FlightData] = (),
     horizons: Sequence[float] = CURVE,
 ) -> HeldOut:
-    """Predict flights from their commands by the identified vehicle, by the start vehicle and by holding.
+    """Predict flights from their commands by the identified vehicle, the start vehicle and constant velocity.
 
     Where flights of the fit with poses are given, the identified vehicle predicts once more, from what a window of a
     flight's past tells of the state and of the wrench that the commands do not explain, and weighted beside holding as
@@ -133,7 +133,7 @@ def predict_held_out(
     slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
-        """First steps of predictions in some flights, a time (s) apart and so far behind begins of what is usable."""
+        """Start steps of predictions in some flights, a time (s) apart and a time after each usable part begins."""
         rows = [places_of(each, slower, max(1, round(apart / step)), behind) for each in clocks]
         return [each if i in which else each[:0] for i, each in enumerate(rows)]
 
@@ -177,13 +177,13 @@ def predict_held_out(
 
 
 def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
-    """First steps in several flights, evenly thinned to so many, up to one more a flight."""
+    """Thin out the start steps of predictions in several flights evenly, to about a given number."""
     every = -(-sum(map(len, places)) // most)
     return [each[:: max(1, every)] for each in places]
 
 
 def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
-    """Notes on poses that are not measured whole, and on joints."""
+    """Notes on partly measured poses and on the joint motion of predicted flights."""
     notes = []
     for flight in flights:
         if note := no_poses(flight):
@@ -207,7 +207,7 @@ WHOLE, NOTHING = (np.array([[part], [0.0]]) * np.ones(3) for part in (1.0, 0.0))
 
 @immutable(kw_only=False, eq=False)
 class Ends:
-    """Predictions a horizon after K begins, and measured states there, less those of holding.
+    """Predicted and measured states one horizon after K start instants, relative to a constant-velocity prediction.
 
     Attributes:
         horizon: s.
@@ -228,7 +228,7 @@ def ends_of(
     begins: BaseStates,
     pushes: Callable[[float], Array] | None = None,
 ) -> list[Ends]:
-    """Predictions over horizons (s) from the begins of windows on.
+    """Predict the base states at several horizons (s) after the starts of windows.
 
     The arguments are those of :meth:`OpenLoopPredictor.ahead`.
     Predictions that leave what is usable before their end are none.
@@ -250,14 +250,14 @@ def ends_of(
 
 
 def _difference(first: BaseStates, second: BaseStates) -> Array:
-    """Differences (4, K, 3) from states to others."""
+    """Differences (4, K, 3) between two sets of base states: position, velocity, attitude and rate."""
     turned = rotations_between(first.quaternion, second.quaternion)
     others = [getattr(second, name) - getattr(first, name) for name in PARTS if name != "attitude"]
     return np.stack([*others[:2], turned, others[2]])
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
-    """Root mean square errors by shares (2, 3), or (4, 2, 3) of each part, of the model and of rest beside holding."""
+    """Root mean square errors of predictions that weigh the model and a base at rest by shares (2, 3) or (4, 2, 3)."""
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - predicted, PARTS.index("attitude")
     left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))
@@ -272,7 +272,7 @@ def _attitudes(turns: Array) -> Array:
 
 
 def shares_of(ends: Ends) -> Array:
-    """Shares (4, 2, 3) of the model and of rest beside holding with the least error (Bates and Granger 1969).
+    """Least-squares weights (4, 2, 3) of the model and of a base at rest in a prediction (Bates and Granger 1969).
 
     A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
     longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
@@ -296,7 +296,7 @@ def shares_of(ends: Ends) -> Array:
 
 @immutable(kw_only=False, eq=False)
 class PastWeight:
-    """Weight of a flight's past in its prediction.
+    """Settings for the use of a flight's past in its prediction, such as the memory of disturbances.
 
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.
@@ -314,19 +314,19 @@ class PastWeight:
     shares: Sequence[Array]
 
     def begins(self, loop: OpenLoopPredictor, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
-        """States at the begins of windows, and the wrench some time (s) after."""
+        """States at the starts of windows, and the expected unexplained wrench as a function of the time (s) after."""
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
         begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
         return begins, fading(wrench, errors.windows, self.memory)
 
 
 def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]) -> BaseStates:
-    """States with some fields of others."""
+    """Replace some fields of base states by those of others."""
     return dataclasses.replace(states, **{name: getattr(others, name) for name in names})
 
 
 def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]) -> PastWeight:
-    """Choose how the past counts, by the least mean logarithm of position and attitude errors in flights of the fit.
+    """Choose how predictions use a flight's past, by position and attitude errors in the identification flights.
 
     What makes neither of them larger than without a past goes before what does.
 
@@ -356,13 +356,13 @@ def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Seq
 
 
 def past_windows(loop: OpenLoopPredictor, windows: ClockedWindows, seconds: float) -> WindowErrors:
-    """Windows of some seconds that end where others begin."""
+    """Windows of a given length (s) that end where other windows begin."""
     places = windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
     return loop.windows([places[windows.owners == i] for i in range(len(windows.flights))], seconds)
 
 
 def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
-    """Noise (flights, rows) of the sensors and spread (6,) of the unexplained wrench, of the largest likelihood.
+    """Maximum-likelihood noise (flights, sensor axes) and spread (6,) of the unexplained wrench.
 
     A row that no window has keeps what differences of its samples tell; flights without windows take the noise of the
     others.
@@ -382,7 +382,7 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
 def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
 ) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
-    """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
+    """One Gauss-Newton step of window states and unexplained wrenches, with known vehicle parameters."""
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
     return errors, there, normal, reduced, states.moved_by(-reduced.shift)
@@ -391,7 +391,7 @@ def _turn(
 def end_of_past(
     loop: OpenLoopPredictor, errors: WindowErrors, seconds: float, noise: Array, spread: Array
 ) -> tuple[BaseStates, Array]:
-    """States at the begins of windows, and the wrench (W, 6) that nothing explains, from the seconds before."""
+    """States at the starts of windows and unexplained wrenches (W, 6), estimated from the seconds before."""
     before = past_windows(loop, errors.windows, seconds)
     states = window_states(loop.begins(before.windows))
     for _ in range(2):
@@ -402,7 +402,7 @@ def end_of_past(
 
 
 def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[float], Array]:
-    """Function from s after the begins of windows to the wrench (W, 6) expected there: its mean stays, the rest fades.
+    """Function from time (s) after the starts of windows to the expected wrench (W, 6), which decays to its mean.
 
     Args:
         wrench: (W, 6), estimated at the begins.
@@ -420,7 +420,7 @@ def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[f
 
 
 def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
-    """Period of the accelerometer (s), errors of the mean accelerations over it, and spread of what is measured."""
+    """Accelerometer period (s), errors of predicted mean accelerations over it, and spread of the measured ones."""
     count = loop.averaged
     whole = loop.left(loop.windows(places).windows) >= 2 * count
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
@@ -442,7 +442,7 @@ def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tupl
 
 
 def _length(rows: Array) -> float:
-    """Root mean square length of rows."""
+    """Root mean square length of vectors, one per row."""
     return math.sqrt(float((rows**2).sum(axis=1).mean()))
 
 

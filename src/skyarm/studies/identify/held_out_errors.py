@@ -41,7 +41,7 @@ class HorizonErrors:
 
 @immutable
 class OneStep:
-    """Root mean square errors of the mean accelerations over one period.
+    """Root mean square errors of the mean accelerations over one accelerometer period.
 
     Attributes:
         specific_force: m/s^2. angular_acceleration: rad/s^2; both of the vector's length.
@@ -53,7 +53,7 @@ class OneStep:
 
 @immutable
 class HeldOut:
-    """Errors of predictions of flights that no fit has seen.
+    """Prediction errors in flights that were not used for the identification.
 
     Attributes:
         flights: names.
@@ -75,5 +75,5 @@ class HeldOut:
 
 
 def table_horizons(held_out: HeldOut) -> list[int]:
-    """Places of the horizons of a table among those that were predicted."""
+    """Indices of the predicted horizons that a report's table shows."""
     return [k for k, horizon in enumerate(held_out.horizons) if horizon in HORIZONS]

@@ -1,4 +1,4 @@
-"""Vehicle file of identified numbers: the whole vehicle, with value, interval and flights beside what is identified."""
+"""Vehicle file of an identification: the whole vehicle, with comments on values, intervals and flights."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def identified_name(start: str) -> str:
 
 
 def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
-    """Lines at the beginning of the file."""
+    """Comment lines at the beginning of an identified vehicle's file."""
     about = identified.surroundings
     lines = [
         f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {identified.seconds:.3g} s:",
@@ -85,7 +85,7 @@ def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> lis
 
 
 def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurroundings, float]:
-    """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
+    """Read the identified delays and offsets from a results file, with the vehicle's name and the rotors' voltage (V).
 
     Args:
         file: file of all numbers.
@@ -122,12 +122,12 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurr
 
 
 def is_around(name: str) -> bool:
-    """True for a number of computer, sensors, battery or air, which is not part of a vehicle."""
+    """True for a parameter of computer, sensors, battery or air, which is not part of a vehicle."""
     return name.partition(".")[0] in {each.name for each in dataclasses.fields(IdentifiedSurroundings)}
 
 
 def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:
-    """Numbers of the vehicle by the field of its file that holds them."""
+    """Identified vehicle parameters by the field of the vehicle file that holds them."""
     fields: dict[str, list[IdentifiedNumber]] = {}
     for each in identified.numbers:
         if not is_around(each.name):
@@ -136,7 +136,7 @@ def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:
 
 
 def _field(name: str) -> str:
-    """Field of a vehicle file that holds a number."""
+    """Field of a vehicle file that holds a parameter of this name."""
     if name.startswith(("rotors.thrust_at_", "rotors.rise_to_")):
         return CURVE
     if name == DRAG_HEIGHT:
@@ -148,7 +148,7 @@ def _field(name: str) -> str:
 
 
 def _words(number: IdentifiedNumber) -> str:
-    """Short words for one number in a comment."""
+    """Comment text on one identified parameter: its interval, or why it is unknown."""
     last = number.name.rpartition(".")[2]
     entry = f"{last}: " if last in AXES or number.name.startswith("rotors.thrust_at_") else ""
     entry = "z, of the hub drag: " if number.name == DRAG_HEIGHT else entry

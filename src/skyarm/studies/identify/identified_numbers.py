@@ -1,4 +1,4 @@
-"""Identified numbers with their 95 % intervals, and the values that a vehicle has where flights do not show a number.
+"""Identified parameters with 95 % intervals, and substitutes for parameters that the flights cannot identify.
 
 One list of shares of information says what is not in the data. Such a number is put back to its start, and the others
 are fitted to that: what a flight does not show of a vehicle is what was known before.
@@ -38,7 +38,7 @@ LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
 
 @immutable
 class IdentifiedNumber:
-    """Identified number with its 95 % interval.
+    """Identified parameter with its 95 % interval.
 
     Attributes:
         name: name in a vehicle file, or in the vehicle's surroundings.
@@ -62,7 +62,7 @@ class IdentifiedNumber:
 
     @property
     def is_known(self) -> bool:
-        """True if the flights show the number."""
+        """True if the flights identify the parameter."""
         return not self.reason
 
 
@@ -101,7 +101,7 @@ class Identified:
     counted: tuple[bool, ...] = ()
 
     def __getitem__(self, name: str) -> IdentifiedNumber:
-        """Identified number by its name.
+        """Identified parameter by its name.
 
         Raises:
             KeyError: there is none of this name.
@@ -114,7 +114,7 @@ class Identified:
 
 @immutable(kw_only=False, eq=False)
 class Scale:
-    """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
+    """Linearisation of the reported parameters about the estimate, of positive ones by their logarithms.
 
     Attributes:
         reported: reported numbers.
@@ -132,7 +132,7 @@ class Scale:
 
     @property
     def off(self) -> Array:
-        """Differences of the starts from the values, on the scale of the slopes."""
+        """Differences of the start values from the estimates, logarithmic for positive parameters."""
         ratio = np.where(self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0)
         return np.where(self.positive, np.log(ratio), self.starts - self.values)
 
@@ -143,7 +143,7 @@ def scale_of(
     reported: Sequence[Reported],
     known: Mapping[str, float],
 ) -> Scale:
-    """Linearise the reported numbers in the searched ones, beside those that are known."""
+    """Linearise the reported parameters about the estimate in the searched ones, given the known ones."""
     place = {each.name: i for i, each in enumerate(unknowns)}
     shown = [each for each in reported if any(part in place for part in each.parts)]
     values, starts, positive = np.zeros(len(shown)), np.zeros(len(shown)), np.zeros(len(shown), dtype=bool)
@@ -166,7 +166,7 @@ def scale_of(
 def identified_numbers(
     found: WindowFit, scale: Scale, sample: float, flights: Sequence[str] = ()
 ) -> tuple[tuple[IdentifiedNumber, ...], Array]:
-    """Numbers with intervals, and the correlations of their errors.
+    """Identified parameters with intervals, and the correlations of their errors.
 
     Args:
         found: fit.
@@ -205,7 +205,7 @@ def identified_numbers(
 
 
 def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
-    """Ratio (numbers,), at least 1, of the spread of a number from flight to flight to what their noise explains.
+    """Birge ratio (parameters,), at least 1: spread of estimates between flights over that expected from noise.
 
     The ratio of Birge (1932), by which the Particle Data Group scales errors: the root of chi squared over its degrees
     of freedom, of the estimates of each flight alone, one linear step from the common one. Flights that do not show a
@@ -239,7 +239,7 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
 
 
 def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
-    """Number and interval without what physics excludes; one whose whole interval it excludes is not in the data."""
+    """Clip a parameter and its interval to a physical bound; unidentified if the whole interval lies beyond it."""
     if found.low >= least or found.reason:
         return found
     if found.high <= least:
@@ -249,7 +249,7 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
 
 @immutable(kw_only=False, eq=False)
 class Conditioned:
-    """Estimate that fits to the starts of numbers that flights do not show.
+    """Estimate conditioned on the start values of parameters that the flights cannot identify.
 
     Attributes:
         values: (P,) searched values.
@@ -271,7 +271,7 @@ def condition_on_start(
     shares: Array,
     groups: Sequence[Sequence[int]],
 ) -> Conditioned:
-    """Estimate with every number that the flights do not show put back to its start, and the others fitted to that.
+    """Reset unidentified parameters to their start values, and refit the others under this condition.
 
     What is known least is put back first. Of two numbers of which the flights show the ratio only, one thus stays at
     its start and the other keeps the ratio.
@@ -309,7 +309,7 @@ def condition_on_start(
 
 
 def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
-    """Numbers, of which those that show beside another one only name it."""
+    """Add reasons to parameters that are identifiable only together with another one, which they name."""
     return tuple(
         dataclasses.replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
         for i, each in enumerate(numbers)
@@ -319,7 +319,7 @@ def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int])
 def at_starts(
     plain: Mapping[str, float], scale: Scale, replaced: Sequence[int], searched: Sequence[str]
 ) -> dict[str, float]:
-    """Numbers by name with those that were put back at their starts exactly, though they are sums of searched ones.
+    """Parameter values by name, with those reset to start values exact, even if they are sums of searched ones.
 
     Sums that were found and starts that no body has together are left as the linearisation has them.
 

@@ -1,4 +1,4 @@
-"""Vehicle and surroundings that have identified numbers."""
+"""Vehicle records and flight surroundings built from identified parameters."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 
 @immutable
 class IdentifiedSurroundings:
-    """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
+    """Delays, sensor position and offsets of a flight, identified together with the vehicle.
 
     Attributes:
         delay: s, dead time from a rotor's command to the measured rates.
@@ -68,7 +68,7 @@ class IdentifiedSurroundings:
 
 
 def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool = False) -> Vehicle:
-    """Vehicle with identified numbers; the total mass stays.
+    """Vehicle with identified parameters and unchanged total mass.
 
     Args:
         start: the rest.
@@ -103,7 +103,7 @@ THIN = 1e-3
 
 
 def of_a_body(inertia: Sym3) -> Sym3:
-    """Nearest inertia that a body has: principal second moments of mass not below a share of their sum.
+    """Nearest physically possible inertia: principal second moments of mass not below a share of their sum.
 
     Moments that were found beside one that stays at the start's may add up to what no body has.
     """
@@ -120,7 +120,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 
 
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
-    """Copy of a record with other fields, checked or not."""
+    """Copy of a dataclass record with changed fields, with or without its checks."""
     if checked:
         return dataclasses.replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
@@ -130,7 +130,7 @@ def with_changes(record: R, checked: bool, **changes: Any) -> R:
 
 
 def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
-    """Rotor with identified numbers, which are those of the first one."""
+    """Rotor with identified parameters, which are given for the first rotor."""
     changes: dict[str, Scalar | Vec3 | ThrustTable] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:
@@ -149,7 +149,7 @@ def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: b
 
 
 def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
-    """Link with identified numbers."""
+    """Link with identified parameters."""
     name, body = f"links.{link.name}", link.body
     scale = numbers.get(f"{name}.inertia", 1.0)
     moved = with_changes(
@@ -166,7 +166,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
 
 
 def _drive(mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool) -> MountedDrive:
-    """Drive of a joint with identified numbers."""
+    """Joint drive with identified parameters."""
     changes = {k: numbers[at] for k in OF_SERVOS if (at := f"drives.{mounted.name}.{k}") in numbers}
     if not changes or not isinstance(mounted.drive, PositionServo):
         return mounted
@@ -176,7 +176,7 @@ def _drive(mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool) 
 
 
 def _table(first: Rotor, numbers: Mapping[str, Scalar]) -> ThrustTable | None:
-    """Thrust curve of the rotors, if its rises are identified."""
+    """Thrust curve of the rotors from identified thrust increments; None if they are not identified."""
     rises = [numbers[name] for name in rises_of_thrust() if name in numbers]
     if not rises:
         return None
@@ -185,7 +185,7 @@ def _table(first: Rotor, numbers: Mapping[str, Scalar]) -> ThrustTable | None:
 
 
 def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
-    """Inertia of the base from its second moments and products."""
+    """Inertia of the base from its second moments of mass and products of inertia."""
     at = {
         axis: numbers.get(f"base.second_moment.{axis}", moment)
         for axis, moment in zip("xyz", second_moments(base), strict=True)
@@ -195,20 +195,20 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
 
 
 def surroundings_with(numbers: Mapping[str, float]) -> IdentifiedSurroundings:
-    """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
+    """Delays and offsets around a vehicle from identified parameters, with defaults for missing ones."""
     usual = IdentifiedSurroundings()
     return rebuild(usual, (numbers.get(name, value) for name, value in _by_name(usual).items()))
 
 
 def numbers_around(about: IdentifiedSurroundings) -> dict[str, float]:
-    """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
+    """Delays and offsets of the surroundings by parameter name, without the thrust factor of a single flight."""
     numbers = _by_name(about)
     del numbers["thrust"]
     return numbers
 
 
 def _by_name(about: IdentifiedSurroundings) -> dict[str, float]:
-    """All numbers of surroundings by name, in the order of its fields."""
+    """All parameters of the surroundings by name, in the order of the record's fields."""
     numbers = dict[str, float]()
     for each in fields(about):
         value = getattr(about, each.name)

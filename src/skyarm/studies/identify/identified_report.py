@@ -1,4 +1,4 @@
-"""Report of an identified vehicle: numbers with intervals, correlations, and errors of predicted held-out flights."""
+"""Report of an identified vehicle: parameters with intervals, correlations, and errors of predicted flights."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ HEADS = ("", "value", "95 % interval", "start", "unit")
 
 @immutable(eq=False)
 class IdentifiedReport:
-    """Vehicle identified from files of flights, and what is printed and written of it.
+    """Results of an identification from flight files, and their report.
 
     Attributes:
         found: identified vehicle.
@@ -59,7 +59,7 @@ class IdentifiedReport:
     clocks: Mapping[str, ClockOffset]
 
     def lines(self) -> list[str]:
-        """Lines of text: title, table of the numbers and remarks."""
+        """Text lines of the report: title, parameter table and remarks."""
         identified, flights = self.found, self.flights
         names = _few_names([each.name for each in flights])
         rows = [HEADS, *map(_row, identified.numbers)]
@@ -89,7 +89,7 @@ class IdentifiedReport:
         return [printable(line) for line in lines]
 
     def document(self) -> Facts:
-        """All numbers as plain data; a value that the flights do not show is null."""
+        """All parameters as plain data; null for a value that the flights do not identify."""
         identified, unknown = self.found, dict.fromkeys(("value", "low", "high"))
         return {
             "start": self.start.name,
@@ -155,7 +155,7 @@ def prediction_lines(held_out: HeldOut) -> list[str]:
 
 
 def _worse_than_holding(held_out: HeldOut) -> list[str]:
-    """Quantities, each with its horizon, that the identified vehicle predicts worse than holding does."""
+    """Names of quantities and horizons for which the identified vehicle predicts worse than constant velocity."""
     own, hold = (held_out.one_step[name] for name in (IDENTIFIED, HOLD))
     worse = [
         f"{field.replace('_', ' ')} over {1e3 * held_out.period:.3g} ms"
@@ -170,7 +170,7 @@ def _worse_than_holding(held_out: HeldOut) -> list[str]:
 
 
 def prediction_csv(held_out: HeldOut) -> str:
-    """Errors over each horizon as a table of text, a row for each horizon and predictor."""
+    """Prediction errors as CSV text, a row for each horizon and predictor."""
     lines = [TABLE_HEAD]
     for k, horizon in enumerate(held_out.horizons):
         for name, errors in held_out.errors.items():
@@ -189,7 +189,7 @@ LEGEND = {
 
 
 def prediction_png(held_out: HeldOut) -> bytes:
-    """Figure of the errors of position and attitude over the horizon."""
+    """PNG figure of the prediction errors of position and attitude over the horizon."""
     from skyarm.view.figures.prediction_figure import PredictionCurve, prediction_figure
     from skyarm.view.figures.style import DPI, image_bytes
 
@@ -201,7 +201,7 @@ def prediction_png(held_out: HeldOut) -> bytes:
 
 
 def _few_names(names: Sequence[str]) -> str:
-    """Names of a few flights, and how many more there are."""
+    """Text with the names of a few flights, and how many more there are."""
     more = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
@@ -216,7 +216,7 @@ def _row(number: IdentifiedNumber) -> Row:
 
 
 def _absent_line(channel: str, costs: Mapping[str, float]) -> str:
-    """Numbers whose intervals a channel that was not logged would narrow most, and how much."""
+    """Text line on the parameters whose intervals an unlogged channel would narrow most, and by how much."""
     most = sorted((name for name in costs if costs[name] > WIDENED), key=lambda name: -costs[name])
     if not most:
         return f"{channel}: not logged; no interval would be narrower by more than {WIDENED:g} times with it"
@@ -227,7 +227,7 @@ def _absent_line(channel: str, costs: Mapping[str, float]) -> str:
 
 
 def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
-    """Numbers that show beside another one only, a line for each of those."""
+    """Text lines on parameters that are identifiable only together with another one, a line for each such other."""
     beside = dict[str, list[str]]()
     for each in numbers:
         if each.reason.startswith(APART):
@@ -236,7 +236,7 @@ def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
 
 
 def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:
-    """Pairs of numbers, of which the flights show one at least, whose errors go together, the strongest first."""
+    """Pairs of parameters with strongly correlated errors, of which one at least is identified, the strongest first."""
     strong = np.argwhere(np.triu(np.abs(found.correlation) > CLOSE, 1))
     rows = [(found.numbers[i], found.numbers[j], float(found.correlation[i, j])) for i, j in strong]
     pairs = [(a.name, b.name, r) for a, b, r in rows if a.is_known or b.is_known]

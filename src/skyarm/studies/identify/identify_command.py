@@ -1,4 +1,4 @@
-"""Command ``skyarm identify``: a vehicle from flights, delays and lags from a log, or a flight that shows more.
+"""Command ``skyarm identify``: identify a vehicle, or delays and lags, from flights, or design such a flight.
 
 The words ``flights``, ``lags`` and ``design`` behind it are commands of their own. Without one of them it takes the
 options of all three, as before there were these words.
@@ -182,7 +182,7 @@ def lags(
 
 
 def _limit(name: str) -> Any:
-    """Option of a limit: unit, meaning and usual value as its record declares them, an angle in degrees."""
+    """Command-line option for a flight limit, with unit, meaning and default from its record; angles in degrees."""
     unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
     of, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
     return typer.Option(help=f"{of}, {unit.meaning}  [default: {usual:g}]", show_default=False)
@@ -198,7 +198,7 @@ def design(
     clear: Annotated[float, _limit("clear")] = USUAL.clear,
     out: Out = None,
 ) -> None:
-    """Design a flight that shows the numbers of a vehicle."""
+    """Design a flight that identifies the parameters of a vehicle."""
     limits = DesignLimits(
         box=number(box, "--box", low=0.0, strict=True),
         tilt=math.radians(_within(tilt, "--tilt", FLATTEST, STEEPEST)),
@@ -234,7 +234,7 @@ OPTIONS = {
 
 
 def _words_and_files(begun: str) -> list[str]:
-    """Complete a word behind the command, or the name of a file of the present folder."""
+    """Complete a subcommand, or the name of a file in the current folder."""
     return [each for each in (*SUBCOMMANDS, *os.listdir()) if each.startswith(begun)]
 
 
@@ -277,12 +277,12 @@ identify.__dict__["__signature__"] = inspect.Signature(
 
 
 def _of(word: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of a command among those of all."""
+    """Select the options of a subcommand from those of all subcommands."""
     return {name: options[name] for name in OPTIONS[word]}
 
 
 def _beyond(word: str, other: str) -> list[str]:
-    """Options of a command that another one lacks."""
+    """Names of the options of a subcommand that another one lacks."""
     return [f"--{name.replace('_', '-')}" for name in OPTIONS[word] if name not in OPTIONS[other]]
 
 
@@ -296,7 +296,7 @@ def _is_own_log(path: Path) -> bool:
 
 
 def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, float], ...]:
-    """Part of each flight that counts, s; none for all in which the vehicle flies."""
+    """Time interval (s) of each flight to use; empty for all parts in the air."""
     if begin is None and end is None:
         return ()
     low = 0.0 if begin is None else number(begin, "--begin", low=0.0)
@@ -307,7 +307,7 @@ def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, floa
 
 
 def _part(log: Log, begin: float | None, end: float | None) -> Log:
-    """Rows of a log between two times, s."""
+    """Part of a log between two times (s)."""
     for low, high in _sections(begin, end):
         inside = ((log.time >= low) & (log.time <= high)).nonzero()[0]
         if not len(inside):
@@ -321,20 +321,20 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
 
 
 def _within(value: float, option: str, low: float, high: float) -> float:
-    """Number from a lowest to a highest one."""
+    """Check that an option's value lies between two bounds, and return it."""
     if not low <= number(value, option) <= high:
         raise ValueError(f"{option} = {value:g}: must be from {low:g} to {high:g}")
     return value
 
 
 def _require_own(file: Path) -> None:
-    """Raise an error in one line for a vehicle file that another hand wrote and that would be lost."""
+    """Raise an error if a vehicle file that no identification wrote would be overwritten."""
     if file.is_file() and not file.read_bytes().startswith(f"# {IDENTIFIED_BY}".encode()):
         raise ValueError(f"--out = {shown(str(file.parent))}: must be another folder: {VEHICLE} is another hand's")
 
 
 def _write(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder, and remove predictions of an earlier identification, which are not of this one."""
+    """Write files into a folder, and remove outdated predictions of an earlier identification."""
     table = folder / TABLE
     if table.is_file() and table.read_bytes().startswith(TABLE_HEAD.encode()):
         for name in {TABLE, FIGURE} - set(contents):
@@ -343,7 +343,7 @@ def _write(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:
-    """Start vehicle and numbers by name of the unknown, from words such as ``mass=0.034``.
+    """Parse known parameters such as ``mass=0.034``; returns the start vehicle with its total mass, and the others.
 
     The total mass becomes that of the start vehicle, by its base. The three moments of inertia of the base become the
     second moments of mass that are searched.

@@ -22,7 +22,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class FlightFiles:
-    """Files of an identification.
+    """Input files of an identification: flights to fit, flights to predict, and the mapping of their columns.
 
     Attributes:
         fit: files of the flights that are fitted.
@@ -39,7 +39,7 @@ class FlightFiles:
     def read(
         self, start: Vehicle, progress: Callable[..., None]
     ) -> tuple[list[FlightData], list[FlightData], dict[str, ClockOffset]]:
-        """Flights of the fit and those to predict, each on the gyro's clock, and clock offsets of poses by flight.
+        """Flights to fit and flights to predict on the gyroscope's clock, and clock offsets of poses by flight.
 
         Args:
             start: vehicle that gives the order of the joints.
@@ -124,7 +124,7 @@ def identify_files(
 
 
 def _require_measurements(flights: Sequence[FlightData]) -> None:
-    """Raise an error in one line for a measurement that is given twice, as a copy too."""
+    """Raise an error if the same measurement is given twice, also as a copied file."""
     measured = dict[bytes, str]()
     for flight in flights:
         if "gyro" in flight and flight["gyro"].time.size:
@@ -136,7 +136,7 @@ def _require_measurements(flights: Sequence[FlightData]) -> None:
 
 
 def _gravity(flights: Sequence[FlightData]) -> float:
-    """Gravity that the flights state, m/s^2; the usual one where none does."""
+    """Gravity (m/s^2) stated by the flights; the standard value if none states it."""
     stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
     if len(set(stated.values())) > 1:
         listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())

@@ -1,4 +1,4 @@
-"""Vehicle parameters from measured flights as they were read: faults, search, doubts of numbers, predictions."""
+"""Identification from measured flights: logging faults, parameter search, plausibility and predictions."""
 
 from __future__ import annotations
 
@@ -114,14 +114,14 @@ def identify_aligned(
 
 
 def _without_part(flight: FlightData) -> LogFault:
-    """Warning of a flight without a part that counts."""
+    """Warning about a flight of which no part is long enough to be used."""
     finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
     remedy = "leave it out, or fly longer"
     return LogFault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
 
 
 def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> tuple[Vehicle, dict[str, float]]:
-    """Start vehicle of a known total mass, and the other known numbers as the search has them.
+    """Start vehicle of a known total mass, and the other known parameters in the form that the search uses.
 
     The three moments of inertia of the base become the second moments of mass that are searched.
 
@@ -152,7 +152,7 @@ def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> 
 
 
 def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
-    """Vehicle of another total mass (kg), by its base; ``name`` begins the error of a mass below that of the links."""
+    """Vehicle with another total mass (kg), adjusted at its base; ``name`` begins the error of a mass too small."""
     carried = float(vehicle.mass) - float(vehicle.base.mass)
     number(mass, name, low=0.0, strict=True)
     number(mass - carried, f"{name}, less {carried:g} kg of the links", low=0.0, strict=True)
@@ -160,7 +160,7 @@ def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
 
 
 def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
-    """Warn of faults; raise an error for one for which a flight is refused."""
+    """Warn of logging faults; raise an error for a fault that makes a flight unusable."""
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:
         warnings.warn(fault.words, UserWarning, stacklevel=5)

@@ -1,4 +1,4 @@
-"""Identification of a vehicle from windows of its flights that the engine flies."""
+"""Identification of a vehicle from short windows of its flights, by simulating each window."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ TURNING, LATE = 0.05, 0.005
 
 @immutable(eq=False)
 class SearchOptions:
-    """Options of a search: what of the flights counts, and which numbers are searched.
+    """Options of an identification: parts of the flights to use, and parameters to search.
 
     Attributes:
         curve: find a thrust curve of its own in place of the start's times a factor.
@@ -89,7 +89,7 @@ USUAL = SearchOptions()
 
 @immutable(kw_only=False, eq=False)
 class WindowSearch:
-    """Vehicle parameters that windows of flights may show.
+    """Search for the vehicle parameters that windows of flights may identify.
 
     Attributes:
         flights: on one clock, with different names. start: vehicle before, with a servo on each servo joint.
@@ -112,21 +112,21 @@ class WindowSearch:
 
     @property
     def begin(self) -> Array:
-        """Start vehicle's parameters (P,) on the scale of the search."""
+        """Start values (P,) of the parameters on the scale of the search."""
         return np.array([each.begin for each in self.unknowns])
 
     @property
     def first(self) -> float:
-        """Length of the first windows, s."""
+        """Length (s) of the short windows of the first fit."""
         return max(FIRST, SAMPLES * self.sample)
 
     @property
     def whole(self) -> float:
-        """Length of the last windows, s."""
+        """Length (s) of the full-length windows of the final fit."""
         return SLOW if self.slow else max(WHOLE, SAMPLES * self.sample)
 
     def errors(self, seconds: float, most: int = 0, before: WindowErrors | None = None, finer: int = 1) -> WindowErrors:
-        """Errors of windows of a length, evenly taken where there are more than a number of them.
+        """Residuals of windows of a given length (s), evenly thinned to at most a given number.
 
         Args:
             seconds: length of a window, s.
@@ -150,16 +150,16 @@ class WindowSearch:
         return WindowErrors(windows, self.start, *parts, self.gravity, finer)
 
     def scale(self, fit: WindowFit) -> Scale:
-        """Reported numbers at an estimate."""
+        """Linearise the reported parameters about an estimate."""
         return scale_of(fit, self.unknowns, reported_of(self.every), self.known)
 
     def hidden_lags(self) -> set[str]:
-        """Names of the lags that commands below 40 Hz cannot show."""
+        """Names of the actuator lags that commands logged below 40 Hz cannot identify."""
         return set(LAGS) if self.slow else set()
 
 
 def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOptions = USUAL) -> WindowSearch:
-    """Search of a vehicle's parameters in flights; the arguments are those of :func:`identify_by_windows`."""
+    """Set up the parameter search for flights; the arguments are those of :func:`identify_by_windows`."""
     flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
     full, sections = options.full_voltage, options.sections
@@ -189,7 +189,7 @@ def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOpti
 
 
 def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = None) -> tuple[WindowErrors, WindowFit]:
-    """Fit to some windows of the whole length, after one to shorter windows, whose problem is nearly linear.
+    """Fit parameters to some full-length windows, after a nearly linear fit to shorter windows.
 
     Dry friction that bends within small rates needs integration steps that only the fit can tell: they are halved until
     that hardly moves what is flown.
@@ -267,7 +267,7 @@ def identify_by_windows(
 
 
 def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
-    """Flights with different names, without channels of a few samples, and without a position but no attitude.
+    """Flights with distinct names, without channels of few samples and without positions that lack an attitude.
 
     Raises:
         ValueError: one line: there is no flight, or one lacks a quantity that decides how another is flown.
@@ -291,7 +291,7 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
 
 
 def moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
-    """Flags of each joint: its efforts are logged; setpoints of its position servo are, and no efforts."""
+    """Two flags per joint: its efforts are logged; only the setpoints of its position servo are."""
 
     def logged(quantity: str, joint: int) -> bool:
         return any(quantity in each and bool(np.any(each[quantity].values[:, joint])) for each in flights)
@@ -310,7 +310,7 @@ def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
 
 
 def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Explained share of each row's variance beyond straight lines and white noise, and its errors' deviation."""
+    """Share of each sensor axis' variance that the model explains, and standard deviation of its errors."""
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]
@@ -332,7 +332,7 @@ def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, fl
 
 
 def _without_lines(rows: Array, there: Array) -> Array:
-    """Samples (steps, windows) less a straight line in each window; 0 where there (1 or 0) is none."""
+    """Subtract a straight line from the samples (steps, windows) of each window; 0 where the mask ``there`` is 0."""
     count = np.maximum(there.sum(axis=0), 1.0)
     time = np.arange(len(rows), dtype=float)[:, None] * there
     time = there * (time - time.sum(axis=0) / count)

@@ -1,4 +1,4 @@
-"""Information of a measured flight: how accurately an identification could find each number of a vehicle.
+"""Information of a measured flight: how accurately an identification could find each parameter of a vehicle.
 
 Some of its windows are fitted. Their information, times the number of all windows over theirs, gives with what is known
 before the interval that the whole search would give (Fisher information; Ljung, System Identification, 1999, 13.3). A
@@ -55,7 +55,7 @@ TITLES: Mapping[str, str] = {
 
 @immutable
 class ExpectedNumber:
-    """Accuracy that a flight allows for a number of a vehicle.
+    """Accuracy that a flight allows for a parameter of a vehicle.
 
     Attributes:
         name: name in a vehicle file or in the surroundings.
@@ -75,17 +75,17 @@ class ExpectedNumber:
 
     @property
     def is_excited(self) -> bool:
-        """True if the flight gives at least half of the information."""
+        """True if the flight gives at least half of the information about the parameter."""
         return self.data_share >= SHOWN
 
     @property
     def title(self) -> str:
-        """Number in words."""
+        """Readable name of the parameter."""
         return TITLES.get(self.name, self.name)
 
     @property
     def verdict(self) -> str:
-        """Words: excited, with the expected accuracy, or not in this flight."""
+        """Text: excited with the expected accuracy, or not excited in this flight."""
         if not self.is_excited:
             return NOT_EXCITED
         width = f"{100.0 * self.relative:.2g} %" if self.relative else f"{self.half_width:.2g} {self.unit}".rstrip()
@@ -93,7 +93,7 @@ class ExpectedNumber:
 
 
 def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[ExpectedNumber, ...]:
-    """Accuracy that flights allow for each number of a vehicle, by the information of some of their windows.
+    """Accuracy that flights allow for each parameter of a vehicle, by the Fisher information of some windows.
 
     It takes about a third of the time of :func:`skyarm.studies.identify.identify_windows.identify_by_windows`.
 

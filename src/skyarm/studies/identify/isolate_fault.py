@@ -1,4 +1,4 @@
-"""Isolation of a fault of a flight: the change of one channel after which the model explains all sensors.
+"""Isolation of a logging fault: the correction of one channel after which the model explains all sensors.
 
 Of a sound flight, windows that the engine flies leave white noise in the row of every sensor. If they do not, each
 change of a table is made in turn, and windows are fitted anew: axes, signs, units, orders, ranges and clocks of
@@ -57,7 +57,7 @@ PUSHES = ("unexplained force", "unexplained torque")
 
 @immutable(kw_only=False)
 class Left:
-    """Residuals of each sensor after a fit to windows of a flight, over the sensor's own noise.
+    """Residuals of each sensor after a fit to windows of a flight, relative to the sensor's noise.
 
     Attributes:
         sizes: sizes of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
@@ -70,11 +70,11 @@ class Left:
 
     @property
     def largest(self) -> float:
-        """Largest residual of all rows, over the noise of its sensor."""
+        """Largest relative residual of all sensor axes and unexplained wrench components."""
         return max(self.sizes.values())
 
     def cost(self, fine: float = 0.0) -> float:
-        """Sum of the logarithms of the rows' sizes over the sensors' rows, and a price of unusual numbers.
+        """Cost of a fit: mean logarithm of the relative residuals, and a penalty for unusual parameters.
 
         Args:
             fine: cost of a white row, over its size; else none counts as less than white.
@@ -127,7 +127,7 @@ BESIDE = {
 
 
 class Tried(NamedTuple):
-    """Change by an amount, with what it leaves and its cost with the price."""
+    """Tried correction of a channel: its amount, the residuals after it, and its cost."""
 
     cost: float
     change: ChannelChange
@@ -143,7 +143,7 @@ Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]
 
 
 def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[LogFault, ...]:
-    """Faults of a measured flight, the refused first.
+    """Find the faults of a measured flight, those that make it unusable first.
 
     Args:
         flight: measured.
@@ -157,7 +157,7 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
 
 
 def _isolate(flight: FlightData, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
-    """Yield a late pose, and what the model leaves of a flight that has no other fault."""
+    """Yield faults found by a model fit: delayed poses, and residuals that the model does not explain."""
     try:
         student_quantile()
     except ValueError:  # of a page or a studio, which do not need it
@@ -178,7 +178,7 @@ def _isolate(flight: FlightData, start: Vehicle, faulty: Sequence[str], search: 
 
 
 def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
-    """Yield the fault of one channel that explains what the model leaves, else that the model does not explain it."""
+    """Yield the channel fault that explains the residuals, otherwise a warning that the model does not explain them."""
     left = Leavings(start)
     before = left.rows(flights[1], *LAST) or Left({})
     sizes = {name: max(size for (of, _), size in before.sizes.items() if of == name) for name, _ in before.sizes}
@@ -202,7 +202,7 @@ def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bo
 
 
 def _name_fault(best: Sequence[Tried], before: Left) -> Found:
-    """Fault that a change undoes, with another one that does so as well, and what the change does."""
+    """Describe the fault that a channel correction undoes, an equally good alternative, and the effect."""
     change, left = best[0].change, best[0].left
     rows, after = before.sizes, left.sizes
     loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(rows)
@@ -223,7 +223,7 @@ def _name_fault(best: Sequence[Tried], before: Left) -> Found:
 
 
 def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left) -> list[Tried]:
-    """Changes that mend a flight, the best first; beside it one of another channel that mends it as well."""
+    """Best correction of a flight's channels, followed by one of another channel that is as good."""
     flight, trial, cost = flights[1], partial(_try_change, left, flights), attrgetter("cost")
     attitude, every = "quaternion" in flight, [*channel_changes(flight, start)]
     bad = {name for (name, _), size in before.sizes.items() if size >= ALARM} or {name for name, _ in before.sizes}
@@ -271,7 +271,7 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
 
 
 def _each_best(tried: Sequence[Tried]) -> list[Tried]:
-    """Best amount of each change, the best change first."""
+    """Best amount of each tried correction, the best correction first."""
     best = dict[ChannelChange, Tried]()
     for each in sorted(tried, key=attrgetter("cost")):
         best.setdefault(each.change, each)
@@ -281,7 +281,7 @@ def _each_best(tried: Sequence[Tried]) -> list[Tried]:
 def _try_change(
     left: Leavings, flights: Flights, change: ChannelChange, amount: float, how: tuple[int, int]
 ) -> list[Tried]:
-    """Change by an amount with what it leaves; nothing where it cannot be flown."""
+    """Try a correction of a given amount; empty if the corrected flight cannot be simulated."""
     stamped, aligned = flights
     # a wrong rate puts the clock of the poses off as well
     turned = change.channel in ("gyro", "quaternion")
@@ -291,12 +291,12 @@ def _try_change(
 
 
 def _beyond_range(flight: FlightData) -> bool:
-    """True if more than some samples of the gyro are beyond what any reads: it is of another unit."""
+    """True if too many gyroscope samples exceed any sensor's range, which indicates another unit."""
     return bool((np.abs(flight["gyro"].values) > RANGES["gyro"]).any(axis=1).mean() >= RARE)
 
 
 def _best_amount(trial: Trial, change: ChannelChange, amount: float) -> float:
-    """Best amount of a change within those that are tried, from one of them by halves of the distance to the next.
+    """Best amount of a correction, refined from a tried amount by halving the distance to its neighbours.
 
     The distance is the larger one of both sides, so that no amount lies out of reach of the one that is next to it.
     """
@@ -316,7 +316,7 @@ def _best_amount(trial: Trial, change: ChannelChange, amount: float) -> float:
 
 
 class Leavings:
-    """Residuals of each sensor in windows of a vehicle's flights, with one plant for all flights of a kind.
+    """Evaluator of sensor residuals in windows of flights, with one compiled plant per kind of flight.
 
     Args:
         start: vehicle before.
@@ -326,7 +326,7 @@ class Leavings:
         self._start, self._plants = without_tilts(start), dict[tuple[object, ...], WindowErrors]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
-        """Residuals after a fit of some turns to some windows of a flight; None where it has too few windows.
+        """Relative residuals after some iterations of a fit to some windows of a flight; None with too few windows.
 
         Sizes are infinite of a flight whose motion under its commands is no number.
         """

@@ -43,7 +43,7 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
 
 
 def _solid(vehicle: Vehicle) -> Vehicle:
-    """Vehicle that can be flown: bodies of planar motion only have their largest moment of inertia about every axis."""
+    """Vehicle prepared for simulation: planar bodies get their largest moment of inertia about every axis."""
 
     def whole(body: Body) -> Body:
         if not body.planar:

@@ -1,4 +1,4 @@
-"""Checks of a measured flight that need no model: what is missing, cut off, frozen, saturated, or of another unit."""
+"""Checks of a measured flight without a model: missing, cut off, frozen or saturated channels, and wrong units."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ RANGE = "state low and high in columns.toml"
 
 
 def require_no_refusal(faults: Sequence[LogFault]) -> None:
-    """Check that there is no fault for which a flight is refused.
+    """Raise an error if any fault makes a flight unusable for identification.
 
     Raises:
         ValueError: one line: the first such fault.
@@ -73,7 +73,7 @@ def require_no_refusal(faults: Sequence[LogFault]) -> None:
 
 
 def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
-    """Faults of a measured flight, each once, that show without a model.
+    """Faults of a measured flight that can be detected without a model, each listed once.
 
     Args:
         flight: measured.
@@ -83,12 +83,12 @@ def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
 
 
 def faults_of(file: str, rows: Iterable[Found]) -> list[LogFault]:
-    """Faults of a file, each once."""
+    """Convert the faults found in a flight file to records, without duplicates."""
     return [LogFault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
 
 
 def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the faults of a flight, from those that hide others on."""
+    """Yield the faults of a measured flight, beginning with those that would hide others."""
     empty = [name for name in flight if not flight[name].time.size]
     for name in empty:
         yield _severity(name), name, "has no sample in this part of the flight", "it is not used"
@@ -123,7 +123,7 @@ LOST = re.compile(r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<w
 
 
 def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the rows and cells that the reader found damaged."""
+    """Yield the rows and cells of a flight file that its reader found damaged."""
     for note in flight.notes:
         if lost := LOST.match(note):
             share = int(lost["count"]) / max(1, int(lost["all"]))
@@ -140,7 +140,7 @@ RARE = 0.01
 
 
 def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield sensors of which a few samples lie beyond what any reads."""
+    """Yield sensors with a few samples beyond the range of any such sensor."""
     for name, most in RANGES.items():
         beyond = (np.abs(flight[name].values) > most).any(axis=1) if name in flight else np.zeros(0, dtype=bool)
         if beyond.any() and beyond.mean() < RARE:
@@ -150,7 +150,7 @@ def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
 
 
 def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the channels that are not there or have not the columns of the vehicle."""
+    """Yield the channels that are missing, or whose number of columns does not match the vehicle."""
     commands = [name for name in COMMANDS[::-1] if name in flight][:1]
     required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
@@ -189,7 +189,7 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
 
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the channels whose size no flight has: another unit, no gravity, or damage."""
+    """Yield the channels of implausible magnitude: another unit, missing gravity, or damage."""
     turns = [link.joint.turns for link in start.links]
     for name, (low, high, units) in UNITS.items():
         if name not in flight or (name == "rotor_commands" and COMMANDS[1] in flight):
@@ -219,7 +219,7 @@ RATES, STEADY = (10.0, 2e4), 0.7
 
 
 def _damaged_shares(flight: FlightData) -> Iterator[Found]:
-    """Yield commands some of which are no shares of the full signal."""
+    """Yield a fault for rotor commands with values outside 0 to 1, the valid shares of the full signal."""
     if COMMANDS[0] not in flight or COMMANDS[1] in flight:
         return
     share = flight[COMMANDS[0]].values
@@ -239,7 +239,7 @@ SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind 
 
 
 def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, float]]) -> Iterator[Found]:
-    """Yield: it never flew, its commands do not bear the vehicle's weight, or it flew too briefly."""
+    """Yield a fault if a flight never took off, was too short, or its commanded thrust does not match the weight."""
     name, weight = (COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]), GRAVITY * float(start.mass)
     speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
     rows = np.concatenate([speeds.section(*each).values for each in spans]) if spans else speeds.values
@@ -272,7 +272,7 @@ DROPPED, EARLY = 0.03, 1.0
 
 
 def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
-    """Gaps of a channel of some quantity: begin and length, s."""
+    """Gaps between the samples of a channel: start and length (s)."""
     if channel.time.size < FEWEST_SAMPLES:
         return []
     steps, is_held = np.diff(channel.time), QUANTITIES[name].held
@@ -327,13 +327,13 @@ NEVER_STILL = (*IMU, "quaternion", "position", "velocity", "rotor_speeds", "join
 
 
 def _within(channel: Channel, spans: Sequence[tuple[float, float]]) -> Mask:
-    """Steps (N - 1,) of a channel that end within spans of time (s)."""
+    """Mask (N - 1,) of a channel's sample intervals that end within given time spans (s)."""
     time = channel.time[1:]
     return np.asarray(np.any([(time > begin) & (time <= end) for begin, end in spans], axis=0))
 
 
 def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
-    """Yield: a channel freezes in the air, was filled up, or saturates."""
+    """Yield a fault if a channel freezes in flight, holds repeated or interpolated samples, or saturates."""
     command = name in (*COMMANDS, "joint_efforts")
     if not (command or name in NEVER_STILL) or channel.time.size < (FEWEST_SAMPLES if command else MANY):
         return
@@ -368,6 +368,6 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
 
 
 def _longest_run(rows: Mask, time: Array) -> tuple[float, float]:
-    """Longest time (s) over which rows (N - 1,) of steps between times (N,) are all true, and its begin."""
+    """Longest time (s) over which a mask (N - 1,) of sample intervals stays true, and its start."""
     spans = [(float(time[end] - time[begin]), float(time[begin])) for begin, end in runs_of(rows)]
     return max(spans, key=lambda each: each[0], default=(0.0, 0.0))

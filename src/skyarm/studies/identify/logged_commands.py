@@ -1,4 +1,4 @@
-"""Rotor commands of measured flights: their own samples, the speeds they mean, and when the vehicle flies."""
+"""Rotor commands of measured flights: original samples, commanded speeds, and the time spans in the air."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
 
 
 def command_samples(commands: Channel) -> Channel:
-    """Samples at which a command was logged: of commands that were sampled up, held or on straight lines, fewer.
+    """Original samples of logged commands, recovered from an upsampled signal (held or linearly interpolated).
 
     Args:
         commands: commands of the rotors.
@@ -83,14 +83,14 @@ def command_samples(commands: Channel) -> Channel:
 
 
 def _is_regular(places: Array | IntArray) -> bool:
-    """Tell if most places among rows are equally far apart, and by more than a row."""
+    """True if most of the given row indices are evenly spaced, by more than one row."""
     gaps = np.diff(places)
     usual = float(np.median(gaps)) if len(gaps) >= FEWEST else 1.0
     return usual > 1.0 and bool(np.mean(np.abs(gaps - usual) <= EVEN * usual) > REGULAR)
 
 
 def sampling_period(commands: Channel) -> float:
-    """Time, s, between samples of commands that were logged too seldom to be held from one to the next; else 0."""
+    """Sampling period (s) of commands logged too rarely to be held between samples; otherwise 0."""
     rate = command_samples(commands).rate
     return 1.0 / rate if 0.0 < rate < 1.0 / SLOWEST else 0.0
 
@@ -121,7 +121,7 @@ def smooth_commands(commands: Channel, time: Array) -> Array:
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Note on rotor commands that were logged too seldom to be held between; empty of others."""
+    """Note on rotor commands logged too rarely to be held between samples; otherwise empty."""
     period = sampling_period(commanded_speeds(flight, start))
     if not period:
         return ""
@@ -148,18 +148,18 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
 
 
 def time_constants(rotors: Sequence[Rotor]) -> Array:
-    """Time constants (rotors, 2) of rotors, up and down, s."""
+    """Rotor time constants (rotors, 2) for rising and falling speed, s."""
     pairs = [[float(each.time_constant_up), float(each.time_constant_down)] for each in rotors]
     return np.array(pairs).reshape(-1, 2)
 
 
 def highest_speeds(rotors: Sequence[Rotor]) -> Array:
-    """Highest speeds (rotors,), rad/s."""
+    """Highest rotor speeds (rotors,), rad/s."""
     return np.array([float(each.max_speed) for each in rotors])
 
 
 def _moving_mean(values: Array, width: int) -> Array:
-    """Moving mean (N,) over an odd number of values, of what there is at both ends."""
+    """Moving mean (N,) over an odd number of values, over fewer at both ends."""
     half = width // 2
     total = np.concatenate([[0.0], np.cumsum(values)])
     low = np.maximum(np.arange(len(values)) - half, 0)

@@ -38,7 +38,7 @@ from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 @immutable
 class Estimated:
-    """Estimated number with its 95 % confidence interval, SI units."""
+    """Estimated value with its 95 % confidence interval, SI units."""
 
     value: float
     low: float
@@ -221,12 +221,12 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
 
 
 def _vary(commands: Array) -> bool:
-    """True if logged commands, a row a period, vary enough to identify the actuators' lag."""
+    """True if logged commands, a row per control period, vary enough to identify the actuators' lag."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 
 def _delay_and_lags(delay: str, **lags: float) -> list[Unknown]:
-    """Unknown delay and time constants, from the name of the one, and names and usual values (s) of the others."""
+    """Search variables for a delay and time constants, from their names and usual time constants (s)."""
     constants = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
     return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *constants]
 
@@ -239,7 +239,7 @@ def _fit(
     given: Mapping[str, float],
     gravity: float,
 ) -> tuple[WindowErrors, WindowFit]:
-    """Fit of delays and time constants by group, and of what need not be modelled rightly, to windows of a flight."""
+    """Fit delays and time constants by group to windows of a flight, together with nuisance parameters."""
     clocked = on_clock(flight, start, clock_step([flight], start), sections=[(-math.inf, math.inf)], sensors=SENSORS)
     servoed = [not moved and servo_of(start, i) is not None for i, moved in enumerate(driven)]
     usual = unknowns_of(start, curve=False, velocity=False, voltage=True, driven=driven, servoed=servoed)
@@ -257,7 +257,7 @@ def _fit(
 
 
 def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFit, period: float) -> Lag:
-    """Identified delay and time constants of a group, with intervals and a reason if the flight does not tell.
+    """Identified delay and time constants of an actuator group, with intervals, or a reason if they are not determined.
 
     Args:
         name: name of the group.

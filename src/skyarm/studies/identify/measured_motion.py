@@ -15,7 +15,7 @@ JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
 
 
 def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
-    """Flight whose joints stand in the order of the vehicle's, where its file names all of these."""
+    """Flight with joints reordered as in a vehicle, if its file names all of the vehicle's joints."""
     order = [link.joint.name for link in vehicle.links]
     changed = {}
     for name in JOINTS:

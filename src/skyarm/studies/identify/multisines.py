@@ -63,12 +63,12 @@ class Segment:
     offsets: Array
 
     def scale(self, factors: Array) -> Segment:
-        """Segment with the amplitudes and offsets of each axis times a factor (axes,)."""
+        """Multisine segment with amplitudes and offsets of each axis scaled by a factor (axes,)."""
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
         return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
 
     def table(self, axis: int) -> dict[str, Entry]:
-        """Signal of an axis, as a table of a scenario file, on the segment's own clock."""
+        """Excitation signal of one axis as a table of a scenario file, in time since the segment's start."""
         sines: list[Entry] = [
             {"kind": "sine", "amplitude": round(float(a), 5), "frequency_hz": round(float(f), 4), "phase": float(p)}
             for a, f, p in zip(self.amplitudes[axis], self.frequencies[axis], self.phases[axis].round(3), strict=True)
@@ -80,7 +80,7 @@ class Segment:
         return {"kind": "product", "signal": [round(float(self.offsets[axis]), 5), *sines], "factor": ramps}
 
     def motion(self, times: Array) -> Array:
-        """Value, first and second derivative of all axes (3, axes, N) at times (N,), s, less the rest."""
+        """Displacement from rest, velocity and acceleration (3, axes, N) of all axes at times (N,), s."""
         signals = [signal_from(self.table(axis), "segment") for axis in range(len(self.offsets))]
         zero = np.zeros(len(times))
         return np.stack([[zero + each for each in signal.derivatives(times)[:3]] for signal in signals], axis=1)
@@ -88,7 +88,7 @@ class Segment:
 
 @immutable(kw_only=False, eq=False)
 class Axes:
-    """Rests and ranges of all axes.
+    """Rest positions and ranges of base, heading and joints for an excitation flight.
 
     Attributes:
         rest: (axes,) m or rad. low, high: (axes,) ends of the range.
@@ -102,7 +102,7 @@ class Axes:
 
 
 def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
-    """Rests and ranges of the base's position and heading and of the joints.
+    """Rest positions and ranges of the base's position and heading and of the joints.
 
     Args:
         vehicle: vehicle with the limits of its joints.
@@ -117,7 +117,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
 
 
 def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
-    """Rest of a joint and the ends of its swing."""
+    """Rest position of a joint and the ends of its swing."""
     rest, _ = rest_and_size(joint, joints)
     low, high = float(joint.lower), float(joint.upper)
     margin = MARGIN * (high - low) if math.isfinite(high - low) else 0.0
@@ -125,7 +125,7 @@ def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
 
 
 def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segment:
-    """Random segment that stays in the ranges, each axis by itself."""
+    """Draw a random multisine segment that stays within the ranges of all axes."""
     count = len(axes.rest)
     slow, fast = np.log(LOWEST), np.log(axes.fastest)
     ends = np.sort(slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1)
@@ -148,7 +148,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
 
 
 def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
-    """Segment near another one: some axes drawn anew, the others a little louder or softer."""
+    """Mutate a multisine segment: redraw some axes at random, and rescale the others a little."""
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
     scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
@@ -163,7 +163,7 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
 
 
 def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
-    """Segment whose swings have a size (axes,), or as they are, and do not leave the ranges."""
+    """Scale a multisine segment to given amplitudes (axes,), if any, and into the ranges of all axes."""
     times = np.arange(0.0, segment.duration, 0.02)
     sines = 2.0 * math.pi * segment.frequencies[:, :, None] * times + segment.phases[:, :, None]
     waves = segment.amplitudes[:, :, None] * np.sin(sines)

@@ -1,4 +1,4 @@
-"""Prediction of flights from their commands alone: the engine flies on from measured states.
+"""Open-loop prediction of flights: simulation from measured states under the logged commands.
 
 From an instant on the base moves as the vehicle's model says, by the commands that were flown; nothing that was
 measured later enters, but the motion of the joints, which is given, and the next sample where an instant lies between
@@ -57,7 +57,7 @@ COMMANDS = ("rotor_commands", "rotor_speed_commands")
 
 @immutable(kw_only=False, eq=False)
 class BaseStates:
-    """States of the base, each (K, ...).
+    """States of the base at K instants: position, attitude, velocity and rate.
 
     Attributes:
         position: m, world axes. quaternion: w x y z, base to world. velocity: m/s, world axes. rate: rad/s, base axes.
@@ -69,11 +69,11 @@ class BaseStates:
     rate: Array
 
     def at(self, rows: IntArray) -> BaseStates:
-        """States of the base at some rows only."""
+        """States of the base at selected instants."""
         return BaseStates(self.position[rows], self.quaternion[rows], self.velocity[rows], self.rate[rows])
 
     def at_even_rates(self, seconds: float) -> BaseStates:
-        """States after some time in which velocity and rate stay as they are."""
+        """States of the base extrapolated by some time (s) with constant velocity and rate."""
         turn = Quaternion.of_rotation_vector(Vec3(*(self.rate.T * seconds)))
         turned = Quaternion(*self.quaternion.T) * turn
         place = self.position + self.velocity * seconds
@@ -83,7 +83,7 @@ class BaseStates:
 def measured_states(
     flight: FlightData, clocked: Clocked, about: IdentifiedSurroundings, joints: int
 ) -> tuple[BaseStates, BaseStates, Array]:
-    """Measured states of a flight at the edges of its clock; level and at rest where no pose is measured.
+    """Measured base states of a flight at even times; level and at rest where no pose is measured.
 
     Between samples they are interpolated. Without a velocity, that is the slope of the position over :data:`SLOPE`
     (local parabola: Savitzky and Golay 1964): around each sample, and for begins before it; without a position, that is
@@ -129,7 +129,7 @@ def measured_states(
 
 
 def no_poses(flight: FlightData) -> str:
-    """Reason for which a flight has no poses; empty if it has."""
+    """Reason why a flight has no measured poses; empty if it has them."""
     if "quaternion" in flight and ("position" in flight or "velocity" in flight):
         return ""
     missing = "quaternion" if "quaternion" not in flight else "position"
@@ -137,7 +137,7 @@ def no_poses(flight: FlightData) -> str:
 
 
 def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[Channel, Channel]:
-    """Value and slope of polynomials through the samples around each one.
+    """Value and slope of a channel by local polynomial fits around each sample.
 
     Args:
         measured: channel.
@@ -165,7 +165,7 @@ def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[
 
 
 def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool = False) -> tuple[Channel, Channel]:
-    """Value and slope of polynomials over some seconds around each sample, or over half of them if they would not fit.
+    """Value and slope of a channel by local polynomial fits, whose width (s) is halved until they fit.
 
     What they leave must be no more than the samples' white noise, as it shows in differences that leave none of them.
 
@@ -188,7 +188,7 @@ def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool 
 
 
 class OpenLoopPredictor:
-    """Model of a vehicle that flies on from instants of measured flights of one clock, under their commands.
+    """Open-loop predictor: simulates a vehicle from measured states of flights under their logged commands.
 
     Args:
         vehicle: vehicle whose model flies.
@@ -236,29 +236,29 @@ class OpenLoopPredictor:
         self.averaged = int(self._errors.averaged.max())
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
-        """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
+        """Windows of a given length (s) with given start steps in each flight, and their residuals."""
         errors = self._errors.over(ClockedWindows(self.flights, self._vehicle, seconds, places=places))
         errors.take_samples(NONE)
         return errors
 
     def left(self, windows: ClockedWindows) -> IntArray:
-        """Numbers (W,) of usable steps in a row from the windows' begins on."""
+        """Numbers (W,) of consecutive usable steps from the starts of windows."""
         bad = np.concatenate([~each.usable for each in self.flights])
         ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
         return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
 
     def measured_at(self, windows: ClockedWindows, steps: int | IntArray) -> BaseStates:
-        """Measured states some steps after the windows' begins."""
+        """Measured base states a number of steps after the starts of windows."""
         return self.measured.at(windows.begins + windows.owners + steps)
 
     def begins(self, windows: ClockedWindows) -> BaseStates:
-        """States at the windows' begins from what is measured until then."""
+        """Base states at the starts of windows, estimated from past measurements only."""
         return self.known.at(windows.begins + windows.owners)
 
     def ahead(
         self, errors: WindowErrors, begins: BaseStates, pushes: Callable[[float], Array] | None = None
     ) -> Iterator[BaseStates]:
-        """States 0, 1, ... steps after the begins of windows.
+        """Yield the predicted base states 0, 1, ... steps after the starts of windows.
 
         Args:
             errors: errors of the windows.
@@ -281,12 +281,12 @@ class OpenLoopPredictor:
 
 
 def window_states(begins: BaseStates) -> WindowStates:
-    """First states of windows, without an unexplained wrench."""
+    """Initial states of windows from base states, without an unexplained wrench."""
     return WindowStates({name: getattr(begins, name) for name in FIELDS}, np.zeros((len(begins.rate), 6)))
 
 
 def places_of(flight: Clocked, vehicle: Vehicle, every: int, behind: float = 0.0) -> IntArray:
-    """First steps of predictions, where rotors' speeds follow from the commands and the flight is usable.
+    """Start steps of predictions, where the flight is usable and rotor speeds follow from past commands.
 
     Args:
         flight: on its clock.
@@ -344,7 +344,7 @@ class OpenLoopFlight:
         self._loop = OpenLoopPredictor(vehicle, about or IdentifiedSurroundings(), [flight], [self._clocked], gravity)
 
     def over(self, horizon: float) -> PredictedMotion:
-        """Motion of the model, and of held velocity and rate, set back to the measured state after each horizon, s."""
+        """Motion predicted by the model and by constant velocity, reset to the measured state every horizon (s)."""
         loop, step = self._loop, self._clocked.step
         steps = max(1, round(horizon / step))
         errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
@@ -360,7 +360,7 @@ class OpenLoopFlight:
         return PredictedMotion(model=model, held=hold, begins=self._clocked.edges[windows.begins])
 
     def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> PoseSeries:
-        """Motion of one of several predictions, between two instants of the clock."""
+        """Predicted motion of one window between two instants of the clock."""
         position, quaternion = (
             np.stack([getattr(each, name)[i] for each in states[: end - first]]) for name in FIELDS[:2]
         )
@@ -373,7 +373,7 @@ class OpenLoopFlight:
 
 
 def _require_channels(flight: FlightData, vehicle: Vehicle) -> None:
-    """Raise an error that lists all that a flight lacks for a prediction."""
+    """Raise an error that lists the channels that a flight lacks for a prediction."""
     lacking = [name for name in (*NEEDED, *(["joint_positions"] if vehicle.n else [])) if name not in flight]
     if not any(name in flight for name in COMMANDS):
         lacking.append(" or ".join(COMMANDS))

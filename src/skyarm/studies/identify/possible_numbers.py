@@ -1,4 +1,4 @@
-"""Numbers that a vehicle of some mass and size may have: of known ones a condition, of identified ones a doubt."""
+"""Plausibility of vehicle parameters: implausible known ones are errors, identified ones faults or warnings."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ TIMES = (*DEAD_TIMES, "accelerometer_delay", "rotors.time_constant_up", "rotors.
 
 
 def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix: str) -> None:
-    """Check that known numbers are ones that a vehicle of this mass and size may have.
+    """Check that known parameters are plausible for a vehicle of this mass and size.
 
     The size is the largest of the rotors' distance, the radius of gyration and the distance of the centre of mass, so
     that a start's own numbers are always possible.
@@ -93,7 +93,7 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 def doubtful_numbers(
     found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
 ) -> tuple[LogFault, ...]:
-    """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
+    """Faults seen in the identified parameters: far from the start vehicle, or of a model that explains nothing.
 
     Args:
         found: identified vehicle.
@@ -106,7 +106,7 @@ def doubtful_numbers(
 
 
 def _far_numbers(identified: Identified) -> Iterator[Found]:
-    """Yield numbers that are far from the start's, and commands that explain nothing."""
+    """Yield identified parameters far from the start vehicle's, and commands that explain no motion."""
     shares = [share for row, share in identified.explained.items() if row.startswith("rate.")]
     if shares and max(shares) < BLIND:
         finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation in {identified.seconds:.3g} s of flight"
@@ -141,7 +141,7 @@ def _far_numbers(identified: Identified) -> Iterator[Found]:
 
 
 def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
-    """Yield centres of mass that lie outside of what a drawing can be wrong by, or look turned about a joint."""
+    """Yield implausible centres of mass: far from the drawing, or rotated about a joint."""
     arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
     numbers = {each.name: each for each in identified.numbers if each.is_known}
     for name in (name for name in numbers if name.startswith("base.com.")):
@@ -166,7 +166,7 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
 
 
 def _beyond_commands(identified: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Iterator[Found]:
-    """Yield the thrust at full signal where no command comes near it."""
+    """Yield a warning if the thrust at full signal is extrapolated beyond the flown commands."""
     full = float(start.rotors[0].max_speed)
     if not any(each.name == FULL and each.is_known for each in identified.numbers):
         return

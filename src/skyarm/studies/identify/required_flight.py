@@ -1,4 +1,4 @@
-"""Flight that a reference requires: attitude, rotor speeds and joint efforts without a closed loop.
+"""Inverse dynamics of a reference: required attitude, rotor speeds and joint efforts, without a closed loop.
 
 Base position, heading and joints are given; thrust acts along the base's upright axis and must carry the centre of
 mass, which gives the attitude (differential flatness; Mellinger and Kumar 2011), in turns with what the moving arm adds
@@ -42,7 +42,7 @@ BLUR = 0.2
 
 @immutable(eq=False)
 class RequiredFlight:
-    """Flight that a reference requires, at N + 1 even instants.
+    """States, rotor speeds and joint efforts required to follow a motion exactly, at N + 1 evenly spaced instants.
 
     Attributes:
         period: s.
@@ -70,7 +70,7 @@ class RequiredFlight:
         return np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0))
 
     def flight_data(self, vehicle: Vehicle, like: FlightData) -> FlightData:
-        """Flight as sensors without noise would measure it.
+        """Flight data as noise-free sensors would record them.
 
         Args:
             vehicle: vehicle whose rotors lag.
@@ -104,7 +104,7 @@ class RequiredFlight:
 
 
 def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredFlight:
-    """Flight that a motion of base and joints requires.
+    """Compute attitude, rotor speeds and joint efforts required for a motion of base and joints.
 
     Args:
         vehicle: rigid bodies and rotors.
@@ -156,7 +156,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
 
 
 def _smooth(rows: Array, period: float) -> Array:
-    """Rows (N, 3) averaged under a Hann window; ends continue."""
+    """Smooth rows (N, 3) by a Hann window, with constant continuation at the ends."""
     half = max(1, round(0.5 * BLUR / period))
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.concatenate([np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)])

@@ -1,4 +1,4 @@
-"""Numbers of a vehicle that flights may show, with what is known of each before, and the vehicle that has them.
+"""Search variables of an identification: parameters of a vehicle and its surroundings, with prior knowledge.
 
 What must be positive is searched by its logarithm. The base's moments of inertia are sums of two of its three second
 moments of mass, and a thrust curve is a sum of rises, so that no candidate is a body that cannot be (Traversaro et al.
@@ -60,7 +60,7 @@ WIND = 0.3
 
 @immutable
 class Unknown:
-    """Number to identify.
+    """Parameter to identify, with its prior.
 
     Attributes:
         name: name in a vehicle file, or in the vehicle's surroundings.
@@ -82,17 +82,17 @@ class Unknown:
 
     @property
     def begin(self) -> float:
-        """Start on the scale of the search."""
+        """Start value on the scale of the search, logarithmic for positive parameters."""
         return math.log(self.start) if self.positive else self.start
 
     def value(self, searched: float) -> float:
-        """Number from the scale of the search."""
+        """Parameter value from its value on the scale of the search."""
         return math.exp(searched) if self.positive else searched
 
 
 @immutable
 class Reported:
-    """Reported number: one unknown, or the sum of some whose logarithms are searched.
+    """Reported parameter: one searched parameter, or the sum of several positive ones.
 
     Attributes:
         name, unit: name and unit in reports.
@@ -117,7 +117,7 @@ def unknowns_of(
     drag_height: bool = False,
     others: Sequence[str] = (),
 ) -> list[Unknown]:
-    """Numbers to identify of a vehicle and its surroundings.
+    """Parameters to identify of a vehicle and of its surroundings, such as delays.
 
     Args:
         vehicle: start.
@@ -161,17 +161,17 @@ def unknowns_of(
 
 
 def _above(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
-    """Unknown above 0, with the standard deviation of its logarithm."""
+    """Unknown positive parameter, with the standard deviation of its logarithm."""
     return Unknown(name=name, unit=unit, start=float(start), spread=spread, positive=True)
 
 
 def _any(name: str, unit: str, start: Scalar, spread: float, least: float = -math.inf) -> Unknown:
-    """Unknown that is searched on a scale of any sign."""
+    """Unknown parameter of any sign, searched on a linear scale."""
     return Unknown(name=name, unit=unit, start=float(start), spread=spread, least=least)
 
 
 def _loss(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
-    """Unknown friction; where none is on record, of any sign, with the standard deviation of what is thinkable."""
+    """Unknown friction: positive if the start value is not zero, otherwise of any sign with a given deviation."""
     return _above(name, unit, start, 0.7) if float(start) else _any(name, unit, start, spread, 0.0)
 
 
@@ -222,7 +222,7 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
 
 
 def _of_moved_joint(link: Link) -> list[Unknown]:
-    """Numbers of a joint that shows its motion, whatever moves it."""
+    """Unknown parameters of any moving joint: armature, and rate scale of dry friction."""
     name, joint = f"links.{link.name}.joint", link.joint
     return [
         _above(f"{name}.coulomb_rate", f"{joint.units[0]}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
@@ -231,7 +231,7 @@ def _of_moved_joint(link: Link) -> list[Unknown]:
 
 
 def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
-    """Numbers of a position servo; its damping holds the joint's, which adds to it."""
+    """Unknown parameters of a position servo, whose damping includes that of the joint."""
     servo, link = servo_of(vehicle, joint), vehicle.links[joint]
     assert servo is not None
     name, (angle, effort) = f"drives.{link.joint.name}", link.joint.units
@@ -263,7 +263,7 @@ def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> 
 
 
 def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> None:
-    """Check that known numbers are some that a search would find, of values that they may have.
+    """Check that known parameters are among those that a search would find, with admissible values.
 
     Args:
         known: known numbers by name.
@@ -282,7 +282,7 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
 
 
 def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
-    """Reported numbers: those to identify, and the sums that a vehicle file holds in place of some."""
+    """Reported parameters: the searched ones, or sums of them where a vehicle file holds the sums."""
     rises, reported = rises_of_thrust(), list[Reported]()
     for each in unknowns:
         if each.name in rises:
@@ -300,7 +300,7 @@ def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
 
 
 def second_moments(base: Body) -> tuple[float, float, float]:
-    """Second moments of mass along x, y, z, kg m^2, whose sums by two are the moments of inertia; all above 0."""
+    """Second moments of mass along x, y, z, kg m^2, bounded above 0; sums of two are the moments of inertia."""
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
     least = max(0.01 * (xx + yy + zz), 1e-12)
     x, y, z = second_moments_of(xx, yy, zz)
@@ -314,12 +314,12 @@ def second_moments_of(xx: float, yy: float, zz: float) -> tuple[float, float, fl
 
 
 def rises_of_thrust() -> tuple[str, ...]:
-    """Names of the rises of thrust from knot to knot."""
+    """Parameter names of the thrust increments between the knots of a thrust curve."""
     return tuple(f"rotors.rise_to_{100 * share:g}_percent" for share in KNOTS)
 
 
 def _thrust_rises(rotor: Rotor) -> list[float]:
-    """Rises of a rotor's thrust from knot to knot, N."""
+    """Thrust increments of a rotor between the knots of its thrust curve, N."""
     if not math.isfinite(float(rotor.max_speed)):
         raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal, for a thrust curve")
     speeds = [share * float(rotor.max_speed) for share in KNOTS]
@@ -329,7 +329,7 @@ def _thrust_rises(rotor: Rotor) -> list[float]:
 
 
 def without_tilts(vehicle: Vehicle) -> Vehicle:
-    """Vehicle whose rotors do not tilt, as flights are flown again: no log that is read holds the angles."""
+    """Vehicle without rotor tilt, for replays of flights whose logs hold no tilt angles."""
     return dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(each, tilt=None) for each in vehicle.rotors))
 
 

@@ -1,4 +1,4 @@
-"""Errors of windows that the engine flies: measured less flown, of each sensor, and their normal equations.
+"""Residuals of simulated flight windows, measured less simulated, and their normal equations.
 
 Of each window the first state is free, and so are a constant wrench that nothing explains, the integrals of its servos
 and, of a joint whose effort is not logged, hat functions of it. Slopes are differences between lanes: one for every
@@ -81,7 +81,7 @@ READ = {"gyro": "rate", "joint_positions": "joints"}
 
 
 def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
-    """Vehicle whose joints follow the acceleration that their drives are given, whatever acts on them."""
+    """Vehicle whose joints follow given accelerations regardless of loads, by a very large armature inertia."""
     free = {"armature": HEAVY, "effort_limit": math.inf, "damping": 0, "coulomb": 0, "stop_stiffness": 0}
     links = [with_changes(each, False, joint=with_changes(each.joint, False, **free)) for each in vehicle.links]
     return vehicle.with_checked(links=tuple(links), drives=())
@@ -89,7 +89,7 @@ def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
 
 @immutable(kw_only=False, eq=False)
 class WindowStates:
-    """First state, unexplained wrench and unlogged efforts of each of W windows.
+    """Initial state, unexplained wrench and unlogged joint efforts of each of W windows.
 
     Attributes:
         parts: name -> (W, k), first states and integrals of servos in the order of the free numbers.
@@ -100,7 +100,7 @@ class WindowStates:
     beside: Array
 
     def moved_by(self, change: Array) -> WindowStates:
-        """Window states after a change (W, unknowns of a window)."""
+        """Window states after a change (W, x) of the x unknowns of each window."""
         parts, first = dict[str, Array](), 0
         for name, rows in self.parts.items():
             size = 3 if name == "quaternion" else rows.shape[1]
@@ -185,7 +185,7 @@ class WindowErrors:
         self._take_windows(windows)
 
     def _take_windows(self, windows: ClockedWindows) -> None:
-        """Take samples and free numbers of windows."""
+        """Set the windows to simulate, with their samples and unknown states."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
         self.samples, self.taken, self._placed = self._samples({}), dict[str, float](), 1
@@ -212,7 +212,7 @@ class WindowErrors:
         )
 
     def _make_replay(self, step: float, finer: int) -> CommandReplay:
-        """Simulated plant whose vehicle follows from the searched parameters."""
+        """Make the compiled plant whose vehicle follows from the searched parameters."""
         start, servoed, gravity = self.start, self.servoed, self._gravity
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
         fixed = {name: value for name, value in self.known.items() if name not in inside}
@@ -227,7 +227,7 @@ class WindowErrors:
             return tuple(drives) if any(servoed) else ()
 
         def felt(given: Numbers, before: State, after: State) -> Sequence[Scalar]:
-            """Mean specific force of a step at the inertial unit, by what its velocity gained."""
+            """Mean specific force of a step at the inertial unit, from the change of its velocity."""
             place = Vec3(*({**fixed, **given}.get(f"place.{axis}", 0.0) for axis in "xyz"))
 
             def velocity(at: State) -> Vec3:
@@ -250,11 +250,11 @@ class WindowErrors:
         return np.where(self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched)
 
     def numbers(self, searched: Array) -> dict[str, float]:
-        """Parameters in their units by name, searched and known ones."""
+        """Parameter values by name, searched and known ones."""
         return {**self.known, **dict(zip(self.names, self.values(searched).tolist(), strict=True))}
 
     def take_samples(self, searched: Array) -> None:
-        """Place the samples of delayed sensors on the clock anew, for the estimated delays."""
+        """Place the samples of delayed sensors on the clock again, for the estimated delays."""
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
@@ -269,24 +269,24 @@ class WindowErrors:
         self.samples = self._samples(late)
 
     def _samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
-        """Samples of the sensors that are compared, by their delays, s."""
+        """Samples of the compared sensors on the clock, for given delays (s)."""
         samples = self.windows.samples(late)
         if self.given is not None:
             samples = {name: rows for name, rows in samples.items() if not name.startswith("joint")}
         return samples
 
     def lanes(self, searched: Array, states: WindowStates, directions: Sequence[Direction] = ()) -> WindowLanes:
-        """Simulated lanes at the begins of the windows: at the estimate, and as many that differ in one direction."""
+        """Start parallel simulations of all windows: at the estimate, and with small changes in given directions."""
         return WindowLanes(self, self.replay, searched, states, directions)
 
     def over(self, windows: ClockedWindows) -> WindowErrors:
-        """Errors of other windows of the same step, by the same simulated plant."""
+        """Residuals of other windows of the same step, with the same compiled plant."""
         errors = copy.copy(self)
         errors._take_windows(windows)
         return errors
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
-        """Errors (steps, W, rows) at numbers (P,) on the scale of the search, and which of them count."""
+        """Residuals (steps, W, rows) of W windows at parameters (P,) on the scale of the search, and their mask."""
         errors, there = self._nothing()
         with np.errstate(over="ignore", invalid="ignore"):  # what a search tries may fly to infinity
             for k, _, rows, error, _, has in self._readings(searched, states, []):
@@ -294,13 +294,13 @@ class WindowErrors:
         return errors, there
 
     def times(self) -> Array:
-        """Times (steps, W, rows), s, of the samples after the begins of their windows."""
+        """Times (steps, W, rows) of the samples after the starts of their windows, s."""
         steps = np.arange(self.windows.length)[:, None]
         at = self.windows.begins + steps
         return np.stack([(steps + self.samples[name].share[at]) * self.windows.step for name, _ in self.rows], axis=2)
 
     def shares_left(self, there: Mask, memory: Array) -> Array:
-        """Shares (steps, W, rows) that are left, at each sample, of the error of the sample before in its window.
+        """Correlation (steps, W, rows) of each sample's residual with that of the sample before in its window.
 
         Args:
             there: (steps, W, rows) which samples count.
@@ -313,7 +313,7 @@ class WindowErrors:
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
 
     def innovations(self, found: Array, there: Mask, memory: Array | None) -> Array:
-        """Errors (steps, W, rows) less what is left of those before, of an unchanged size (Prais, Winsten 1954).
+        """Whitened residuals (steps, W, rows): less the correlated part of the one before (Prais, Winsten 1954).
 
         The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
         """
@@ -334,7 +334,7 @@ class WindowErrors:
         outlier: float = OUTLIER,
         memory: Array | None = None,
     ) -> tuple[Array, Mask, NormalEquations]:
-        """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows).
+        """Residuals (steps, W, rows), their mask, and the normal equations under sensor noise (flights, rows).
 
         Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, rows), s, so
         does what it is beyond that which it keeps of the one before.
@@ -385,12 +385,12 @@ class WindowErrors:
         )
 
     def _nothing(self) -> tuple[Array, Mask]:
-        """Empty errors (steps, W, rows), and the mask of those that count."""
+        """Empty residuals (steps, W, rows) of W windows, and the mask of those that count."""
         shape = self.windows.length, self.windows.count, len(self.rows)
         return np.zeros(shape), np.zeros(shape, dtype=bool)
 
     def _counts(self, name: str, k: int | slice) -> Mask:
-        """Windows (W,) in which a sensor has a sample in step k, or (steps, W) of a slice of the steps."""
+        """Mask (W,) of windows in which a sensor has a usable sample in step k, or (steps, W) for a slice of steps."""
         steps = np.arange(self.windows.length)[:, None][k]
         samples, at = self.samples[name], self.windows.begins + steps
         there: Mask = samples.there[at]
@@ -399,7 +399,7 @@ class WindowErrors:
         return there
 
     def _directions(self) -> list[Direction]:
-        """Unknowns whose slopes need a simulated lane, with the differences; the slopes of others are known."""
+        """Unknowns whose derivatives need a simulation, with their finite differences; the others are analytic."""
         sizes = [SMALL * (self.push[column] if name == "wrench" else 1.0) for name, column in self.free]
         directions = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
         without = (*BIAS.values(), TRIM, *DELAY.values())
@@ -409,7 +409,7 @@ class WindowErrors:
         return directions
 
     def _known_slopes(self, part: Array, name: str, slope: Array) -> None:
-        """Fill in the slopes (W, columns, unknowns) of a sensor's readings that need no simulated lane."""
+        """Fill in the analytic derivatives (W, columns, unknowns) of a sensor's residuals."""
         x = len(self.free)
         if name == "position":
             part[:, range(3), range(3)] = -1.0
@@ -424,7 +424,7 @@ class WindowErrors:
     def _readings(
         self, searched: Array, states: WindowStates, directions: Sequence[Direction]
     ) -> Iterator[tuple[int, str, slice, Array, Array, Mask]]:
-        """Yield of each step and sensor with samples: step, sensor, rows, errors, slope of its reading, which windows.
+        """Yield step, sensor, rows, residuals, rate of change and mask of windows, for each sensor with samples.
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
@@ -462,7 +462,7 @@ class WindowErrors:
 def _error(
     name: str, before: Array, now: Array, rate: Array, samples: SensorSamples, at: IntArray, step: float
 ) -> tuple[Array, Array]:
-    """Errors (columns, lanes, W) of a sensor within a step, and the slope (columns, W) of its reading, per second.
+    """Residuals (columns, simulations, W) of a sensor in a step, and rate of change (columns, W) of its reading.
 
     Args:
         name: name of the sensor.
@@ -484,7 +484,7 @@ def _error(
 
 
 class WindowLanes:
-    """Simulated lanes of all windows: at the estimate, then with each unknown changed by a small difference.
+    """Parallel simulations of all windows: at the estimate, then with each unknown changed by a small difference.
 
     Args:
         errors: errors of the windows.
@@ -537,7 +537,7 @@ class WindowLanes:
         return np.full(len(self._numbers), self._errors.known.get(name, default))
 
     def _take_commands(self) -> None:
-        """Tables of the commands of all candidates, and rotors and servos at the begins of the windows."""
+        """Prepare the commands of all candidates, and the states of rotors and servos at the starts of the windows."""
         windows, errors, start, delays = self._windows, self._errors, self._errors.start, self._number("delay")
         keys, which = _distinct(delays)
         speeds = [windows.commands("speeds", *key) for key in keys]
@@ -571,7 +571,7 @@ class WindowLanes:
                 servos += 1
 
     def _goals(self, joint: int, setpoints: Array) -> Array:
-        """Goals (lanes,) of a joint's servo at the windows' begins, which follow setpoints (candidates, steps)."""
+        """Goals (simulations,) of a joint's servo at the starts of windows, from setpoints (candidates, steps)."""
         windows, servo = self._windows, servo_of(self._errors.start, joint)
         assert servo is not None
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
@@ -589,7 +589,7 @@ class WindowLanes:
         at, inputs = self._windows.before(k), self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Values (k, lanes) of a table (keys, steps, k) at the present step of each window."""
+            """Values (k, simulations) of a command table (keys, steps, k) at the present step of each window."""
             return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
 
         commands, which = self._speeds
@@ -625,7 +625,7 @@ class WindowLanes:
         self.flights.step()
 
     def read(self, sensors: Mapping[str, SensorSamples]) -> dict[str, Array]:
-        """Readings (columns, candidates, W) of sensors, but for the accelerometer."""
+        """Readings (columns, candidates, W) of all sensors but the accelerometer."""
         state, names = self.flights.state, {*sensors, "gyro"} - {"accelerometer"}
         return {name: state[READ.get(name, name)].reshape(self._shape).copy() for name in names}
 
@@ -634,12 +634,12 @@ class WindowLanes:
         return np.asarray(self.flights.logged.reshape(self._shape).copy())
 
     def close(self) -> None:
-        """Shut down the threads of the lanes."""
+        """Shut down the threads of the parallel simulations."""
         self.flights.close()
 
 
 def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Array, Array, Array]:
-    """Commands that switch amid a step (s), with the mean and the first moment of those that switch at other times.
+    """Commands that switch at mid-step, with mean and first moment of commands that switch at other times.
 
     Args:
         before: until the switch.
@@ -654,11 +654,11 @@ def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Ar
 
 
 def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
-    """Distinct parameter rows of the candidates, and the index of each candidate's row."""
+    """Distinct parameter sets of the candidates, and the index of each candidate's set."""
     rows, which = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     return rows.tolist(), np.asarray(which.ravel(), dtype=np.int64)
 
 
 def _stack_commands(every: Sequence[Held]) -> Held:
-    """Commands of several delays, one after the other."""
+    """Stack the commands of several delays along a new first axis."""
     return Held(*(np.stack([getattr(each, name) for each in every]) for name in ("before", "after", "late")))

@@ -1,4 +1,4 @@
-"""Fit of a vehicle's numbers to windows that the engine flies, with the noise of every sensor.
+"""Fit of a vehicle's parameters to simulated flight windows, with the noise of every sensor.
 
 Nothing that is measured enters the dynamics, so that noise of a sensor biases no number (errors in variables). What
 belongs to a window alone is eliminated from the normal equations by its Schur complement; the numbers follow by damped
@@ -81,7 +81,7 @@ def student_quantile() -> Quantile:
 
 
 def student_quantiles(influence: Array, information: Array) -> Array:
-    """Quantiles (K,) of Student's t for half widths of 95 % of numbers that some blocks of data tell.
+    """Student's t quantiles (K,) for 95 % half widths of parameters estimated from few blocks of data.
 
     Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom are
     those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
@@ -98,7 +98,7 @@ def student_quantiles(influence: Array, information: Array) -> Array:
 
 
 def variances_of(rows: Array, covariance: Array) -> Array:
-    """Variances (K,) of sums (K, P) of numbers with a covariance (P, P)."""
+    """Variances (K,) of linear combinations (K, P) of parameters with a covariance (P, P)."""
     return np.asarray(np.einsum("kp,pq,kq->k", rows, covariance, rows))
 
 
@@ -133,7 +133,7 @@ class WindowFit:
     settled: bool
 
     def half_widths(self, rows: Array) -> Array:
-        """Half widths (K,) of 95 % of sums (K, P) of the numbers: by the blocks, and no less than by the noise.
+        """Half widths (K,) of 95 % intervals of parameter combinations (K, P): by blocks or by noise, the larger.
 
         Few blocks hardly tell that errors are the noise alone, and it counts by Student's t, too.
         """
@@ -143,7 +143,7 @@ class WindowFit:
         return np.asarray(np.maximum(students * blocks, (students if few else NORMAL) * noise))
 
     def of_more(self, times: float) -> WindowFit:
-        """Fit to expect of so many times as many windows alike."""
+        """Fit to expect from a multiple of the number of windows."""
         blocks = times * self.block_information
         curvature: Array = np.asarray(np.linalg.inv(blocks.sum(axis=0) + self.prior_information))
         wider = np.sqrt(np.diag(self.covariance) / np.diag(self.curvature))
@@ -200,7 +200,7 @@ def fit_windows(
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Context in which BLAS has one thread: for matrices of some hundred rows more of them wait in a busy loop."""
+    """Context that limits BLAS to one thread, since for small matrices further threads only wait."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
@@ -277,7 +277,7 @@ def _search(
 
 @immutable(kw_only=False, eq=False)
 class Cost:
-    """Twice the negative logarithm of the likelihood, up to a constant, with Huber's weights and what was known before.
+    """Cost of a fit: twice the negative log-posterior, up to a constant, with Huber's weights.
 
     Attributes:
         there: (steps, W, rows) which samples there are. noise: (W, rows).
@@ -291,7 +291,7 @@ class Cost:
     loose: Array
 
     def at(self, errors: Array, values: Array, states: WindowStates) -> float:
-        """Cost of errors (steps, W, rows), numbers (P,) and states."""
+        """Cost of residuals (steps, W, rows), parameters (P,) and window states."""
         with np.errstate(over="ignore"):
             z = np.abs(np.where(self.there, errors, 0.0)) / self.noise
             huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
@@ -300,7 +300,7 @@ class Cost:
 
 
 def bounded_step(information: Array, uphill: Array, least: Array) -> Array:
-    """Step (P,) to the minimum of a parabola, by its information and slope, none of it below the least one.
+    """Step (P,) to the minimum of a quadratic cost, with a lower bound on each component.
 
     What would pass its bound stays there, and the others are fitted to that: a body drag that pushes would leave its
     trace in them.
@@ -336,14 +336,14 @@ def reduce(normal: NormalEquations, beside: Array, loose: Array, prior: Array) -
 
 
 def loose_with(errors: WindowErrors, spread: Array) -> Array:
-    """Standard deviations (x,) of the free numbers of windows before, with those (6,) of the wrench."""
+    """Prior standard deviations (x,) of the unknowns of a window, with given ones (6,) for the wrench."""
     loose = errors.loose.copy()
     loose[errors.wrench] = spread
     return loose
 
 
 def first_noise(errors: WindowErrors) -> Array:
-    """Sensor noise (flights, rows) from third differences of the samples, in which some motion is left."""
+    """Initial estimate of the sensor noise (flights, rows), from third differences of the samples."""
     noise = np.ones((len(errors.windows.flights), len(errors.rows)))
     for i, flight in enumerate(errors.windows.flights):
         for j, (name, column) in enumerate(errors.rows):
@@ -359,7 +359,7 @@ def first_noise(errors: WindowErrors) -> Array:
 def new_noise(
     errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: NormalEquations, inverse: Array
 ) -> Array:
-    """Sensor noise (flights, rows) by restricted maximum likelihood, for the freedom that windows' unknowns take."""
+    """Sensor noise (flights, rows) by restricted maximum likelihood, which allows for the windows' unknowns."""
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
     z = np.abs(found / noise[owners]) * there
@@ -374,7 +374,7 @@ def new_noise(
 
 
 def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) -> Array:
-    """Times (flights, rows), s, in which errors fade, from those of samples that follow each other in a window.
+    """Correlation times (flights, rows) of the residuals, from consecutive samples in a window, s.
 
     Where few samples tell what a vehicle was commanded, its errors last: as independent ones they would be taken for
     more than they tell, and outweigh what is known of the numbers and of the unexplained wrench.
@@ -407,7 +407,7 @@ def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, invers
 def _information(
     windows: ClockedWindows, reduced: Reduced, scores: Array, before: Array, block: float
 ) -> dict[str, Array]:
-    """Information and covariance of a fit by the scores of blocks (s long), as fields of :class:`WindowFit`.
+    """Information and covariance of a fit, from the scores of blocks (s long), as fields of :class:`WindowFit`.
 
     ``before`` (P, P) is the information before the data.
     """
@@ -426,7 +426,7 @@ def _information(
 
 
 def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
-    """Covariance (P, P) of an estimate by the scores of B blocks of data, whatever the errors are within a block.
+    """Cluster-robust covariance (P, P) of an estimate, from the scores of B blocks of data.
 
     What a block leaves is less than its errors, as the estimate follows them: each score is divided by the root of the
     share that is left (CR2 of Bell and McCaffrey 2002). Without that an interval is too narrow; by the whole share,

@@ -1,4 +1,4 @@
-"""Windows of measured flights: short parts that a model flies from a free state, on one even clock.
+"""Windows of measured flights: short parts, simulated from an unknown initial state, on one even clock.
 
 A log is cut into windows. In each the commands are those of the log, late by any dead time, and every sensor has at
 most one sample a step, at its own time within it. A window lies where the vehicle flies, no sensor that is needed has
@@ -59,7 +59,7 @@ AROUND = 0.05
 
 @immutable(kw_only=False, eq=False)
 class SensorSamples:
-    """Samples of one sensor on the clock, of each step at most one: the mean of those that fall into it.
+    """Samples of one sensor on an even clock: in each step at most one, the mean of those that fall into it.
 
     Attributes:
         values: (steps, k). share: (steps,) of the step that was over at the sample, 0 to 1. there: (steps,) if any.
@@ -97,12 +97,12 @@ class Clocked:
 
     @property
     def edges(self) -> Array:
-        """Times (size + 1,) between the steps, s."""
+        """Times (size + 1,) at which the clock's steps begin and end, s."""
         return self.begin + self.step * np.arange(self.size + 1, dtype=float)
 
 
 def clock_step(flights: Sequence[FlightData], start: Vehicle) -> float:
-    """Step (s) of a clock for flights: a whole part of the time between samples of the gyro, and of commands if faster.
+    """Clock step (s) for flights: an integer fraction of the sampling period of gyro or commands, the shorter one.
 
     Args:
         flights: measured.
@@ -213,7 +213,7 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
 
 
 def _no_samples(size: int, width: int) -> SensorSamples:
-    """Samples of a sensor that is missing; attitudes are such as may be divided by their length."""
+    """Placeholder samples of a missing sensor; attitudes have unit length."""
     values = np.zeros((size, width))
     values[:, :1] = width == 4
     return SensorSamples(values, np.zeros(size), np.zeros(size, dtype=bool))
@@ -221,7 +221,7 @@ def _no_samples(size: int, width: int) -> SensorSamples:
 
 @immutable(kw_only=False, eq=False)
 class Held:
-    """Commands that are held from sample to sample, over each of N steps with at most one switch.
+    """Sampled and held commands over each of N steps, with at most one switch per step.
 
     Attributes:
         before, after: (N, k) commands until the switch, and the mean from it on. late: (N,) s, within the step.
@@ -233,7 +233,7 @@ class Held:
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
-    """Commands between edges (N + 1,), s, a dead time (s) after their samples.
+    """Sample and hold commands over the steps between times (N + 1,), s, with a dead time (s).
 
     With a width (s) they are means over it before the end of each step, if that is longer, and do not switch.
     """
@@ -260,7 +260,7 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
 
 
 def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
-    """Commands that act with a time constant, in both halves of each step, from commands that have settled at first.
+    """Commands filtered by a first-order lag, as one value for each half of every step.
 
     Impulse and first moment of each step are exact, so that all actuators switch at once, whatever their delays.
 
@@ -286,7 +286,7 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
 
 
 def _without_gaps(channel: Channel, edges: Array) -> Mask:
-    """Steps (N,) that lie in no gap of a channel, nor outside of it."""
+    """Mask (N,) of steps that lie within the samples of a channel and in none of its gaps."""
     usual = float(np.median(np.diff(channel.time)))
     usable = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
     wide = np.flatnonzero(np.diff(channel.time) > GAP * usual)
@@ -337,7 +337,7 @@ class ClockedWindows:
         self.count = len(begins)
 
     def _places(self, flight: Clocked) -> list[int]:
-        """First steps of the windows of a flight, one behind the other where all steps are usable."""
+        """First steps of the windows of a flight, back to back within usable parts."""
         places, k = list[int](), self.run_in
         while k + self.length <= flight.size:
             bad = np.flatnonzero(~flight.usable[k : k + self.length])
@@ -349,12 +349,12 @@ class ClockedWindows:
         return places
 
     def before(self, k: int) -> IntArray:
-        """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first and last ones."""
+        """Step indices (W,) that lie k steps after the starts of windows, limited to their flights."""
         first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
     def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, SensorSamples]:
-        """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
+        """Samples of each sensor on the clock, all flights concatenated; marked absent where a sensor is missing.
 
         Args:
             late: sensor -> s, by which its samples are late, in all flights or (flights,) in each.
@@ -376,7 +376,7 @@ class ClockedWindows:
         return by_sensor
 
     def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:
-        """Logged commands of all flights in each step of the clock, a dead time (s) later; zeros where none is logged.
+        """Logged commands of all flights in each clock step, with a dead time (s); zeros where none is logged.
 
         Args:
             name: ``speeds``, ``efforts`` or ``setpoints``.
@@ -396,12 +396,12 @@ class ClockedWindows:
         return Held(*(np.concatenate([getattr(each, field) for each in rows]) for field in ("before", "after", "late")))
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
-        """Thrust factor (steps,) by a power of the voltage, by drift since the take-off (1/s), and of each flight."""
+        """Thrust factor (steps,) from a power of the voltage, a drift since take-off (1/s), and a factor per flight."""
         rows = [a * each.voltage**sag * (1.0 + drift * each.since) for a, each in zip(own, self.flights, strict=True)]
         return np.concatenate(rows)
 
     def rotor_speeds(self, rotors: Sequence[Sequence[Rotor]], held: Sequence[Held]) -> Array:
-        """Speeds (keys, W, rotors) of rotors at the begins of the windows, rad/s.
+        """Rotor speeds (keys, W, rotors) at the starts of W windows, rad/s, for several sets of rotor parameters.
 
         Args:
             rotors: rotors of each key.
@@ -421,7 +421,7 @@ class ClockedWindows:
         return speeds
 
     def first_states(self, samples: Mapping[str, SensorSamples]) -> dict[str, Array]:
-        """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""
+        """First estimates (W, k) of the states at the starts of W windows, from parabolas through nearby samples."""
 
         def parabola(name: str, width: int) -> tuple[Array, Array]:
             rows = samples.get(name)
@@ -441,7 +441,7 @@ class ClockedWindows:
         }
 
     def _parabola(self, rows: SensorSamples) -> tuple[Array, Array]:
-        """Value and slope (W, k) at each window's begin, of a parabola through the nearest samples."""
+        """Value and slope (W, k) at the start of each of W windows, of a parabola through the nearest samples."""
         there = np.flatnonzero(rows.there)
         time = (there + rows.share[there]) * self.step
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0

@@ -34,12 +34,12 @@ def published_cells() -> tuple[PublishedNumber, ...]:
 
 
 def stated_value(plant: str) -> Column:
-    """Return a function that looks up our value of a published table cell, flown with the settings that it states."""
+    """Return a function that looks up the simulated value of a published number, under the stated settings."""
     return lambda cell: cell.get(plant)
 
 
 def inferred_value(plant: str) -> Column:
-    """Function from a results entry to a plant's value under the inferred settings."""
+    """Return a function that looks up the simulated value of a published number, under the inferred settings."""
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 

@@ -1,4 +1,4 @@
-"""The paper's equations of motion M(q) qdd + C(q, qd) qd + G(q) = tau in Euler coordinates, for any vehicle.
+"""Equations of motion of Barakou et al. 2026, M(q) qdd + C(q, qd) qd + G(q) = tau, in Euler coordinates.
 
 q = [x y z | phi theta psi | joints] in m and rad (a joint that slides: m): the base origin in the world, ZYX Euler
 angles of R = Rz(psi) Ry(theta) Rx(phi), joints in the vehicle's order. World z up, body x forward, y left. Leading axes

@@ -69,7 +69,7 @@ STATED = "stated"
 
 
 def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
-    """One flight as a work, measured as its case is.
+    """Work item of one flight of Barakou et al. 2026, with the metrics of its case.
 
     Args:
         flight: case, controller and plant.

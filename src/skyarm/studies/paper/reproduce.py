@@ -66,7 +66,7 @@ class Campaign:
 def works(
     plants: Sequence[str], chosen: Sequence[Variation] = (), evidence: Record | None = None, *, inferred: bool = True
 ) -> list[Work]:
-    """All flights of the reproduction, each a work.
+    """All flights of the reproduction, each as a work item.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
@@ -102,7 +102,7 @@ def run_campaign(
     store: Store | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Simulate all flights of the reproduction; results depend neither on the place nor on the number of workers.
+    """Simulate all flights of the reproduction; results depend neither on the backend nor on the number of workers.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.

@@ -54,7 +54,7 @@ class Variation:
 
     @property
     def name(self) -> str:
-        """Group and value; of the settings as stated, if nothing is changed."""
+        """Name of the changed assumption: its group and value, or the settings as stated if nothing is changed."""
         return f"{self.group} {self.value}" if self.change else STATED
 
 

@@ -109,7 +109,7 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
-    """Scenario whose controller learns neither load nor damping: projection onto bounds is not differentiable.
+    """Scenario whose controller adapts neither load nor damping: projection onto bounds is not differentiable.
 
     Of a law under layers, its own constants are looked at.
     """
@@ -123,13 +123,13 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
 
 def with_held_lag(scenario: Scenario) -> Scenario:
-    """Scenario whose law keeps the delay that it has found: a bank of candidates is no part of a linear loop."""
+    """Scenario whose law freezes its lag estimate, since a bank of candidate lags is no part of a linear loop."""
     lag = part_of(scenario.controller.par, "lag")
     return _with_part(scenario, lag=dataclasses.replace(lag, held=True)) if hasattr(lag, "held") else scenario
 
 
 def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
-    """Scenario whose law, below its layers, has another part."""
+    """Scenario with changed parts of its control law, inside any safety layers around it."""
     par: Any = scenario.controller.par
     own = innermost(par)
     changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))

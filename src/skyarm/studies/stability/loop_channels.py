@@ -25,7 +25,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 @immutable(eq=False)
 class LoopChannel:
-    """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
+    """Scalar signal at which the loop is cut for a margin, as a direction in the command or measurement vector.
 
     Attributes:
         name: name of the direction. group: group of channels that are cut together. port: "commands" or "measurements".

@@ -124,7 +124,7 @@ class Manifest:
         return range(index * size, min((index + 1) * size, episodes))
 
     def is_of(self, other: Manifest) -> bool:
-        """True if the sweeps are of one study, on whatever versions."""
+        """True if two sweeps have the same study, regardless of package versions."""
         return (self.study, self.scenarios) == (other.study, other.scenarios)
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Plain, Plain]]:
@@ -150,7 +150,7 @@ class Manifest:
         }
 
     def write(self, folder: Path, rows: int, done: int) -> None:
-        """Write the manifest, with the numbers of rows and of whole chunks that are there."""
+        """Write the manifest, with the numbers of simulated flights and of complete chunks of episodes."""
         facts: Facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
         del facts["old"]
         facts |= {"complete": done == self.chunks, "rows": rows, "chunks": {"done": done, "of": self.chunks}}
@@ -203,5 +203,5 @@ def _require(table: Facts, fields: Mapping[str, Check], where: str) -> None:
 
 
 def label_of(index: int, controller: str) -> str:
-    """Name of the rows of one chunk of episodes with one controller."""
+    """Label of the result file of one chunk of episodes with one controller."""
     return f"chunk_{index:07d}.{name_of(controller)}"

@@ -251,7 +251,7 @@ LOOKED_AT = 1000
 
 
 def largest_episode(study: Study) -> Scenario:
-    """Scenario of the episode whose varied numbers are largest, in shares of the largest of each."""
+    """Scenario of the episode with the largest varied parameters, each relative to its largest value."""
     drawn = values(study, np.arange(min(study.episodes, LOOKED_AT)))
     episode = int(np.argmax(sum(np.abs(each) / (np.abs(each).max() or 1.0) for each in drawn.values())))
     label = next(iter(study.scenarios))

@@ -1,4 +1,4 @@
-"""Files of rows of a sweep's folder that count. Folders of skyarm 0.3 are read, and not continued."""
+"""Valid result files in a sweep's folder; those of skyarm 0.3 are read but not continued."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Piece = tuple[int, str]
 
 @dataclass(frozen=True, kw_only=True)
 class RowsThere:
-    """Files of a sweep's folder that count.
+    """Valid result files in a sweep's folder.
 
     Attributes:
         files: files of each chunk with each controller. chunks: chunks that are there with all controllers, ascending.
@@ -37,7 +37,7 @@ class RowsThere:
 
 
 def rows_there(folder: Path, manifest: Manifest, *, untrusted: Collection[str] | None = None) -> RowsThere:
-    """Files of a sweep's folder that count: whole, undamaged and of this study.
+    """Find the valid result files in a sweep's folder: whole, undamaged and of this study.
 
     Args:
         folder: folder of the sweep.
@@ -62,7 +62,7 @@ def rows_there(folder: Path, manifest: Manifest, *, untrusted: Collection[str] |
 
 
 def _candidates(folder: Path, manifest: Manifest) -> Iterator[tuple[Piece, Path]]:
-    """Files whose names are those of a chunk of a study with one of its controllers, by name."""
+    """Yield files of a sweep's folder that are named as results of one chunk of episodes and one controller."""
     if manifest.old:
         for path in sorted((folder / ROWS).glob("chunk_*.parquet")):
             match = OLD_FILE.fullmatch(path.name)
@@ -77,7 +77,7 @@ def _candidates(folder: Path, manifest: Manifest) -> Iterator[tuple[Piece, Path]
 
 
 def _counts(path: Path, piece: Piece, manifest: Manifest) -> bool:
-    """True if a file is undamaged, of this study and of this chunk."""
+    """True if a result file is undamaged, of this study and of this chunk of episodes."""
     content = sound_content(path, named=not manifest.old)
     if content is None:
         return False
@@ -91,7 +91,7 @@ def _counts(path: Path, piece: Piece, manifest: Manifest) -> bool:
 
 
 def require_same_study(folder: Path, manifest: Manifest) -> None:
-    """Raise an error if a folder holds rows of another study, by what differs.
+    """Raise an error that names the difference if a folder holds results of another study.
 
     Raises:
         StudyError: one line. OSError: the folder cannot be read.

@@ -87,7 +87,7 @@ class Rows:
 
     @property
     def complete(self) -> bool:
-        """True if the folder has all rows of the study."""
+        """True if the folder has the results of all flights of the study."""
         return self.count == self.planned
 
     def of(self, controller: str, name: str) -> Array:
@@ -315,7 +315,7 @@ def summary(found: Facts) -> list[str]:
 
 
 def _rows_there(facts: Facts) -> str:
-    """Text on how many rows and episodes are there."""
+    """Text on how many flights and episodes of a sweep have results."""
     if facts["complete"]:
         return f"{facts['rows']} rows of {facts['episodes']} episodes"
     return f"incomplete: {facts['rows']} of {facts['rows_planned']} rows, {facts['episodes']} episodes so far"

@@ -162,7 +162,7 @@ class CandidateFlights:
         return _join(mine, self._results(len(logs), drawn, one), self._own._results(len(logs), own, other))
 
     def _works(self, stage: str, logs: Array, plants: Plants) -> list[Work]:
-        """Flights of every gain candidate on every plant, in pieces that depend on their numbers alone."""
+        """Work items for every gain candidate on every plant, split independently of the number of workers."""
         each = plants.count
         pieces = np.array_split(np.exp(logs), max(1, min(len(logs), round(len(logs) * each / LANES))))
         works = []
@@ -178,7 +178,7 @@ class CandidateFlights:
         return works
 
     def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
-        """Errors and effort in the rows of the works of some gain candidates."""
+        """Errors and control effort of some gain candidates, from their result rows."""
 
         def column(name: str) -> AnyArray:
             return np.concatenate([each[name] for each in rows]).reshape(count, plants.count)

@@ -1,4 +1,4 @@
-"""Pareto front of tuning candidates from calm to stiff, and the rule that selects the final gains."""
+"""Pareto front of tuning candidates from low to high control effort, and the rule that selects the final gains."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Point:
 
     @property
     def activity(self) -> float:
-        """Control activity of these gains, ln(rotor jitter) + ln(joint effort); low is calm."""
+        """Control activity of these gains: ln(rotor jitter) + ln(joint effort)."""
         return activity(self.jitter, self.effort)
 
 
@@ -94,7 +94,7 @@ def activity(jitter: float, effort: float) -> float:
 
 
 def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
-    """Indices of up to ``count`` candidates for the Pareto front, from calm to stiff.
+    """Indices of up to ``count`` candidates for the Pareto front, from low to high control effort.
 
     The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
     as far apart in activity as may be. Only candidates that meet the margins count there.
@@ -123,7 +123,7 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
 
 
 def pareto_front(points: Sequence[Point]) -> list[Point]:
-    """Pareto front in error and control activity of the points with fewest lost plants, from calm to stiff."""
+    """Pareto front in error and control effort of the points with fewest lost plants, by rising control effort."""
     fewest = min(point.lost for point in points)
     left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
     front: list[Point] = []
@@ -159,7 +159,7 @@ def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required
 
 
 def pick(points: Sequence[Point], required: Required) -> int:
-    """Index of the selected gains: the calmest allowed ones, or those that violate the constraints least."""
+    """Index of the selected gains: least control effort among allowed ones, else least violation of the constraints."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
 

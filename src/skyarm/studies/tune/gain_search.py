@@ -1,4 +1,4 @@
-"""Gain search: random scatter about a centre, then several parallel CMA-ES runs from calm to stiff.
+"""Gain search: random scatter about a centre, then parallel CMA-ES runs with low to high weight on control effort.
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
 :data:`skyarm.studies.tune.candidate_flights.WEIGHTS`; all of them ask at once, so that their candidates fly in one
@@ -83,7 +83,7 @@ NOT_LOOKED_AT = 3.0
 def search(
     knobs: Sequence[GainKnob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
-    """Search for gains from calm to stiff; returns all candidates and their scores.
+    """Search for gains from low to high control effort; returns all candidates and their scores.
 
     Args:
         knobs: tunable gains.

@@ -1,4 +1,4 @@
-"""Results of a tuning: gain files for scenarios, lines of text, and a page with a slider from calm to stiff."""
+"""Results of a tuning: gain files for scenarios, lines of text, and a page with a slider over control effort."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DIGITS = 6
 
 
 def front_name(number: int) -> str:
-    """File name of a set of gains of the Pareto front, numbered from calm to stiff."""
+    """File name of a set of gains of the Pareto front, numbered from low to high control effort."""
     return f"front_{number + 1}.toml"
 
 

@@ -276,7 +276,7 @@ BOUNDS = {"candidates": (64, 100_000), "plants": (4, 1000), "seed": (0, 2**31 - 
 
 
 def require_size(candidates: int, plants: int, seed: int, prefix: str = "") -> None:
-    """Raise an error if the size of a search is out of bounds; ``prefix`` stands before the name of the number."""
+    """Raise an error if the size of a search is out of bounds; ``prefix`` precedes the parameter's name."""
     for (name, (low, high)), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
         if not low <= value <= high:
             raise ValueError(f"{prefix}{name} = {value}: must be from {low} to {high}")
@@ -360,7 +360,7 @@ def tune_plan(
     folder: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Tune the gains of a controller; a search that was interrupted takes what its folder holds.
+    """Tune the gains of a controller; an interrupted search resumes from the results in its folder.
 
     Args:
         plan: plan of the tuning.
@@ -379,7 +379,7 @@ def tune_plan(
 
 
 def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
-    """Tune the gains of a controller with a crew."""
+    """Tune the gains of a controller, with a given runner for the simulations."""
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller
     plan = dataclasses.replace(
