@@ -14,7 +14,7 @@ __version__ = "0.3.0"
 
 @cache
 def _modules() -> dict[str, str]:
-    """Public name -> module that defines it, from the imports of the stub file."""
+    """Map each public name to the module that defines it, from the imports of the stub file."""
     import ast
     from pathlib import Path
 
@@ -47,7 +47,7 @@ def __dir__() -> list[str]:
 
 
 class _FormerNames:
-    """Last finder of Python's imports, which refuses a module's former name with its present one."""
+    """Import finder, used last, whose error for a renamed module gives the present name."""
 
     @staticmethod
     def find_spec(name: str, *_: object) -> None:

@@ -65,7 +65,7 @@ OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
 
 
 def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
-    """Option for where results go. Of type text, not Path: an empty name would become the present folder."""
+    """Make the option for the output path, of type text since as a Path an empty name would mean the present folder."""
     return typer.Option("--out", "-o", *older, metavar=metavar, help=words)
 
 
@@ -126,7 +126,7 @@ def workers(value: int) -> int:
 
 
 def require_within(option: str, value: float, low: float, high: float = float("inf")) -> None:
-    """Raise an error if a number is out of its bounds.
+    """Raise an error if a number is outside its bounds.
 
     Raises:
         ValueError: one line.
@@ -137,7 +137,7 @@ def require_within(option: str, value: float, low: float, high: float = float("i
 
 
 def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
-    """Raise an error if one of the given options, which would have no effect, was typed.
+    """Raise an error if the user gave one of these options, which would have no effect.
 
     Raises:
         ValueError: one line: the first of them, and why.
@@ -162,7 +162,7 @@ def split_names(option: str, words: str) -> list[str]:
 
 
 def names_of(option: str, values: Sequence[str] | None) -> list[str]:
-    """Names in the values of a repeatable option, between commas; empty if it was not given.
+    """Names in the values of a repeatable, comma-separated option; empty if it was not given.
 
     Raises:
         ValueError: a value of nothing but commas.
@@ -173,12 +173,12 @@ def names_of(option: str, values: Sequence[str] | None) -> list[str]:
 
 
 def law_names(laws: Sequence[str] | None) -> list[str]:
-    """Names in the values of ``--laws``; empty if it was not given."""
+    """Control laws named in the values of ``--laws``; empty if it was not given."""
     return names_of("--laws", laws)
 
 
 def one_law(laws: Sequence[str] | None) -> str | None:
-    """Law of ``--laws`` for a command of one, the last if it was repeated; None if it was not given.
+    """Control law of ``--laws`` for a command that takes one, the last if repeated; None if it was not given.
 
     Raises:
         ValueError: several between commas, or none at all.

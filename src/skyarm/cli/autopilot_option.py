@@ -1,4 +1,4 @@
-"""Option ``--autopilot`` of a flight: the autopilot's name, and options of its record behind a colon."""
+"""Option ``--autopilot`` of a flight: the autopilot's name, then settings after a colon."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skyarm.scenario.scenario_record import Scenario
 
 
 def autopilot_name(typed: str, controller: str | None) -> str:
-    """Name of the autopilot that ``--autopilot`` has before the colon.
+    """Autopilot name in the value of ``--autopilot``, before the colon.
 
     Raises:
         ValueError: no autopilot's name, or a controller beside it.
@@ -43,7 +43,7 @@ def load_under_autopilot(
     seed: int | None = None,
     duration: float | None = None,
 ) -> Scenario:
-    """Load a scenario under an autopilot: with a file's own options where the file has the same one.
+    """Load a scenario under an autopilot, with the settings in the scenario's file if it names the same autopilot.
 
     Raises:
         ValueError: an autopilot, an option or a value that cannot be, or a scenario that cannot be loaded.
@@ -58,7 +58,7 @@ def load_under_autopilot(
 
 
 def with_typed_options(planned: Scenario, typed: str) -> Scenario:
-    """Scenario whose autopilot has the options behind the colon, as of a file: ``px4:outside,instance=3``.
+    """Scenario with the autopilot settings that follow the colon, as in ``px4:outside,instance=3``.
 
     Raises:
         ValueError: an option that the autopilot does not have, or a value that it cannot be.
@@ -83,7 +83,7 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
 
 
 def _options(words: str, typed: str) -> dict[str, Entry]:
-    """Names and values between commas that stand in no text and no brackets; a value is one of TOML, or else text.
+    """Parse comma-separated ``name=value`` settings, where quotes and brackets protect commas.
 
     Raises:
         ValueError: an option that is given twice.
@@ -104,7 +104,7 @@ def _options(words: str, typed: str) -> dict[str, Entry]:
 
 
 def _value(text: str) -> Entry:
-    """Value of TOML, or the text itself where it is none."""
+    """Parse a value as TOML; text that is not TOML is returned unchanged."""
     with contextlib.suppress(tomllib.TOMLDecodeError, RecursionError):
         table: dict[str, Entry] = tomllib.loads(f"value = {text}")
         if len(table) == 1:
@@ -113,7 +113,7 @@ def _value(text: str) -> Entry:
 
 
 def outside_command(scenario: str, planned: Scenario) -> str:
-    """Command of the program outside that flies the vehicle from its hover on; empty for a flight without one."""
+    """Command line of the external program that takes over in hover; empty for a flight without one."""
     record = autopilot_of(planned.controller)
     if record is None or not record.outside:
         return ""

@@ -1,4 +1,4 @@
-"""Command ``skyarm check``: whether a vehicle can fly, and why not."""
+"""Command ``skyarm check``: check if a vehicle can fly, and list the reasons if not."""
 
 from __future__ import annotations
 

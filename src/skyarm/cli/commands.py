@@ -58,7 +58,7 @@ def top(
 
 
 class Spelled(TyperCommand):
-    """Typer command that takes older spellings of its options with a note, and does not show them."""
+    """Typer command that accepts older spellings of its options with a note, and hides them from the help."""
 
     def __init__(self, *words: Any, **more: Any) -> None:
         super().__init__(*words, **more)
@@ -67,7 +67,7 @@ class Spelled(TyperCommand):
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands behind this one, its own options and those that all of them share, each spelled once."""
+        """Write the help of a command: its subcommands, its own options and shared options, each spelled once."""
         begin, every = f"{ctx.info_name} ", ctx.parent.command.commands
         parts = {name.removeprefix(begin): each for name, each in every.items() if name.startswith(begin)}
         if parts:
@@ -82,7 +82,7 @@ class Spelled(TyperCommand):
         super().format_options(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of the command, and print a note on an older spelling among them."""
+        """Parse the arguments of a command, and print a note for each option in an older spelling."""
         words = dict.fromkeys(word.partition("=")[0] for word in args)
         left = super().parse_args(ctx, args)
         older = {word for each in self.params for word in each.opts if OLDER.get(word) in each.opts}
@@ -93,10 +93,10 @@ class Spelled(TyperCommand):
 
 
 class Grouped(TyperGroup):
-    """Typer group whose help lists the commands in sections, and whose errors name what a former one is now."""
+    """Typer group whose help lists commands in sections, and whose errors give a renamed command's present name."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command that the first argument names, or the first two."""
+        """Find the command named by the first argument, or by the first two."""
         if " ".join(args[:2]) in self.commands:
             args = [" ".join(args[:2]), *args[2:]]
         if args[0] not in self.commands and (now := present_names("command").get(args[0])):
@@ -104,7 +104,7 @@ class Grouped(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write each section of the help with its commands."""
+        """Write the commands of the help, section by section."""
         others = [name for name, each in self.commands.items() if name not in COMMANDS and not each.hidden]
         for title, names in {**SECTIONS, "Plugins": others}.items():
             if names:
@@ -136,7 +136,7 @@ def program(words: Sequence[str]) -> typer.Typer:
 
 
 def _module(row: Registration) -> str:
-    """Name of the module of a command."""
+    """Name of the Python module that defines a command."""
     return str(row.target).partition(":")[0]
 
 
@@ -214,7 +214,7 @@ def _command() -> str:
 
 @contextmanager
 def _lines_for_users() -> Iterator[None]:
-    """Context manager that prints warnings meant for users on one line each.
+    """Context manager that prints warnings meant for users, one line each.
 
     That a flight is slow is said at once.
     """

@@ -114,7 +114,7 @@ def compare(
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
-    """Raise an error if an option was typed that this comparison does not read."""
+    """Raise an error if the user gave an option that has no effect on this comparison."""
     kind = suite if suite in SUITES else "a scenario"
     for option, readers in READ_BY.items():
         if kind not in readers:

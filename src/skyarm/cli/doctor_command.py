@@ -123,7 +123,7 @@ def _libraries() -> list[CheckResult]:
 
 
 def works(parts: list[CheckResult]) -> bool:
-    """True if all parts of the installation that flights need are in order."""
+    """True if all parts of the installation that flights need are working."""
     return all(part.state == WORKS for part in parts if part.needed)
 
 

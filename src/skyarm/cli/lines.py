@@ -41,7 +41,7 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Print warnings about a scenario before it is flown: those of its check that need no flights."""
+    """Print the warnings about a scenario that can be found before it is flown."""
     from skyarm.studies.assess.before_flight import warnings_before_flight
 
     say_unlikely(scenario.name, warnings_before_flight(scenario))

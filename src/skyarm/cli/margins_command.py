@@ -80,7 +80,7 @@ def margins(
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """Load a scenario for the margins, if requested with another controller or the safety layer.
+    """Load a scenario for the stability margins, with another controller or the safety layer if requested.
 
     Raises:
         ValueError: one line.

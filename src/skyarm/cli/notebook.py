@@ -1,4 +1,4 @@
-"""Lines and picture of a record in a notebook: those of the command that prints it."""
+"""Display of records in a notebook: the text of the corresponding command, and a picture."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[Line]], Callable[[Any], Any]
 
 
 def words_and_picture(record: object) -> tuple[str, str]:
-    """Lines of a record as text, and its picture as HTML; no picture where none can be drawn."""
+    """Summary of a record as text, and its picture as HTML; the picture is empty if it cannot be drawn."""
     lines, draw = SHOWN[type(record)]
     words = io.StringIO()
     tell(*lines(record), screen=Terminal(file=words, width=WIDTH, force_jupyter=False, **PLAIN))

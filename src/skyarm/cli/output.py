@@ -78,14 +78,14 @@ console = Terminal(**PLAIN)
 
 
 def tell(*lines: Line | RenderableType, screen: Console | None = None) -> None:
-    """Print lines (never wrapped) and tables, to standard output unless there is another screen."""
+    """Print lines (never wrapped) and tables, to standard output or to the given console."""
     for line in lines:
         drawn = _drawn(line)
         (screen or console).print(drawn, soft_wrap=isinstance(drawn, (str, Text)))
 
 
 def _drawn(line: Line | RenderableType) -> RenderableType:
-    """Line or table of a report as Rich draws it."""
+    """Convert a line or table of a report to a Rich object."""
     if isinstance(line, Mark):
         return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
     if not isinstance(line, pages.Table):
@@ -100,14 +100,14 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
 
 
 def tell_report(lines: Sequence[str]) -> None:
-    """Print the lines of a report, of which the first is its title."""
+    """Print the lines of a report; the first is its title."""
     title, *others = lines
     tell(pages.heading(title), *others)
 
 
 @dataclass
 class _Asked:
-    """Output options of the running command (JSON, quiet), and its result so far."""
+    """Output options of the running command (JSON, quiet), and the results collected so far."""
 
     as_json: bool = False
     quiet: bool = False
@@ -134,7 +134,7 @@ def is_document_wanted() -> bool:
 
 
 def say_cause(line: str) -> None:
-    """Print a cause of failure to standard error where ``--quiet`` hides it from standard output."""
+    """Print the cause of a failure to standard error if ``--quiet`` suppresses standard output."""
     if _asked.get(_Asked()).quiet:
         say(line)
 
@@ -144,7 +144,7 @@ Command = Callable[..., float | None]
 
 
 def with_output_options(name: str, function: Command) -> Command:
-    """Decorator that adds the options of every command to one."""
+    """Decorator that adds the common output options to a command."""
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
     added = [

@@ -123,7 +123,7 @@ def run(
 
 
 def _files_by_law(folder: Path, flights: Sequence[Scenario], names: Sequence[str]) -> list[list[Path]]:
-    """Files of the log of each flight: the scenario's name, and of several laws that of the law."""
+    """Log files of each flight, named after the scenario and, for several laws, the law."""
     stems = [flights[0].name]
     if len(names) > 1:
         shorts = [Path(name).stem if is_gains_file(name) else law_of_file_name(name) for name in names]
@@ -173,7 +173,7 @@ def _fly_one(
 def _fly(
     planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str
 ) -> tuple[Log, BaseException | None, Sequence[str], Facts]:
-    """Fly a scenario: its log, what ended it from outside, to be raised again, and lines and facts of ROS.
+    """Fly a scenario; returns log, interrupting exception or None, and lines and facts about ROS.
 
     A flight that cannot be repeated, under an autopilot or ROS, keeps its log at Ctrl-C.
     """
@@ -214,7 +214,7 @@ NAMING, PATIENCE = ".naming", 60.0
 
 
 def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:
-    """Write the logs of a flight; return their names, and those that earlier ones got.
+    """Write the logs of a flight; return their paths, and the new paths of renamed earlier logs.
 
     A log that was read keeps its name: the flight is numbered in its place. Where another process holds the folder for
     longer than a minute, the names end in this process's number, or the next that is free. A log that cannot be
@@ -278,7 +278,7 @@ def _is_device(file: Path) -> bool:
 
 
 def _free_names(files: Sequence[Path], least: int = 1) -> list[Path]:
-    """Names NAME_1.npz of some files but devices, with the first number of which none of them is there."""
+    """Numbered file names NAME_1.npz with the lowest number that is free for all files; devices keep their names."""
     every = (
         [file if _is_device(file) else file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files]
         for k in count(least)

@@ -1,4 +1,4 @@
-"""Command ``skyarm show``: the library, a vehicle's numbers with their units, or the channels of a flight."""
+"""Command ``skyarm show``: list the library, a vehicle's parameters with units, or the channels of a flight."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ WORDS_OF_A_FILE = "words"
 
 
 def _show_words() -> None:
-    """Print the grammar of a scenario file."""
+    """Print the keys of a scenario file with units, bounds and meanings."""
     from skyarm.scenario.grammar import grammar
 
     rows = grammar()
@@ -99,7 +99,7 @@ def _show_words() -> None:
 
 
 def _is_flight(name: str) -> bool:
-    """True for the path of a file or folder that is no model of a vehicle."""
+    """True for the path of a file or folder that is not a vehicle model."""
     path = Path(name)
     if not name or path.suffix in (".toml", ".xacro", *RIGID) or name in list_vehicles():
         return False

@@ -88,7 +88,7 @@ def sweep(
 
 
 def _load(study: str, controllers: list[str] | None) -> Study:
-    """Load a study without warnings of its file's numbers, in place of which an episode has its own."""
+    """Load a study without warnings about parameters of its file that each episode replaces."""
     from skyarm.scenario.without_effect import WithoutEffectWarning
     from skyarm.studies.sweep import load_study
 
@@ -103,7 +103,7 @@ LONGEST_NUMBER = 20
 
 
 def _save_episodes(study: str, controllers: list[str] | None, out: str | None, episodes: list[str]) -> None:
-    """Write episodes of a study as scenario files, those that are named by their rows with each controller's own."""
+    """Write episodes of a study as scenario files, chosen by number, first failure or largest metric value."""
     from skyarm.studies.sweep.plan import prepare, save_episode
     from skyarm.studies.sweep.stats import FAILED, Rows
     from skyarm.studies.sweep.study import StudyError

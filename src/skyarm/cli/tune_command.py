@@ -118,7 +118,7 @@ def tune(
 
 
 def _save_best(file: Path, scenario: Scenario, tuning: Tuning, target: str, law: str | None) -> Path | None:
-    """Write a scenario under the picked law; None, and why, if no file can say it."""
+    """Write the scenario with the selected control law; None, with a message, if no file can represent it."""
     file.unlink(missing_ok=True)
     try:
         return save_scenario(file, scenario.with_controller(tuning.controller), target, law)

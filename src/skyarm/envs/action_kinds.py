@@ -94,7 +94,7 @@ class Actions:
         return tuple(middle + a * half for a, (middle, half) in self.spans(action, now))
 
     def spans(self, action: Scalars, now: Turn) -> list[tuple[Scalar, tuple[Scalar, Scalar]]]:
-        """List of each joint's action component, setpoint at zero action, and change at full action."""
+        """Action component of each joint, with the setpoint at zero action and its change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
@@ -239,7 +239,7 @@ def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
 
 
 def _as_kept(memory: Tree, sent: Command) -> Command:
-    """Vehicle command in the form in which a control law stores its last command."""
+    """Vehicle command in the form in which a control law stores its previous command."""
     stored = getattr(memory, "sent", None)
     newest = stored[-1] if isinstance(stored, tuple) and stored else stored
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())

@@ -59,7 +59,7 @@ class EpisodeStarts:
         self._first[lanes] = -(2**40)
 
     def take(self, lanes: Array, episodes: Array) -> Array:
-        """Randomised parameters, initial state and first observation of given episodes, as (numbers, episodes)."""
+        """Randomised parameters, initial state and first observation of given episodes, as array (values, episodes)."""
         if not self.varies:
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
@@ -77,7 +77,7 @@ class EpisodeStarts:
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
     def _compute(self, seeds: Array, episodes: Array) -> Array:
-        """Compute the initial data of episodes with given seeds and episode numbers, as (numbers, episodes)."""
+        """Compute the initial data of episodes with given seeds and episode numbers, as array (values, episodes)."""
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies

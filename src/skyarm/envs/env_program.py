@@ -124,7 +124,7 @@ class EnvProgram:
         return state, self._observe(self._stages(numbers), measurement, reference, action)
 
     def trace_start(self) -> Program:
-        """Trace the beginning of an episode, all of whose numbers are inputs."""
+        """Trace the start of an episode, with all its parameters as program inputs."""
         started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).components)
         return trace(self.start, self.base, self.draws, started)
 
@@ -189,7 +189,7 @@ class EnvProgram:
         return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
 
     def _stages(self, numbers: Sequence[Scalar]) -> Stages:
-        """Stages of the loop of the scenario with other numbers at the randomised paths."""
+        """Stages of the simulation loop for the scenario with given values of its randomised parameters."""
         return Stages(with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True))))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
@@ -211,7 +211,7 @@ class EnvProgram:
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
-        """Advance wind, contacts and sensors to the next control period, and measure there."""
+        """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
         measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
         agent = dataclasses.replace(now.agent, sensors=measured.read.sensors, estimate=measured.read.estimate)
         return dataclasses.replace(now, agent=agent, components=measured.components), measured.read.measurement
@@ -227,7 +227,7 @@ class EnvProgram:
         )
 
     def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
-        """Number of the first termination condition that is met, counted from 1; 0 if none is met."""
+        """Index of the first termination condition that is met, counted from 1; 0 if none is met."""
         endings = endings_of(scenario)
         number = where(sent > 0.5, 0.0, float(len(endings) + 1))
         for index in range(len(endings), 0, -1):
@@ -238,10 +238,10 @@ class EnvProgram:
 
 
 def observation_of(task: LearningTask, sight: Sight) -> Scalars:
-    """Observation vector of a learning task, with every number finite."""
+    """Observation vector of a learning task, with every component finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 
 
 def _finite(value: Scalar) -> Scalar:
-    """Number clipped to a finite range; 0 in place of NaN."""
+    """Clip a number to a finite range; NaN becomes 0."""
     return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

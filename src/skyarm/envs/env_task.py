@@ -1,4 +1,4 @@
-"""Learning task: a scenario with its actions, observations, rewards and randomised numbers."""
+"""Learning task: a scenario with its actions, observations, rewards and randomised parameters."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ Scalars = tuple[Scalar, ...]
 
 
 def above_zero(unit: str, meaning: str = "") -> Unit:
-    """Declaration of a number that must be above 0."""
+    """Unit declaration of a parameter that must be positive."""
     return Unit(unit, meaning, low=0.0, strict=True)
 
 
@@ -35,7 +35,7 @@ RadPerSecond = Annotated[float, above_zero("rad/s")]
 
 @immutable
 class Sight:
-    """Data from which observations are computed: measurement, reference, last action and nominal model.
+    """Inputs of the observations: measurement, reference, last action and nominal model.
 
     Attributes:
         measurement, reference: law's inputs of this period.
@@ -51,7 +51,7 @@ class Sight:
 
 @immutable
 class Result:
-    """Data from which rewards are computed: true state, reference, actions and command of a control period.
+    """Inputs of the rewards: true state, reference, actions and command of a control period.
 
     Attributes:
         state: plant state. reference: reference held at that time. vehicle: true vehicle.
@@ -211,7 +211,7 @@ USUAL = (
 
 
 def tip_error(vehicle: Vehicle, state: State | Measurement, reference: Reference) -> Vec3:
-    """Position error of the tip: reference minus actual position, world axes, m."""
+    """Position error (m) of the tip: reference minus actual position, world axes."""
     return goal_of(vehicle, reference).tool - tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 

@@ -28,17 +28,17 @@ PICTURES = "skyarm.view.film.episode_pictures"
 
 
 class EpisodeRenderer(Protocol):
-    """Protocol of the pictures of an episode, which a room above this one draws."""
+    """Protocol of a renderer that draws the images of an episode."""
 
     def begin(self, scenario: Scenario) -> None:
-        """Set up the pictures of an episode."""
+        """Prepare the renderer for an episode, given its scenario."""
 
     def draw(self, now: LoopState) -> Pixels:
-        """Picture of a state."""
+        """Render a simulation state as an image."""
         ...
 
     def close(self) -> None:
-        """Release what draws."""
+        """Release the resources of the renderer."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -157,7 +157,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return self._pictures.draw(now)
 
     def close(self) -> None:
-        """Stop the worker threads and release drawing resources."""
+        """Stop the worker threads and release the renderer."""
         self._closed = True
         self.lanes.close()
         if self._pictures is not None:

@@ -1,4 +1,4 @@
-"""Offset and drift between the clocks of two streams that measure the same motion.
+"""Offset and drift between the clocks of two data streams that measure the same motion.
 
 A gyro and an attitude, or an accelerometer and a position or velocity, are two readings of one signal y. The slower
 stream gives its mean over each of its intervals, the faster one the same mean at any time. The offset and the drift
@@ -80,7 +80,7 @@ UNEVEN = 0.2
 
 @immutable(kw_only=False)
 class ClockOffset:
-    """Offset of a stream's clock: a sample stamped t was taken at t + offset + drift (t - middle) of the reference.
+    """Clock offset of a data stream: the reference's time of a stamp t is t + offset + drift (t - middle).
 
     Attributes:
         reference, stream: channels that were compared.
@@ -99,7 +99,7 @@ class ClockOffset:
 
     @property
     def words(self) -> str:
-        """Offset and drift with their intervals as one line of text."""
+        """Line of text with offset and drift and their confidence intervals."""
         return (
             f"offset {1e3 * self.offset:+.2f} ms, +- {1e3 * self.offset_error:.2f}, drift {1e6 * self.drift:+.0f} ppm, "
             f"+- {1e6 * self.drift_error:.0f}, parts of the flight up to {1e3 * self.wander:.1f} ms from that, of "
@@ -108,12 +108,12 @@ class ClockOffset:
         )
 
     def times(self, time: Array) -> Array:
-        """Times of the reference's clock from times of the stream's."""
+        """Convert times of the stream's clock to the reference's clock."""
         return time + self.offset + self.drift * (time - self.middle)
 
 
 def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | None = None) -> ClockOffset:
-    """Find the offset of a stream's clock against the gyro or accelerometer of a flight.
+    """Estimate the clock offset of a data stream against the gyro or accelerometer of a flight.
 
     Args:
         flight: flight with the reference.
@@ -146,14 +146,14 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
 
 
 def align(flight: FlightData, offset: ClockOffset, channels: Sequence[str]) -> FlightData:
-    """Return a flight with the times of some channels moved to the clock of the reference, and a note."""
+    """Return a flight with some channels shifted to the reference's clock, and a note on that."""
     moved = {name: replace(flight[name], time=offset.times(flight[name].time)) for name in channels}
     words = f"{', '.join(channels)}: moved to the clock of {offset.reference}: {offset.words}."
     return flight.with_channels(moved, words)
 
 
 def fresh_poses(flight: FlightData) -> FlightData:
-    """Flight without those rows of its poses in which a logger of a higher rate repeats the row before."""
+    """Return a flight without the repeated pose samples of a logger that runs faster than the pose sensor."""
     for name in POSE:
         if name not in flight:
             continue
@@ -169,7 +169,7 @@ def fresh_poses(flight: FlightData) -> FlightData:
 
 
 def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
-    """Return a flight whose pose is on the gyro's clock, and its offset; the same flight if that shows none.
+    """Return a flight with its pose on the gyro's clock, and the offset; unchanged if the motion shows no offset.
 
     Of poses that a logger held the new rows are kept (:func:`fresh_poses`). Stamps of the attitude that are even but
     for the gyro's rows are straightened before, where it then fits the gyro as well. An offset and a drift that lie
@@ -201,7 +201,7 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
 
 
 def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
-    """Offset of the attitude's clock; None if its motion shows none."""
+    """Clock offset of the attitude; None if the motion does not determine it."""
     try:
         return clock_offset(flight, "quaternion")
     except ValueError:
@@ -209,7 +209,7 @@ def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
 
 
 def straight_stamps(time: Array, rows: Array) -> Array:
-    """Even times (N,), s, of samples whose stamps a log rounded to its rows (M,); the stamps where they are real.
+    """Evenly spaced times (s) of samples whose time stamps were rounded to log rows; the stamps if they were not.
 
     Rounded stamps are a saw of less than a row around a straight line. Stamps stay if one is no row, if all are equally
     many rows apart, as samples of the rows themselves are, or if a line leaves a row or more: a gap, a real jitter.
@@ -222,7 +222,7 @@ def straight_stamps(time: Array, rows: Array) -> Array:
 
 
 def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
-    """Return a flight with the channels of another file of the same flight, on the first one's clock, and the offset.
+    """Merge the channels of another file of the same flight, shifted to the first clock; also returns the offset.
 
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
@@ -239,7 +239,7 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
 
 
 class _Pair:
-    """Signal of a reference, and its means by a stream, over kernels of one box or of two in one another.
+    """Signal of a reference sensor, and its averages over kernels as measured by a data stream.
 
     Attributes:
         reference: times (M,), s, of the signal.
@@ -270,7 +270,7 @@ class _Pair:
             self.values = to_base(attitude_at(other["quaternion"], self.time), force)
 
     def means(self, when: Array) -> tuple[Array, Array]:
-        """Means of the reference at the middles of kernels (K,), s, and their slopes."""
+        """Averages of the reference signal over kernels centred at given times (s), and their time derivatives."""
         edges = when + self.width * (np.arange(self.order + 1)[:, None] - 0.5 * self.order)
         tables = self.integrals[:-3:-1]
         values = [np.stack([columns_at(each, self.reference, table) for each in edges]) for table in tables]
@@ -278,34 +278,34 @@ class _Pair:
         return mean, slope
 
     def is_inside(self, when: Array) -> Mask:
-        """Kernels that lie within the reference."""
+        """Mask of the kernels that lie within the time range of the reference."""
         return _is_inside(self.reference, when, self.width * self.order)
 
 
 def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
-    """True for times that are an edge, s, within the first and the last of a reference."""
+    """Mask of times at least ``edge`` s inside the time range of a reference."""
     return np.asarray((when - edge >= reference[0]) & (when + edge <= reference[-1]))
 
 
 def _scale(values: Array) -> Array:
-    """Robust standard deviation of each column, from the median distance from its median."""
+    """Robust standard deviation of each column, by the median absolute deviation."""
     return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12)
 
 
 def _is_usual(values: Array) -> Mask:
-    """Rows without a shock, which would have most of the leverage on a fit."""
+    """Mask of rows without shocks, which would dominate a fit."""
     return np.asarray((np.abs(values - np.median(values, axis=0)) < SHOCK * _scale(values)).all(axis=1))
 
 
 def _clip(values: Array) -> Array:
-    """Signal cut off at some robust standard deviations from its medians, without its means."""
+    """Clip a signal to some robust standard deviations about its median, and subtract its mean."""
     limit, usual = CLIPPED * _scale(values), np.median(values, axis=0)
     clipped = np.clip(values, usual - limit, usual + limit)
     return np.asarray(clipped - clipped.mean(axis=0))
 
 
 def _best_offset(pair: _Pair, widest: float) -> float:
-    """Offset of the largest correlation on an even grid.
+    """Clock offset (s) with the highest cross-correlation on a regular grid.
 
     Raises:
         ValueError: one line: two offsets that are equally good.
@@ -333,7 +333,7 @@ def _best_offset(pair: _Pair, widest: float) -> float:
 
 
 def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2) -> tuple[Array, Array]:
-    """Offset and drift by Gauss-Newton, a scale and a bias of each axis beside them, and half-widths of 95 %.
+    """Refine offset and drift by Gauss-Newton with scale and bias per axis; also returns 95 % half-widths.
 
     Args:
         pair: signals.
@@ -370,7 +370,7 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
 
 
 def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, least: float) -> ClockOffset:
-    """Offset and drift of a stream by least squares, from the best offset of the cross-correlation on."""
+    """Estimate offset and drift of a data stream by cross-correlation, then least squares."""
     estimate, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
     when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
     inside = pair.is_inside(when)
@@ -392,7 +392,7 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
 
 
 def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
-    """Least squares with Huber's weights: parameters, residuals and weights."""
+    """Robust least squares with Huber weights; returns parameters, residuals and weights."""
     count, axes = given.shape
     flat, weights = jacobian.reshape(count * axes, -1), np.ones_like(given)
     for _ in range(4):
@@ -404,7 +404,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
 
 
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
-    """Covariance of a least-squares estimate whose residuals are correlated over some rows (Newey and West)."""
+    """Newey-West covariance of a least-squares estimate with residuals correlated over some rows."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights

@@ -1,4 +1,4 @@
-"""Mapping from the columns or topics of a file to quantities, as a table of ``columns.toml``.
+"""Mapping from columns or topics of a data file to physical quantities, by the tables of ``columns.toml``.
 
 A file has a table for each quantity of :data:`skyarm.flight_data.quantities.QUANTITIES`, and one for the time::
 
@@ -51,7 +51,7 @@ STAMPS = "header", "receive"
 
 @immutable
 class QuantitySource:
-    """Source of a quantity in a file: its columns, their unit and axes.
+    """Source of a physical quantity in a data file: columns, unit and axes.
 
     Attributes:
         columns: names; a minus before one turns its sign.
@@ -82,14 +82,14 @@ class QuantitySource:
 
     @property
     def source(self) -> str:
-        """Topic and columns as text."""
+        """Topic and columns of the source as text."""
         listed = ", ".join(self.columns)
         return f"{self.topic}: {listed}" if self.topic else listed
 
 
 @immutable
 class Columns:
-    """Mapping from a file's columns to quantities.
+    """Mapping from the columns of a data file to physical quantities.
 
     Attributes:
         signals: sources by name of the quantity.
@@ -105,7 +105,7 @@ class Columns:
 
 
 def read_columns(path: PathLike) -> Columns:
-    """Read a mapping from a TOML file.
+    """Read a column mapping from a TOML file.
 
     Raises:
         ValueError: one line with file, field, value and what is allowed.
@@ -122,7 +122,7 @@ def read_columns(path: PathLike) -> Columns:
 
 
 def columns_from(document: object, file: str = "columns") -> Columns:
-    """Read a mapping from the tables of a TOML document.
+    """Read a column mapping from a parsed TOML document.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -149,13 +149,13 @@ SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.t
 
 
 def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[QuantitySource, ...]]:
-    """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
+    """Default sources of each quantity, in order of preference, from tables of :data:`SOURCES`."""
     every = {name: Fields(tables, "").tables(name) for name in tables}
     return {name: tuple(_signal(QUANTITIES[name], each) for each in entries) for name, entries in every.items()}
 
 
 def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
-    """Read the table of a quantity."""
+    """Read the source of a quantity from its table in the column mapping."""
     columns = _names(fields)
     euler = quantity.axes == ATTITUDE and len(columns) == 3
     if quantity.width and len(columns) != quantity.width and not euler:
@@ -190,7 +190,7 @@ def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
 
 
 def _names(fields: Fields) -> tuple[str, ...]:
-    """Read the names of columns, each once."""
+    """Read a list of column names, each of which may occur once."""
     values, at = fields.take("columns"), fields.at("columns")
     if isinstance(values, str):
         values = [values]

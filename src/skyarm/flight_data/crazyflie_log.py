@@ -80,7 +80,7 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
 
 
 def _head(data: bytes) -> tuple[int, Events, int]:
-    """Version, event types by number, and place of the first event."""
+    """Header of a Crazyflie log: version, event types by number, and byte offset of the first event."""
     if len(data) < 5 or data[0] != MAGIC:
         raise ValueError(f"first byte = {data[:1].hex() or 'none'}: must be bc, of a log that a Crazyflie wrote")
     version, count = struct.unpack_from("<HH", data, 1)
@@ -108,7 +108,7 @@ def _head(data: bytes) -> tuple[int, Events, int]:
 
 
 def _match_at(pattern: re.Pattern[bytes], data: bytes, place: int) -> re.Match[bytes]:
-    """Match of a pattern at a place of the head."""
+    """Match a pattern at a byte offset of the header; raises an error if the header is cut off."""
     match = pattern.match(data, place)
     if match is None:
         raise ValueError("head: is cut off")
@@ -116,7 +116,7 @@ def _match_at(pattern: re.Pattern[bytes], data: bytes, place: int) -> re.Match[b
 
 
 def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int]:
-    """Rows of each event type that occurs, and the place after the last whole event; an unknown number ends them."""
+    """Samples of each event type, and the byte offset after the last complete event of a known type."""
     pieces: dict[int, list[Rows]] = {}
     end = len(data) - CHECK
     while place + 2 <= end and (number := int.from_bytes(data[place : place + 2], "little")) in events:

@@ -1,4 +1,4 @@
-"""Measured flight: channels in SI units on one clock, and the formats of its files."""
+"""Measured flight: channels in SI units on one clock, and the registry of file formats."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Channel:
 
     @property
     def rate(self) -> float:
-        """Rate of the samples, Hz, from the median time between them; 0 for fewer than two."""
+        """Sample rate (Hz) by the median time between samples; 0 for fewer than two."""
         return 1.0 / float(np.median(np.diff(self.time))) if self.time.size > 1 else 0.0
 
     @property
@@ -61,14 +61,14 @@ class Channel:
         return float(self.time[-1] - self.time[0]) if self.time.size else 0.0
 
     def section(self, start: float, end: float) -> Channel:
-        """Return the samples from ``start`` to ``end``, s, both included."""
+        """Return the samples from ``start`` to ``end`` (s), both included."""
         chosen = slice(*np.searchsorted(self.time, [start, np.nextafter(end, np.inf)]).tolist())
         return replace(self, time=self.time[chosen], values=self.values[chosen])
 
 
 @immutable(eq=False)
 class FlightData:
-    """Measured flight: all that a file of a real flight holds, by the names of :data:`QUANTITIES`.
+    """Measured flight: the channels of a flight's data file, by the names of :data:`QUANTITIES`.
 
     Attributes:
         name: name of the flight, from its file.
@@ -109,7 +109,7 @@ class FlightData:
         return self.channels[quantity]
 
     def __contains__(self, quantity: object) -> bool:
-        """True if the flight has a channel of a quantity."""
+        """True if the flight has a channel of the given quantity."""
         return quantity in self.channels
 
     def __iter__(self) -> Iterator[str]:
@@ -118,7 +118,7 @@ class FlightData:
 
     @property
     def gravity(self) -> float:
-        """Gravity that the file states, else the usual one, m/s^2."""
+        """Gravitational acceleration (m/s^2) stated in the file, else the standard value."""
         return float(self.facts.get("gravity", GRAVITY))
 
     @property
@@ -137,17 +137,17 @@ class FlightData:
         return self.end - self.start
 
     def section(self, start: float, end: float) -> FlightData:
-        """Return the samples of all channels from ``start`` to ``end``, s, both included, on the same clock."""
+        """Return the samples of all channels from ``start`` to ``end`` (s), both included, on the same clock."""
         return replace(self, channels={name: each.section(start, end) for name, each in self.channels.items()})
 
     def with_channels(self, changed: Mapping[str, Channel], *notes: str) -> FlightData:
-        """Return the flight with channels replaced or added, and further notes."""
+        """Return the flight with some channels replaced or added, and with further notes."""
         return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
 
 
 @immutable(kw_only=False)
 class FlightFormat:
-    """File format of measured flights: a function that reads it, and the look of its files.
+    """File format of measured flights: its reader function, suffixes and first bytes.
 
     Attributes:
         read: (path, columns or None) -> flight.
@@ -199,7 +199,7 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
 
 
 def format_name(path: PathLike) -> str:
-    """Name of a flight's format: by its first bytes, else by its suffix; a user's before the library's.
+    """Name of the format of a flight file, by its first bytes or else its suffix; user-defined formats come first.
 
     Raises:
         ValueError: one line: an empty file, or a format that is not known.
@@ -221,7 +221,7 @@ def format_name(path: PathLike) -> str:
 
 
 def _checked(name: str, registered: object) -> FlightFormat:
-    """Return a registered format, or raise an error if it is none."""
+    """Check that a registered format is a FlightFormat, and return it."""
     refuse_mistake(flight_format_mistake(registered), "flight_format", name)
     if not isinstance(registered, FlightFormat):
         raise RegistryError(

@@ -1,4 +1,4 @@
-"""Logs of simulated flights as measured flights: readings of the sensors where they flew, else the true state."""
+"""Logs of simulated flights as measured flights: sensor readings if logged, else the true state."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ TAIL = 1 << 16
 
 
 def is_own_mcap(path: Path) -> bool:
-    """True if an MCAP file is the log of a simulated flight, by the names in its index."""
+    """True if an MCAP file is the log of a simulated flight, by the names in its header and index."""
     with path.open("rb") as stream:
         head = stream.read(64)
         stream.seek(max(0, stream.seek(0, 2) - TAIL))
@@ -68,7 +68,7 @@ def read_own_log(path: Path, columns: Columns | None) -> FlightData:
 
 
 def measured_flight(log: Log, path: Path) -> FlightData:
-    """Make a measured flight from the log of a simulated one.
+    """Convert the log of a simulated flight to a measured flight.
 
     Args:
         log: log of the flight.
@@ -106,13 +106,13 @@ def measured_flight(log: Log, path: Path) -> FlightData:
 
 
 def _fits(quantity: str, array: Array) -> bool:
-    """True if an array has the columns of a quantity and a row."""
+    """True if an array has at least one row, and as many columns as a quantity."""
     width = QUANTITIES[quantity].width
     return array.ndim == 2 and len(array) > 0 and (array.shape[1] == width if width else array.shape[1] > 0)
 
 
 def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> Channel:
-    """Channel of a sensor, one row for each of its readings, at the times at which they were taken."""
+    """Channel of a logged sensor, with one sample per reading at its time of measurement."""
     stamps = log.received.get(f"{name}.time")
     rows = np.arange(source.late if stamps is None else 0, log.time.size, source.every if stamps is None else 1)
     late = source.late / float(log.info["rates_hz"]["control"])

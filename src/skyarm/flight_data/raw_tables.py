@@ -1,4 +1,4 @@
-"""Tables of numbers as a file holds them, and the measured flight that a mapping makes of them."""
+"""Numeric tables of a data file, and their conversion to a measured flight by a column mapping."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FASTER = 1.2
 
 @immutable
 class RawTable:
-    """Rows of a file that have a time in common: a topic, an event, or a whole CSV file.
+    """Numeric table with one time per row: a topic, an event type, or a whole CSV file.
 
     Attributes:
         columns: numbers (N,) by name; a row without one holds NaN.
@@ -48,11 +48,11 @@ class RawTable:
     received: Array | None = None
 
     def has(self, *names: str) -> bool:
-        """True if the table has all of some columns; a minus before a name does not count."""
+        """True if the table has all given columns; a leading minus in a name is ignored."""
         return all(each in self.columns or each.removeprefix("-") in self.columns for each in names)
 
     def numbers(self, name: str) -> Array:
-        """Numbers (N,) of a column that is there; a minus before its name turns their sign."""
+        """Values (N,) of a column of the table; a leading minus in its name changes their sign."""
         return self.columns[name] if name in self.columns else -self.columns[name[1:]]
 
 
@@ -66,7 +66,7 @@ def flight_of(
     facts: Mapping[str, str | float] | None = None,
     notes: Iterable[str] = (),
 ) -> FlightData:
-    """Make a measured flight from the tables of a file.
+    """Make a measured flight from the numeric tables of a data file.
 
     Args:
         path: path of the file.
@@ -108,7 +108,7 @@ def flight_of(
 
 
 def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) -> QuantitySource | None:
-    """Signal of the highest rate among those that a file holds; None if it holds none."""
+    """Source with the highest sample rate among those that a file contains; None if it contains none."""
     best, rate = None, 0.0
     for signal in signals:
         table = _holding(tables, signal)
@@ -123,14 +123,14 @@ def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) 
 
 
 def _holding(tables: Mapping[str, RawTable], signal: QuantitySource) -> RawTable | None:
-    """Table of a signal's topic, or the first that has its columns; None if there is none."""
+    """Table of a source's topic, or else the first table with its columns; None if there is none."""
     if signal.topic:
         return tables.get(signal.topic)
     return next((each for each in tables.values() if each.has(*signal.columns)), None)
 
 
 def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> RawTable:
-    """Table that holds a signal: of its topic, the first that has its columns, or the only one.
+    """Table of a source's topic, else the first with its columns, else the only one; checks that it has them.
 
     Raises:
         ValueError: one line: no such topic or column.
@@ -152,7 +152,7 @@ def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> R
 def _channel(
     name: str, signal: QuantitySource, tables: Mapping[str, RawTable], columns: Columns, notes: list[str]
 ) -> Channel:
-    """Channel of a quantity in SI units and our axes; what was lost is appended to the notes."""
+    """Convert a source to a channel in SI units and the library's axes; lost samples are noted."""
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
     with np.errstate(all="ignore"):
@@ -188,7 +188,7 @@ REGULAR, NEAR = 0.8, 0.34
 
 
 def _rows_apart(steps: npt.NDArray[np.intp]) -> int:
-    """Rows from one with numbers to the next where these come at a rate of their own; 1 where rows are missing."""
+    """Regular spacing of the rows that contain numbers; 1 if the spacing is irregular, as with missing rows."""
     if steps.size < FEWEST:
         return 1
     usual = round(float(np.median(steps)))
@@ -196,13 +196,13 @@ def _rows_apart(steps: npt.NDArray[np.intp]) -> int:
 
 
 def _ordinal(count: int) -> str:
-    """Number in a row as text: 2nd, 3rd, 4th, 11th."""
+    """Ordinal number as text: 2nd, 3rd, 4th, 11th."""
     endings = {1: "st", 2: "nd", 3: "rd"}
     return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
 
 
 def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) -> Array:
-    """Times of the rows of a signal, s."""
+    """Times (s) of the samples of a source."""
     column = signal.time or columns.time
     if column and not table.has(column):
         place = f"{name}.time" if signal.time else "time.column"
@@ -215,7 +215,7 @@ def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) 
 
 
 def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
-    """Numbers of a quantity in SI units and our axes."""
+    """Convert the numbers of a quantity to SI units and the library's axes."""
     quantity = QUANTITIES[name]
     if quantity.axes == ATTITUDE:
         euler = given.shape[1] == 3
@@ -234,7 +234,7 @@ def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
 
 
 def _turn_into_world(channels: dict[str, Channel], notes: list[str]) -> None:
-    """Turn a velocity in base axes into world axes by the attitude; without one it is left out."""
+    """Rotate the velocity channel from base axes to world axes; it is dropped if there is no attitude."""
     velocity = channels.pop("velocity")
     if "quaternion" not in channels:
         notes.append("velocity: is in base axes, and the flight has no attitude to turn it by; it is left out.")
@@ -249,7 +249,7 @@ def _turn_into_world(channels: dict[str, Channel], notes: list[str]) -> None:
 
 
 def rising_rows(time: Array) -> npt.NDArray[np.intp]:
-    """Rows of the longest run of strictly rising times, of which rows between may be left out."""
+    """Indices of the longest subsequence of strictly increasing times."""
     if (np.diff(time) > 0.0).all():
         return np.arange(time.size)
     tails, last = list[float](), list[int]()
@@ -267,7 +267,7 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
 
 
 def _unused_names(tables: Mapping[str, RawTable], signals: Mapping[str, QuantitySource], time: str) -> tuple[str, ...]:
-    """Names of the topics that no quantity was made of; of the columns, where topics have no names of their own."""
+    """Unused topics of a file; for tables without topic names, its unused columns."""
     if any(signal.topic for signal in signals.values()):
         read = {id(_holding(tables, signal)) for signal in signals.values()}
         names = [name for name, each in tables.items() if id(each) not in read]

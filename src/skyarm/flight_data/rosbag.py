@@ -1,4 +1,4 @@
-"""Reader of bags of ROS 1 and ROS 2: files ``.bag``, ``.mcap`` and ``.db3``, and folders of the latter two.
+"""Reader of ROS 1 and ROS 2 bags: files ``.bag``, ``.mcap`` and ``.db3``, and folders of the latter two.
 
 A topic's columns are the numbers of its messages: ``angular_velocity.x``, ``position[0]``; lists of messages, and of
 more than 32 numbers, are left out. Standard messages are quantities by their type: inertial units, poses, transforms,
@@ -70,14 +70,14 @@ COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_co
 
 @dataclass(slots=True)
 class _Rows:
-    """Messages of a topic as they are decoded: times of arrival, ns; names of numbers -> rows with these numbers."""
+    """Decoded messages of a topic: arrival times (ns), and numeric values grouped by their field names."""
 
     received: list[int] = field(default_factory=list)
     numbers: dict[tuple[str, ...], list[tuple[int, Array]]] = field(default_factory=dict)
 
 
 def read_bag(path: Path, columns: Columns | None) -> FlightData:
-    """Read a bag of ROS.
+    """Read a ROS bag as a measured flight.
 
     Raises:
         ValueError: one line: rosbags is missing, it is no bag, or a damaged one. OSError: it cannot be read.
@@ -119,13 +119,13 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
 
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:
-    """True if the messages of a topic are decoded: one that is named, or known; any if a quantity names no topic."""
+    """True if a topic must be decoded: named by the mapping, of a known type, or any if the mapping names none."""
     kind = connection.msgtype
     return connection.topic in topics or kind in TYPES or kind in LISTS or ("" in topics and LARGE.search(kind) is None)
 
 
 def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Rows], notes: list[str]) -> None:
-    """Decode the messages of some topics; what cannot be decoded is named in the notes."""
+    """Decode the messages of the chosen topics; failures are noted."""
     wrong = 0
     try:
         for connection, received, data in reader.messages(connections=chosen):
@@ -147,7 +147,7 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
 
 
 def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]:
-    """Yield the numbers of a message with their places; entries of lists by the names that the message gives them."""
+    """Yield field path and value of each number in a message; list entries by name if the message gives names."""
     names = getattr(message, "name", ())
     named = isinstance(names, (list, tuple)) and all(isinstance(each, str) and each for each in names)
     for name in (each for each in getattr(message, "__dataclass_fields__", ()) if not each.startswith("__")):
@@ -163,7 +163,7 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
 
 
 def _table(rows: _Rows, origin: int) -> RawTable:
-    """Table of a topic: NaN where a message lacks a number; entries with names have their places as names, too."""
+    """Table of a topic, with NaN for missing numbers; named list entries are also accessible by index."""
     every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
     table = np.full((len(rows.received), len(every)), np.nan)
     for names, alike in rows.numbers.items():
@@ -183,7 +183,7 @@ def _table(rows: _Rows, origin: int) -> RawTable:
 
 
 def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str, list[QuantitySource]]:
-    """Sources of each quantity by the types of the messages."""
+    """Default sources of each quantity, by the message types of the topics."""
     sources: dict[str, list[QuantitySource]] = {}
     ranks = [*TYPES, *LISTS]
     for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
@@ -200,7 +200,7 @@ def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str
 
 
 def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
-    """Columns of a list with the most numbers, by their names if they have any: others are of other messages."""
+    """Columns of the list entries with the most numbers, by name if entries are named."""
     every = [each for each in table.columns if each.startswith(begin)]
     counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
     named = [each for each in every if ENTRY.fullmatch(each)] or every
@@ -209,7 +209,7 @@ def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
 
 
 def _is_unknown(table: RawTable) -> bool:
-    """True if an inertial unit gives no attitude: the first of its variances is negative, or all numbers are zero."""
+    """True if an inertial unit's topic has no attitude: first variance negative, or quaternion zero throughout."""
     variance = table.columns.get("orientation_covariance[0]")
     turns = [each for name, each in table.columns.items() if re.fullmatch(r"orientation\.[wxyz]", name)]
     return (variance is not None and bool((variance < 0.0).all())) or (bool(turns) and not np.any(turns))

@@ -1,4 +1,4 @@
-"""Series of samples at other times: on straight lines between samples, as means over intervals, and attitudes."""
+"""Resampling of time series: linear interpolation, means over intervals, and interpolation of attitudes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FASTER = 1.5
 
 
 def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Array:
-    """Values (N, k) of a series at given times (N,), linear between its samples, beyond them the first and last one.
+    """Values (N, k) of a series at given times (N,) by linear interpolation, constant beyond the ends.
 
     Args:
         time: (N,), at which the values are asked.
@@ -30,12 +30,12 @@ def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Arra
 
 
 def values_at(channel: Channel, time: Array) -> Array:
-    """Values (N, k) of a channel at given times (N,), s, linear between its samples."""
+    """Values (N, k) of a channel at given times (s), by linear interpolation."""
     return columns_at(time, channel.time, channel.values)
 
 
 def thin_samples(channel: Channel, step: float) -> tuple[Array, Array]:
-    """Times and values of a channel about a step apart, s."""
+    """Thin out a channel to samples about ``step`` s apart; returns times and values."""
     every = max(1, round(step * channel.rate))
     return channel.time[::every], channel.values[::every]
 
@@ -46,12 +46,12 @@ def middle(rows: Array) -> Array:
 
 
 def attitude_at(attitude: Channel, time: Array) -> Array:
-    """Measured attitude (N, 4), w x y z, of unit length at given times (N,), s, linear between its samples."""
+    """Measured attitude (unit quaternions w x y z) at given times (s), by linear interpolation."""
     return unit_rows(columns_at(time, attitude.time, continuous(attitude.values)))
 
 
 def rotations_between(first: Array, second: Array) -> Array:
-    """Rotation vectors (K, 3), base axes, from attitudes (K, 4), w x y z, to others, the shorter way."""
+    """Rotation vectors (K, 3), base axes, between two series of attitudes (K, 4), w x y z, the shorter way."""
     w, *axis = Quaternion(*first.T).conjugate() * Quaternion(*second.T)
     rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
     size = np.linalg.norm(rows, axis=1)
@@ -60,13 +60,13 @@ def rotations_between(first: Array, second: Array) -> Array:
 
 
 def integral_of(time: Array, values: Array) -> Array:
-    """Integral (M, k) of a series (M, k) from the first time on, by trapezes."""
+    """Integral (M, k) of a series (M, k) from its first time on, by the trapezoidal rule."""
     steps = middle(values) * np.diff(time)[:, None]
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
-    """Function (begins, ends) -> means (N, k) of a series (M, k) over intervals, by straight lines between samples.
+    """Make a function (begins, ends) -> means (N, k) of a linearly interpolated series over intervals.
 
     An interval that reaches beyond the samples is cut off there.
     """
@@ -86,7 +86,7 @@ def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
 
 
 def measured_at(channel: Channel, time: Array, period: float) -> Array:
-    """Values (N, k) of a measurement on an even clock (N,) of some period, s.
+    """Values (N, k) of a measurement at regular times (N,), averaged over each period (s) if sampled faster.
 
     Samples that come faster than the clock are averaged over the period around each instant, so that vibration does
     not appear as slow motion; others are interpolated.
@@ -98,7 +98,7 @@ def measured_at(channel: Channel, time: Array, period: float) -> Array:
 
 
 def rates_note(flight: FlightData, period: float) -> str:
-    """Words for the measurements that a clock of some period, s, averages; empty if there are none."""
+    """Text that names the measurements averaged to a longer sample period (s); empty if there are none."""
     rates = {name: flight[name].rate for name in flight if not QUANTITIES[name].held}
     fast = [f"{name} ({rate:.4g} Hz)" for name, rate in rates.items() if rate * period > FASTER]
     return f"{flight.name}: {', '.join(fast)} averaged to {1.0 / period:.4g} Hz" if fast else ""

@@ -1,4 +1,4 @@
-"""Reader of tables of text: CSV files whose columns are mapped to quantities by ``columns.toml``."""
+"""Reader of CSV files, whose columns are mapped to quantities by ``columns.toml``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEPARATORS = ",;\t "
 
 
 def read_table(path: Path, columns: Columns | None) -> FlightData:
-    """Read a CSV file: a head with the names of the columns, then a row at each instant.
+    """Read a CSV file with a header line of column names and one row per instant.
 
     Raises:
         ValueError: one line: it is no table, it has no mapping, or the mapping does not fit. OSError: it cannot be
@@ -52,7 +52,7 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
 
 
 def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: list[str]) -> Array:
-    """Numbers (N, columns) of the rows; NaN where a cell is empty or no number, or a row has not the head's cells."""
+    """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows."""
     numbers, count, short, wrong = array("d"), 0, 0, 0
     for cells in _cells(body, separator):
         filled = [cell.strip() for cell in cells]
@@ -77,7 +77,7 @@ def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: l
 
 
 def _cells(text: str, separator: str) -> Iterator[list[str]]:
-    """Yield the cells of each row of a text.
+    """Yield the cells of each row of a CSV text.
 
     Raises:
         ValueError: one line: a quote without end, or a cell of very many letters.

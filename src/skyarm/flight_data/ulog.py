@@ -1,4 +1,4 @@
-"""Reader of PX4's logs in the format ULog.
+"""Reader of PX4 logs in the ULog format.
 
 Axes of the file are forward, right, down of the base and north, east, down of the world; they become ours, forward,
 left, up and north, west, up. The signal of a rotor is the output of its channel between the parameters of least and
@@ -83,7 +83,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
 
 
 def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
-    """Table of a topic, on the clock of its samples where the messages state it."""
+    """Table of a topic, on the clock of its samples if the messages contain it."""
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
         columns = {field: numbers.astype(float) for field, numbers in rows.items()}
     stamps = columns["timestamp"]
@@ -99,7 +99,7 @@ def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
 
 
 def _number_of_rotors(parameters: Parameters) -> int:
-    """Number of rotors from the parameters of the control allocation, the outputs or the type; 0 if none states it."""
+    """Number of rotors from PX4's parameters (control allocation, outputs or vehicle type); 0 if unknown."""
     count = int(parameters.get("CA_ROTOR_COUNT", 0.0))
     if not 0 < count <= MOST_ROTORS:
         count = len(_motor_channels(parameters))
@@ -107,14 +107,14 @@ def _number_of_rotors(parameters: Parameters) -> int:
 
 
 def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
-    """Bank and channel of each motor, from 0, of firmware whose outputs have functions; the first of several."""
+    """Output bank and channel of each motor, from PX4's output-function parameters; the first if there are several."""
     places = [(bank, channel) for bank in ("AUX", "MAIN") for channel in reversed(range(16))]
     motors = [int(parameters.get(f"PWM_{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR for bank, channel in places]
     return {motor: place for motor, place in zip(motors, places, strict=True) if 0 <= motor < MOST_ROTORS}
 
 
 def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float | None:
-    """Least or largest output of a channel; None where no parameter states it."""
+    """Minimum or maximum output of a channel; None if no parameter states it."""
     every = [f"PWM_{bank}_{which}{channel + 1}", f"PWM_{bank}_{which}", *([f"PWM_{which}"] if bank == "MAIN" else [])]
     usual = USUAL_LIMITS[which] if f"PWM_{bank}_FUNC{channel + 1}" in parameters else None
     return next((parameters[name] for name in every if parameters.get(name, -1.0) > 0.0), usual)
@@ -123,7 +123,7 @@ def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float
 def _rotor_commands(
     tables: dict[str, RawTable], parameters: Parameters, count: int, notes: list[str]
 ) -> tuple[QuantitySource, ...]:
-    """Signals of the rotors' commands; the table of their shares is added to the tables."""
+    """Sources of the rotor commands; the table of output shares is added to ``tables``."""
     if not {"actuator_outputs", "actuator_motors"} & set(tables):
         return ()
     if not count:
@@ -144,7 +144,7 @@ def _rotor_commands(
 
 
 def _shares(tables: Mapping[str, RawTable], parameters: Parameters, count: int, notes: list[str]) -> RawTable | None:
-    """Table of the rotors' signals, 0 to 1, on the clock of the first rotor's output; None without outputs."""
+    """Table of rotor signals (0 to 1) on the clock of the first rotor's output; None without outputs."""
     channels = _motor_channels(parameters) or {k: ("MAIN", k) for k in range(count)}
     columns: dict[str, Array] = {}
     assumed, time = False, np.zeros(0)
@@ -171,7 +171,7 @@ def _shares(tables: Mapping[str, RawTable], parameters: Parameters, count: int, 
 
 
 def _losses(whole: WholeMessages, lost: Sequence[int]) -> list[str]:
-    """Notes of what a file has lost, with the ms of each loss of the logger."""
+    """Notes on the losses of a file: damage, messages dropped by the logger (ms), truncation."""
     notes = []
     if whole.damaged:
         notes.append(f"file: is damaged at {whole.damaged} places; messages there are left out.")

@@ -1,4 +1,4 @@
-"""Messages of a ULog file that are whole, where the file is cut off or damaged.
+"""Recovery of the intact messages in a truncated or damaged ULog file.
 
 pyulog goes on behind a damaged message wherever the next bytes lead it, and ends where a number is short. So what it
 would stumble over is left out before. Little-endian: a head of 16 bytes (magic, version, time in us) is followed by
@@ -64,7 +64,7 @@ PARAMETER, TEXT = (re.compile(each, re.DOTALL) for each in (rb".(?:int32_t|float
 
 
 class WholeMessages:
-    """Messages of a ULog file that pyulog reads: formats, topics, rows, parameters, texts about the flight, and losses.
+    """Intact messages of a ULog file that pyulog can read, such as formats, topics, data, parameters and losses.
 
     Attributes:
         found: bytes of a file of these.
@@ -85,7 +85,7 @@ class WholeMessages:
         self.found = b"".join([MAGIC, b"\x01", data[8:HEAD], *self._messages()])
 
     def _messages(self) -> Iterator[bytes]:
-        """Yield the messages that are read."""
+        """Yield the intact messages that pyulog reads."""
         data, place = self.data, HEAD
         while place < len(data):
             self.appended = [each for each in self.appended if each > place]
@@ -104,11 +104,11 @@ class WholeMessages:
                 place = end
 
     def _end_of(self, place: int) -> int:
-        """End of the message at a place by its length."""
+        """End offset of the message at a byte offset, from its stated length."""
         return place + 3 + int.from_bytes(self.data[place : place + 2], "little")
 
     def _end(self, place: int) -> int:
-        """End of the message at a place; 0 if it is none, or a row of no topic that is known."""
+        """End offset of the message at a byte offset; 0 if it is invalid, or data of an unknown topic."""
         data, end = self.data, self._end_of(place)
         if not place + 3 < end <= len(data) or data[place + 2] not in LETTERS:
             return 0
@@ -116,7 +116,7 @@ class WholeMessages:
         return 0 if is_row and end - place - 5 != self.rows.get(data[place + 3 : place + 5]) else end
 
     def _next_whole(self, place: int) -> int:
-        """Place from where several messages are whole; 0 if there is none."""
+        """Next byte offset at which several intact messages follow each other; 0 if there is none."""
         for match in BEGINNING.finditer(self.data, place):
             end = match.start()
             for _ in range(IN_A_ROW):
@@ -128,7 +128,7 @@ class WholeMessages:
         return 0
 
     def _is_read(self, letter: bytes, body: bytes) -> bool:
-        """True if a message is one that counts and that pyulog can read; its declarations are taken note of."""
+        """True if pyulog reads and needs a message; formats and topics that it declares are stored."""
         if letter == b"F" and (match := FORMAT.fullmatch(body)):
             text = match[2]
             names = [name for _, _, name in FIELD.findall(text)]
@@ -152,7 +152,7 @@ class WholeMessages:
         return letter == b"D" or (letter == b"O" and len(body) == 2)
 
     def _bytes_of(self, fields: bytes, depth: int = 0) -> int:
-        """Bytes of the fields of a format; ``TOO_LONG`` or more where one is unknown, or its formats have no end."""
+        """Size in bytes of a format's fields; ``TOO_LONG`` or more for an unknown type or endless nesting."""
         total = 0
         for kind, count, _ in FIELD.findall(fields):
             nested = self.formats.get(kind) if depth < DEEPEST else None

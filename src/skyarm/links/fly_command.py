@@ -83,7 +83,7 @@ def fly(
 
 
 def _times(said: Facts) -> list[str]:
-    """Lines on the times of the set points."""
+    """Lines of text on computing times, round trips and missed periods."""
     words = {"computing": "from an estimate's arrival to its set point", "round_trip": "to the autopilot and back"}
     lines = [
         f"{text}: median {said[name]['p50_ms']:.2f} ms, 99 % {said[name]['p99_ms']:.2f} ms"
@@ -94,7 +94,7 @@ def _times(said: Facts) -> list[str]:
 
 
 def _three(text: str) -> tuple[float, float, float]:
-    """Three positive numbers between commas.
+    """Parse three positive numbers separated by commas.
 
     Raises:
         ValueError: anything else.

@@ -39,7 +39,7 @@ FRESH = 0.2
 
 
 class JointPortError(ValueError):
-    """A joint port cannot be opened, or does not fit the vehicle."""
+    """Error if a joint port cannot be opened or does not fit the vehicle."""
 
 
 @immutable(kw_only=False)
@@ -52,7 +52,7 @@ class JointReading:
 
 
 class JointLink(ABC):
-    """Port to an arm: its newest reading, and a place for setpoints.
+    """Base class of joint ports: newest reading of the joints, and setpoints for them.
 
     A link of one's own is a subclass; ``skyarm fly --joints FILE.py:make`` calls ``make(vehicle)`` for it.
 
@@ -77,37 +77,37 @@ class JointLink(ABC):
 
     @abstractmethod
     def release(self) -> None:
-        """Return the arm to its own control, in which it holds its place; setpoints no longer come."""
+        """Return the joints to the arm's own controller, which holds their positions; no setpoints follow."""
 
     @abstractmethod
     def close(self) -> None:
-        """Free what the port holds; a second call does nothing."""
+        """Close the port; a second call has no effect."""
 
 
 class NoJoints(JointLink):
-    """Port of a vehicle without joints."""
+    """Joint port of a vehicle without joints."""
 
     def read(self) -> JointReading:
-        """Reading without joints, always fresh."""
+        """Empty reading with the present time."""
         return JointReading(time.monotonic(), (), ())
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
-        """Send nothing."""
+        """Do nothing, as there are no joints to command."""
 
     def release(self) -> None:
-        """Return nothing."""
+        """Do nothing, as there are no joints to release."""
 
     def close(self) -> None:
-        """Free nothing."""
+        """Do nothing, as there is nothing to close."""
 
 
 def pack(kind: int, count: int, at: float, values: Sequence[float] = ()) -> bytes:
-    """Encode a datagram of a kind for ``count`` joints at a time, s."""
+    """Encode a datagram of a given kind for ``count`` joints at a time (s)."""
     return HEADER.pack(MAGIC, kind, count, 0, at) + struct.pack(f"<{len(values)}d", *values)
 
 
 def unpack(data: bytes, count: int) -> tuple[int, float, tuple[float, ...]] | None:
-    """Kind, time and numbers of a datagram for ``count`` joints; None for anything else."""
+    """Decode kind, time and numbers of a datagram for ``count`` joints; None for other bytes."""
     if len(data) < HEADER.size:
         return None
     magic, kind, joints, zeros, at = HEADER.unpack_from(data)
@@ -138,7 +138,7 @@ class UdpJoints(JointLink):
         self._asked = -math.inf
 
     def read(self) -> JointReading | None:
-        """Newest reading since the last call; requests readings while none come."""
+        """Newest reading since the last call; while none arrive, readings are requested."""
         newest = None
         for data, _ in drain(self._socket):
             message = unpack(data, self._count)
@@ -153,11 +153,11 @@ class UdpJoints(JointLink):
         return JointReading(at, values[: self._count], values[self._count :])
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
-        """Send setpoints; a process that is gone is noticed by its silence."""
+        """Send setpoints for the joints without waiting for a confirmation."""
         self._tell(COMMAND, setpoints, at)
 
     def release(self) -> None:
-        """Return the arm to its owner."""
+        """Return control of the joints to the process that owns the arm."""
         self._tell(RELEASE)
 
     def close(self) -> None:
@@ -170,7 +170,7 @@ class UdpJoints(JointLink):
 
 
 class JointServer:
-    """Owner's side of a joint port: sends joint states to one commander, and receives its setpoints.
+    """Owner's side of a joint port: sends joint states to one external commander, and receives its setpoints.
 
     A commander that is silent for ``FRESH`` seconds, or releases the arm, loses the joints; the next one may follow.
 
@@ -201,7 +201,7 @@ class JointServer:
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts of commands, and their ages: s between the state that a law answers and its setpoints' effect."""
+        """Counts of received commands, and ages (s) of the joint states to which the setpoints answer."""
         ages = sorted(self._ages)
         facts: dict[str, Plain] = {"commands": self._commands, "refused": self._refused}
         if ages:
@@ -209,7 +209,7 @@ class JointServer:
         return facts
 
     def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
-        """Send the joint state of a time (s) to the commander; return its setpoints, None without a fresh commander."""
+        """Send joint states at a time (s) to the commander; return its setpoints, or None without recent ones."""
         with contextlib.suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 self._take(data, sender, at)

@@ -39,7 +39,7 @@ _MISFITS = (struct.error, OverflowError, TypeError, ValueError)
 
 
 class MavlinkError(ValueError):
-    """Message that cannot be encoded: an unknown name or a value that does not fit."""
+    """Error if a message cannot be encoded: unknown name, or a value that does not fit its field."""
 
 
 @immutable
@@ -93,7 +93,7 @@ def pack(name: str, *, sequence: int, system: int = 1, component: int = 1, **fie
 
 
 def _payload(definition: Definition, merged: Mapping[str, FieldValue]) -> bytes:
-    """Payload with its trailing zeros. Errors of ``struct``, of types and of lengths pass."""
+    """Encode the payload with its trailing zeros; errors of ``struct``, types and lengths are not caught."""
     values: list[Any] = list(merged.values())
     for place, field in definition.texts:
         values[place] = _characters(values[place], field.count)
@@ -105,7 +105,7 @@ def _payload(definition: Definition, merged: Mapping[str, FieldValue]) -> bytes:
 
 
 def _characters(value: Any, count: int) -> bytes:
-    """Bytes of a text of at most ``count`` bytes; TypeError or ValueError for another value."""
+    """Encode text of at most ``count`` bytes; TypeError or ValueError for any other value."""
     encoded = value.encode() if isinstance(value, str) else bytes(memoryview(value))
     if len(encoded) > count:
         raise ValueError(value)
@@ -124,7 +124,7 @@ def _misfit(definition: Definition, merged: Mapping[str, FieldValue]) -> Mavlink
 
 
 class Parser:
-    """Finder and decoder of the frames in bytes from one peer, which keeps at most one incomplete frame.
+    """Incremental MAVLink parser for the bytes from one peer; stores at most one incomplete frame.
 
     Bytes that are no frame are skipped: after a wrong checksum the search goes on behind the frame's first byte. A
     message of an unknown number cannot be checked in full, because its definition is part of its checksum. It counts as
@@ -153,11 +153,11 @@ class Parser:
 
     @property
     def lost(self) -> int:
-        """Frames that are missing in the sequences of all senders; a peer's restart counts as a gap, too."""
+        """Number of frames missing in the sequences of all senders; the restart of a peer counts as a gap, too."""
         return sum(self.lost_by_sender.values())
 
     def feed(self, data: bytes) -> list[Message]:
-        """Take bytes as they came, whole frames or not, and return the messages that they complete, in order."""
+        """Parse received bytes, complete frames or not; return the messages completed by them, in order."""
         pending = self._pending + data
         end = len(pending)
         messages: list[Message] = []
@@ -179,12 +179,12 @@ class Parser:
         return messages
 
     def _skip(self, start: int, stop: int) -> int:
-        """Count the bytes between two places as no frame's, and return the second place."""
+        """Count the bytes from ``start`` to ``stop`` as skipped, and return ``stop``."""
         self.skipped += stop - start
         return stop
 
     def _accept(self, pending: bytes, start: int, stop: int, messages: list[Message]) -> bool:
-        """Check the frame between two places, count it and append its message; False for bytes that are no frame."""
+        """Check the frame from ``start`` to ``stop`` and append its message; False if these bytes are no frame."""
         version_2 = pending[start] == _MAGIC_2
         if version_2:
             payload = start + _HEADER_2
@@ -215,7 +215,7 @@ class Parser:
         return True
 
     def _count(self, sequence: int, sender: tuple[int, int]) -> None:
-        """Add the gap between a frame and the sender's frame before it to what was lost."""
+        """Count the frames missing between a frame and the previous one of the same sender."""
         gap = (sequence - self._next_sequence.get(sender, sequence)) & 0xFF
         self._next_sequence[sender] = sequence + 1
         if gap:
@@ -223,7 +223,7 @@ class Parser:
 
 
 def _frame_end(pending: bytes, start: int) -> int:
-    """Place behind the frame that begins here: ``start`` for none, behind all bytes for an incomplete header."""
+    """End index of the frame at ``start``; ``start`` for no frame, beyond all bytes for an incomplete header."""
     if pending[start] == _MAGIC_1:
         header, signature = _HEADER_1, 0
     else:
@@ -237,7 +237,7 @@ def _frame_end(pending: bytes, start: int) -> int:
 
 
 def _fields(definition: Definition, payload: bytes) -> dict[str, DecodedValue]:
-    """Fields of a payload: zeros where it is short, and without bytes of extensions that are not defined here."""
+    """Decode the fields of a payload: zeros where it is short, unknown extension bytes ignored."""
     size = definition.layout.size
     numbers = definition.layout.unpack(payload if len(payload) == size else payload[:size].ljust(size, b"\0"))
     fields: dict[str, Any] = {name: numbers[place] for name, place in definition.places}

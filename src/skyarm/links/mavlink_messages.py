@@ -103,7 +103,7 @@ _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def checksum(data: bytes) -> int:
-    """CRC-16/MCRF4XX of some bytes, which MAVLink calls X.25: 0x6F91 for ``b"123456789"``.
+    """CRC-16/MCRF4XX checksum, which MAVLink calls X.25: 0x6F91 for ``b"123456789"``.
 
     The polynomial 0x1021 on reversed bits from 0xFFFF on: the standard library has it on unreversed ones, in C.
     """
@@ -115,7 +115,7 @@ _STEPS = frozenset(binascii.crc_hqx(bytes([byte]), 0) for byte in range(256))
 
 
 def is_possible_checksum(data: bytes, received: int) -> bool:
-    """True where one more byte, of 256, gives some bytes the received checksum: so for 1 of 256 random ones."""
+    """True if some CRC_EXTRA byte gives the received checksum, as for 1 of 256 random messages."""
     crc = binascii.crc_hqx(data.translate(_MIRRORED), 0xFFFF)
     unmirrored = _MIRRORED[received & 0xFF] << 8 | _MIRRORED[received >> 8]
     return unmirrored ^ (crc << 8 & 0xFF00) in _STEPS
@@ -132,7 +132,7 @@ class MavlinkField:
 
     @property
     def format(self) -> str:
-        """Format of ``struct``, without the byte order."""
+        """Format character of Python's ``struct`` for the field, without byte order."""
         return f"{self.count or ''}{_TYPES[self.type][0]}"
 
     @property
@@ -142,7 +142,7 @@ class MavlinkField:
 
     @property
     def default(self) -> FieldValue:
-        """Zero of the field's type; the version of the protocol, 3, in a heartbeat."""
+        """Default value of the field: zero, or the protocol version 3 in a heartbeat."""
         if self.is_text:
             return b""
         if self.count:
@@ -151,7 +151,7 @@ class MavlinkField:
 
     @property
     def range_text(self) -> str:
-        """Phrase for an error: the values that fit."""
+        """Description of the admissible values, for error messages."""
         if self.is_text:
             return f"a text of at most {self.count} bytes"
         if self.type == "f32":
@@ -166,7 +166,7 @@ class MavlinkField:
 
 @immutable
 class Definition:
-    """Definition of a message, with the forms that encoding and decoding need at every frame."""
+    """Definition of a MAVLink message, with the precomputed layouts for encoding and decoding."""
 
     name: str
     number: int
@@ -183,7 +183,7 @@ class Definition:
 
 
 def _declared_fields(text: str) -> Iterator[MavlinkField]:
-    """Yield the fields of a row of the table: type, names, ``;`` between types, ``+`` before extensions."""
+    """Parse the field list of a message definition: type, names, ``;`` between types, ``+`` before extensions."""
     for part, extension in zip(text.split("+"), (False, True), strict=False):
         for group in part.split(";"):
             kind, *names = group.split()
@@ -193,7 +193,7 @@ def _declared_fields(text: str) -> Iterator[MavlinkField]:
 
 
 def _definition(name: str, number: int, text: str) -> Definition:
-    """Lay out the definition of a row of the table."""
+    """Make the definition of a MAVLink message from its name, number and field list."""
     fields = tuple(_declared_fields(text))
     base = [field for field in fields if not field.extension]
     digested = f"{name} ".encode()

@@ -1,4 +1,4 @@
-"""MAVLink conversation with an autopilot: commands and parameters to it; its mode, place and words from it.
+"""MAVLink conversation with an autopilot: commands and parameters to it; mode, position and texts from it.
 
 Source: mavlink.io, services "Heartbeat", "Command" and "Parameter"; PX4 v1.17 and ArduCopter 4.7 for the numbers of
 their modes. On the wire axes are north, east, down; here north, west, up.
@@ -37,7 +37,7 @@ WHOLE, REAL = 6, 9
 
 @immutable
 class ModeNumbers:
-    """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
+    """MAVLink mode numbers of an autopilot: the mode for external set points, and the hold mode.
 
     Attributes:
         title: name of the autopilot. hover: its parameter of the thrust set point in hover.
@@ -60,15 +60,15 @@ class ModeNumbers:
     fastest: float = math.inf
 
     def main(self, custom_mode: int) -> int:
-        """Number of a heartbeat's mode, without that of its part."""
+        """Main mode number in a heartbeat's ``custom_mode``, without its sub-mode."""
         return custom_mode >> self.shift & 255
 
     def is_outside(self, custom_mode: int) -> bool:
-        """True if a heartbeat's mode takes set points from outside."""
+        """True if a heartbeat's mode takes external set points."""
         return custom_mode == self._custom(self.outside)
 
     def is_hold(self, custom_mode: int) -> bool:
-        """True if a heartbeat's mode holds the place."""
+        """True if a heartbeat's mode holds the position."""
         return custom_mode == self._custom(self.hold)
 
     def _custom(self, numbers: tuple[int, int]) -> int:
@@ -91,7 +91,7 @@ MODES: Mapping[int, ModeNumbers] = {
 
 
 class MavlinkVehicle:
-    """One autopilot on the other side of a MAVLink connection.
+    """Autopilot at the other end of a MAVLink connection.
 
     Args:
         kinds: modes of the autopilots that it may be, by MAVLink's number.
@@ -132,7 +132,7 @@ class MavlinkVehicle:
         self._requested: set[str] = set()
 
     def tell(self, name: str, **fields: FieldValue) -> None:
-        """Send a message.
+        """Send a MAVLink message.
 
         Raises:
             MavlinkError: a value that does not fit.
@@ -157,31 +157,31 @@ class MavlinkVehicle:
         self.tell_autopilot("COMMAND_LONG", command=number, **{f"param{i + 1}": float(v) for i, v in enumerate(values)})
 
     def request_outside(self) -> None:
-        """Request the mode that takes set points from outside."""
+        """Request the mode that takes external set points."""
         assert self.modes is not None
         self.command(SET_MODE, 1, *self.modes.outside)
 
     def request_hold(self) -> None:
-        """Request the mode that holds the place."""
+        """Request the mode that holds the position."""
         assert self.modes is not None
         self.command(SET_MODE, 1, *self.modes.hold)
 
     def request_streams(self, rates: Mapping[str, float]) -> None:
-        """Request messages at rates, Hz."""
+        """Request message streams at given rates (Hz)."""
         for name, rate in rates.items():
             self.command(SET_INTERVAL, DEFINITIONS[name].number, round(1e6 / rate))
 
     def request_parameter(self, name: str) -> None:
-        """Request a parameter, whose value will be in ``parameters``."""
+        """Request a parameter; its value appears in ``parameters`` once it has arrived."""
         self._requested.add(name)
         self.tell_autopilot("PARAM_REQUEST_READ", param_index=-1, param_id=name)
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter that is a real number."""
+        """Set a real-valued parameter of the autopilot."""
         self.tell_autopilot("PARAM_SET", param_id=name, param_value=value, param_type=REAL)
 
     def hear(self, message: mavlink.Message) -> bool:
-        """Take note of a message; False for one of another sender than the autopilot."""
+        """Store the contents of a message from the autopilot; False for a message of another sender."""
         name = message.name
         unknown = name == "HEARTBEAT" and not self.system
         if message.component != 1 or not (unknown or message.system == self.system):

@@ -1,4 +1,4 @@
-"""Sockets of links: reading what has arrived, and no more than a fair share of it."""
+"""Reading of a socket's waiting data without blocking, up to a limit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Address = tuple[str, int]
 
 
 def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | None]]:
-    """Read what has arrived at a port, at most ``most`` pieces, each with its sender; it blocks no more.
+    """Read waiting data of a socket without blocking: at most ``most`` pieces, each with its sender.
 
     A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
     empty if the other side has closed the stream.

@@ -1,4 +1,4 @@
-"""Transcripts of an exchange with another program: recording of the bytes both ways, and playing them back.
+"""Transcripts of the bytes exchanged with another program: recording and playback.
 
 A transcript is a gzip file: ``MAGIC``, then for each message its time (s, 64-bit float), direction (``s`` for sent,
 ``r`` for received), length of the channel's name (one byte), length of the message (four bytes), little endian, and
@@ -37,11 +37,11 @@ Row = tuple[bytes, str, bytes]
 
 
 class TranscriptError(ValueError):
-    """A transcript cannot be read, or the exchange differs from it."""
+    """Error if a transcript cannot be read or written, or if the exchange differs from it."""
 
 
 class Tape:
-    """Record of an exchange: every message in order, with channel and time.
+    """Recorder or player of an exchange with a program: every message in order, with channel and time.
 
     Without a file nothing is kept; a file begins with the first message, and replaces a transcript only. Played back, a
     tape answers in the program's place: what is sent must be, byte for byte, what was sent then.
@@ -75,7 +75,7 @@ class Tape:
             _require_writable(self._path)
 
     def send(self, channel: str, data: bytes, send: Callable[[bytes], object]) -> None:
-        """Send bytes over a channel, or compare them with those of the transcript that is played.
+        """Send bytes over a channel and record them; in playback, compare them with the recorded bytes.
 
         Raises:
             TranscriptError: other bytes than those of the transcript.
@@ -92,7 +92,7 @@ class Tape:
         self._write(SENT, channel, data)
 
     def receive(self, channel: str, receive: Callable[[], bytes]) -> bytes:
-        """Bytes that arrived over a channel, empty if none, or those of the transcript that is played.
+        """Receive bytes over a channel and record them; in playback, return the recorded bytes.
 
         Raises:
             TranscriptError: the transcript has something else at this place.
@@ -104,7 +104,7 @@ class Tape:
         return data
 
     def close(self) -> None:
-        """Complete the transcript's file; a second call does nothing.
+        """Complete the transcript file; a second call has no effect.
 
         Raises:
             TranscriptError: it cannot be written, as on a full disk.
@@ -130,7 +130,7 @@ class Tape:
             raise
 
     def _next(self, what: bytes, channel: str) -> bytes:
-        """Next message of the transcript that is played, which must be of this direction and channel."""
+        """Next recorded message, after a check of its direction and channel."""
         assert self._rows is not None
         row = next(self._rows, None)
         if row is None:
@@ -149,7 +149,7 @@ def _pack(time: float, what: bytes, channel: str, data: bytes) -> bytes:
 
 
 def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
-    """Messages of a transcript after the autopilot's name, if it has one.
+    """Messages of a transcript without the leading autopilot name, which is checked.
 
     Raises:
         TranscriptError: it is that of another autopilot.
@@ -164,7 +164,7 @@ def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
 
 
 def _require_writable(path: Path) -> None:
-    """Check that a transcript may be written to a file, which is not touched."""
+    """Check that a transcript file can be written, without touching it."""
     where = f"controller.transcript = {shown(str(path))}: must be a file that can be written"
     try:
         if not path.parent.is_dir():
@@ -178,7 +178,7 @@ def _require_writable(path: Path) -> None:
 
 
 def _is_transcript(path: Path) -> bool:
-    """True for a file that begins as a transcript does."""
+    """True if a file starts like a transcript."""
     try:
         with gzip.open(path, "rb") as file:
             return file.read(len(MAGIC)) == MAGIC
@@ -187,7 +187,7 @@ def _is_transcript(path: Path) -> bool:
 
 
 def _begin(path: Path) -> gzip.GzipFile:
-    """Open a transcript's file and write its beginning, so that one that is cut off is a transcript still."""
+    """Open a transcript file and write its header, so that even an interrupted recording is readable."""
     file = gzip.GzipFile(path, "wb", compresslevel=6, mtime=0)
     file.write(MAGIC)
     file.flush()
@@ -196,7 +196,7 @@ def _begin(path: Path) -> gzip.GzipFile:
 
 @contextlib.contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Context manager in which a file that cannot be written is a TranscriptError with its name."""
+    """Context manager that converts a failed write to a TranscriptError with the file's name."""
     try:
         yield
     except OSError as error:
@@ -206,7 +206,7 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def rows_of(path: Path) -> Iterator[Row]:
-    """Read a transcript: ``MAGIC``, then each message's direction, channel, bytes. One that was cut off ends early.
+    """Yield direction, channel and bytes of each message of a transcript; an interrupted recording ends early.
 
     Raises:
         TranscriptError: no transcript.

@@ -54,12 +54,12 @@ KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
 def log_info(log: Log) -> Info:
-    """Description of a log to be written to its file, with the column names of each array."""
+    """Metadata of a log for its file, with the column names of each array."""
     return {**log.info, LAYOUT: layout(log)}
 
 
 def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
-    """Make a log from the arrays and the description in a file, after checks.
+    """Make a log from the arrays and metadata of a file, after checks.
 
     Raises:
         ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
@@ -100,7 +100,7 @@ def _axes(info: Info) -> dict[str, list[str] | None] | None:
 
 
 def _require_description(info: Info) -> None:
-    """Raise an error if fields of a log file's description have wrong types.
+    """Raise an error if entries of a log file's metadata have wrong types.
 
     Raises:
         ValueError: one line: field, value, what is allowed.

@@ -41,7 +41,7 @@ CONTINUOUS = "continuous reference"
 
 
 def _if_any() -> Array:
-    """Dataclass field for an array that only some flights have; by default empty."""
+    """Dataclass field for an optional array of a log, empty by default."""
     return field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -168,27 +168,27 @@ class Log:
 
     @property
     def contact_periods(self) -> tuple[ContactPeriod, ...]:
-        """Periods from each touch to the loss of contact, ordered by start."""
+        """Contact periods, each from a touch to the loss of contact, ordered by start."""
         return contact_periods(self)
 
     @property
     def grasp_periods(self) -> tuple[GraspPeriod, ...]:
-        """Periods from each grasp to its release, ordered by start."""
+        """Grasp periods, each from a grasp to its release, ordered by start."""
         return grasp_periods(self)
 
     @property
     def tip(self) -> Array:
-        """Position of the tip (N, 3), m, world axes."""
+        """Position (m, world axes) of the tip, (N, 3)."""
         return self.tool
 
     @property
     def tip_held(self) -> Array:
-        """Position reference of the tip (N, 3), m, sampled and held."""
+        """Position reference (m) of the tip, (N, 3), sampled and held."""
         return self.tool_held
 
     @property
     def tip_reference(self) -> Array:
-        """Position reference of the tip (N, 3), m, continuous in time."""
+        """Position reference (m) of the tip, (N, 3), continuous in time."""
         return self.tool_reference
 
     @property
@@ -212,7 +212,7 @@ class Log:
         return self.scenario_with({})
 
     def scenario_with(self, replaced: Mapping[str, object]) -> Any:
-        """Scenario of the flight with some words of its file replaced, such as ``plant.kind``.
+        """Scenario of the flight with some entries of its file replaced, by key such as ``plant.kind``.
 
         Raises:
             ValueError: as :attr:`scenario`, a path that is no word, or a value that it cannot have.
@@ -221,7 +221,7 @@ class Log:
 
     @property
     def euler(self) -> Array:
-        """Roll, pitch, yaw (N, 3), ZYX convention, rad."""
+        """Roll, pitch and yaw (rad), (N, 3), in the ZYX convention."""
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
     def plot(self, file: PathLike | None = None, **options: Any) -> Any:
@@ -302,7 +302,7 @@ IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not 
 
 
 def rows_of(log: Log, chosen: slice) -> Log:
-    """Return a log with only some of the control instants of another log."""
+    """Return a log with only the selected control instants of another log."""
     return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
 
 

@@ -1,4 +1,4 @@
-"""Summary of a flight: status, errors, thrust, contacts and events, as plain data and as lines of text."""
+"""Summary of a flight (status, errors, thrust, contacts, events) as plain data and as lines of text."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def facts(log: Log) -> Facts:
 
 
 def _took_off(values: Facts) -> bool:
-    """True unless the log is that of an autopilot's take-off, which failed."""
+    """True unless the flight ended during an autopilot's take-off."""
     return "autopilot" not in values or values["autopilot"]["prepared_s"] > 0.0
 
 
@@ -103,7 +103,7 @@ def _peak_thrust(log: Log) -> float | None:
 
 
 def _has_battery(log: Log) -> bool:
-    """True if a battery's voltage limits the rotors, of which the commands alone say nothing."""
+    """True if the logged vehicle has a battery, whose voltage then limits the rotors."""
     return getattr(restored_at(log.info, "plant.vehicle"), "battery", None) is not None
 
 
@@ -165,7 +165,7 @@ def summary(log: Log, values: Facts) -> list[Line]:
 
 
 def headline(log: Log, values: Facts) -> str:
-    """Line of scenario, status, duration and cause."""
+    """First line of a flight's summary: scenario, status, duration and cause of the end."""
     end, duration = (f"{values[name]:g} s" for name in ("end_time", "duration"))
     if _took_off(values):
         title = f"{values['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
@@ -206,7 +206,7 @@ def sentences(values: Facts) -> list[str]:
 
 
 def _flight_words(log: Log) -> str:
-    """Line that names law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
+    """Line with law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
     info = log.info
     plant = f"{info['plant_vehicle']}, plant {info['plant']} ({info['integrator']})"
     line = f"law {info['controller']} on {plant}, seed {info['seed']}"

@@ -1,4 +1,4 @@
-"""Scenario of a log, restored from the plain data in the log's description."""
+"""Restoration of a flight's scenario from the plain data in its log."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def written_scenario(info: Info) -> Info:
 
 
 def written_at(info: Info, path: str) -> Any:
-    """Plain data at a path of a log's scenario, such as plant.vehicle, by the words of its file; None if not there."""
+    """Plain data at a path of a log's scenario, such as plant.vehicle, by the keys of its file; None if missing."""
     head, tail = path.split("."), list[str]()
     while head and ".".join(head) not in _places():
         tail = [head.pop(), *tail]
@@ -42,13 +42,13 @@ def written_at(info: Info, path: str) -> Any:
 
 @cache
 def _places() -> dict[str, Place]:
-    """Words of a scenario's file, each with its place in the record."""
+    """Keys of a scenario file, each with the path of its field in the scenario record."""
     kind: type = code_of(SCENARIO, {})
     return {slot.table: slot.record for slot in reversed(slots(kind))}
 
 
 def restored_at(info: Info, path: str) -> Any:
-    """Part of a log's scenario as dataclasses, by path as of :func:`written_at`; None if it cannot be restored."""
+    """Part of a log's scenario as dataclasses, by its path such as plant.vehicle; None if it cannot be restored."""
     return restore_written(info, written_at(info, path))
 
 
@@ -61,7 +61,7 @@ def restore_written(info: Info, written: Plain) -> Any:
 
 
 def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
-    """Restore the scenario of a log from its description, with some words of its file replaced, by path."""
+    """Restore a log's scenario from its metadata, with some entries of the scenario file replaced by path."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
     if not isinstance(written, dict) or written.get("type") != SCENARIO or "agent" not in written:
@@ -92,7 +92,7 @@ def _matches_digest(info: Info, written: Info, code: Info) -> bool:
 
 @contextmanager
 def _convert_errors(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Context manager that converts errors of restoring a scenario to one line that names the log's field."""
+    """Context manager that converts errors in restoring a scenario to a one-line message that names the log's field."""
     try:
         yield
     except RegistryError as error:

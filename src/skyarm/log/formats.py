@@ -41,7 +41,7 @@ class LogFormat:
 
 
 def _ros_files() -> ModuleType:
-    """Module of MCAP files, imported at the first use: it imports this one."""
+    """Import the module of MCAP files at its first use, since it imports this module."""
     return import_module("skyarm.log.ros.files")
 
 
@@ -157,7 +157,7 @@ def save_log(log: Log, path: PathLike) -> Path:
 
 
 def as_log(given: Log | PathLike) -> Log:
-    """Return a log that is given, or the one in the file at a path.
+    """Return a given log unchanged, or read it from a file path.
 
     Raises:
         ValueError: one line.

@@ -64,11 +64,11 @@ class FlightArrays(Arrays, Protocol):
 
     @property
     def time(self) -> Array:
-        """Times of the instants (N,), s."""
+        """Times (s) of the instants, (N,)."""
 
     @property
     def path_time(self) -> Array:
-        """Time of the reference (N,), s; empty where it is the flight's."""
+        """Times (s) of the reference, (N,); empty if they equal those of the flight."""
 
     @property
     def info(self) -> Info:
@@ -78,7 +78,7 @@ class FlightArrays(Arrays, Protocol):
         """All arrays by name."""
 
     def component(self, name: str) -> Array:
-        """Array of a component of the flight; (N, 0) if it has none."""
+        """Array logged by a wind, force or contact model; (N, 0) if the flight has no such array."""
 
 
 @immutable(kw_only=False)
@@ -119,7 +119,7 @@ class Names:
 
 
 def names_of(log: FlightArrays) -> Names:
-    """Read the names of joints and rotors from a log; numbers if the log does not name them."""
+    """Names of joints and rotors from a log; index numbers if the log does not name them."""
     joints, rotors = log["joints"].shape[1], log["rotor_speeds"].shape[1]
     driven = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
@@ -135,7 +135,7 @@ def names_of(log: FlightArrays) -> Names:
 
 
 def _records(info: Info, kind: type[Part], part: str) -> list[Part]:
-    """Restore the links or rotors of the logged vehicle; empty for a damaged file."""
+    """Links or rotors of the logged vehicle as records; empty for a damaged file."""
     records = restored_at(info, f"plant.vehicle.{part}")
     return [each for each in records if isinstance(each, kind)] if isinstance(records, tuple) else []
 
@@ -177,7 +177,7 @@ def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
-    """Make the column names of an array from joint, rotor or axis names."""
+    """Column names of an array, made from joint, rotor or axis names."""
     begin, group = COLUMNS.get(array, (array, ""))
     if width is None:
         return [begin]
@@ -245,7 +245,7 @@ def setpoints_of(info: Info) -> dict[str, str]:
 
 
 def drives_of(info: Info) -> dict[str, Any]:
-    """Drive of each joint that has one, by the joint's name; of one whose plugin is not loaded what is written.
+    """Drive of each joint that has one, by joint name; None for a drive whose plugin is not loaded.
 
     Args:
         info: description of a log, which keeps the scenario that was flown.

@@ -15,7 +15,7 @@ from skyarm.records.text_tables import aligned_lines
 
 @immutable
 class Difference:
-    """Difference of two logs in one column: first time, numbers there, and largest difference.
+    """Differences of two logs in one column: first different time and values, and largest difference.
 
     Attributes:
         name, unit: name and unit of the column. time: first instant at which they differ, s.
@@ -34,7 +34,7 @@ class Difference:
 
 @immutable
 class LogDifferences:
-    """All differences of two logs over their common instants.
+    """All differences between two logs over their common instants.
 
     Attributes:
         instants: number of common instants, and number of each log's.
@@ -48,7 +48,7 @@ class LogDifferences:
 
     @property
     def equal(self) -> bool:
-        """True if both logs have the same instants and numbers."""
+        """True if both logs have the same instants and the same values."""
         both, first, second = self.instants
         return both == first == second and not self.columns and not self.unmatched
 
@@ -129,5 +129,5 @@ def difference_lines(differences: LogDifferences, labels: tuple[str, str], toler
 
 
 def more_lines(count: int, what: str) -> list[str]:
-    """Line on the number of differences that are not listed; none without any."""
+    """Line with the number of differences that are not listed; no line for zero."""
     return [f"and {count} {what} more, which --json lists"] if count > 0 else []

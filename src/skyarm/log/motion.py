@@ -1,4 +1,4 @@
-"""Motion of a vehicle over time: poses of base and joints, predictions of them, and distances between two."""
+"""Motion of a vehicle over time: poses, joint positions, their predictions, and distances between motions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PoseSeries:
     joints: Array
 
     def at(self, time: Array) -> PoseSeries:
-        """Motion at given times (K,), s, linear between its rows; NaN outside of them."""
+        """Interpolate the motion linearly at given times (s); NaN outside its time range."""
         rows = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0))
         after = np.minimum(rows + 1, len(self.time) - 1)
         step = self.time[after] - self.time[rows]
@@ -50,7 +50,7 @@ class PoseSeries:
 
 @immutable(eq=False)
 class PredictedMotion:
-    """Predictions of a measured motion, set back to the measured state at the same instants.
+    """Predictions of a measured motion, both reset to the measured state at the same instants.
 
     Attributes:
         model: of a vehicle's model under the recorded commands.
@@ -64,7 +64,7 @@ class PredictedMotion:
 
 
 def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
-    """One motion of several that follow each other, with no known pose between them."""
+    """Join successive motions to one, with unknown poses (NaN) between them."""
     parts = {name: list[Array]() for name in ("time", "position", "quaternion", "joints")}
     for motion in motions:
         for name, pieces in parts.items():
@@ -74,7 +74,7 @@ def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
 
 
 def distance_between(one: PoseSeries, other: PoseSeries) -> tuple[Array, Array]:
-    """Distance of the bases (K,), m, and angle of the rotation between them (K,), rad, of motions at the same times."""
+    """Distance (m) and rotation angle (rad) between the bases of two motions, (K,) each, at the same times."""
     apart = np.linalg.norm(one.position - other.position, axis=1)
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
     return apart, 2.0 * np.arccos(np.minimum(same, 1.0))

@@ -100,7 +100,7 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
 
 
 def timed_out(log: FlightArrays) -> frozenset[int]:
-    """Numbers of a task's phases whose end condition was not met before the timeout.
+    """Indices of a task's phases that ended by timeout instead of by their end condition.
 
     A guard that is met in the very last period of its timeout counts among them.
     """
@@ -113,7 +113,7 @@ def timed_out(log: FlightArrays) -> frozenset[int]:
 
 
 def runs_of(true: Mask) -> list[tuple[int, int]]:
-    """Start index, and end index (exclusive), of each run of true values in a mask."""
+    """Start index and exclusive end index of each run of true values in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 

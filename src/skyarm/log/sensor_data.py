@@ -49,7 +49,7 @@ class LoggedField:
 
 @immutable(kw_only=False)
 class Source:
-    """Sensor or estimator whose readings a log stores: fields, interval, delay and frame.
+    """Sensor or estimator with logged readings: fields, interval, delay and frame.
 
     Attributes:
         fields: fields of its record, by name.

@@ -1,1 +1,1 @@
-"""Autopilots in the loop: PX4, ArduPilot and Betaflight fly the base of a simulated vehicle, a joint law its arm."""
+"""Autopilots in the loop: PX4, ArduPilot or Betaflight flies the base, a control law moves the joints."""

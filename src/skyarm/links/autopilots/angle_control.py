@@ -1,4 +1,4 @@
-"""Position control of a vehicle whose autopilot takes roll, pitch, yaw rate and thrust, as one in angle mode does.
+"""Position control for an autopilot in angle mode, which takes roll, pitch, yaw rate and thrust.
 
 Axes are the project's: world z up, body x forward, y left; roll, pitch and yaw are the angles of the rotations about
 x, y and z in the order z, y, x. A positive pitch lowers the nose.
@@ -42,7 +42,7 @@ class AngleGains:
     drift: Annotated[float, Unit("m/s^2")] = 3.0
 
     def slow_down(self, factor: float) -> AngleGains:
-        """Gains of a loop that is slower, for a factor below 1, in everything but yaw."""
+        """Gains for a position loop whose bandwidth is reduced by a factor below 1; yaw is unchanged."""
         return dataclasses.replace(
             self,
             position=self.position * factor**2,
@@ -87,7 +87,7 @@ class MotionFilter:
         self.velocity += push * dt
 
     def correct(self, measured: Sequence[float], dt: float) -> None:
-        """Correct by a measured position that came ``dt`` after the one before; the first sets the position."""
+        """Correct the estimate by a position measured ``dt`` after the previous one; the first one initialises it."""
         if not self._begun:
             self.position, self.velocity, self._begun = Vec3(*measured), Vec3(0.0, 0.0, 0.0), True
             return
@@ -100,7 +100,7 @@ class MotionFilter:
 
 
 class AngleControl:
-    """Position and velocity PID with the reference's acceleration, to roll, pitch, yaw rate and thrust.
+    """Position and velocity PID with acceleration feedforward; outputs roll, pitch, yaw rate and thrust.
 
     a = a_r + K_p (p_r - p) + K_v (v_r - v) + K_i integral(p_r - p) is the desired acceleration and t = a + g e_z the
     desired specific thrust. Its direction gives roll and pitch at the present yaw, its component along the present
@@ -124,7 +124,7 @@ class AngleControl:
         *,
         flying: bool,
     ) -> AttitudeCommand:
-        """Set point for a set point of the base; the integral goes on while the vehicle is ``flying``."""
+        """Attitude set point for a set point of the base; the integral advances only while ``flying``."""
         gains = self._gains
         error = [a - b for a, b in zip(goal.position, position, strict=True)]
         size = math.hypot(*error)
@@ -163,7 +163,7 @@ def angles_of(thrust: Sequence[float], yaw: float) -> tuple[float, float]:
 
 
 def rotate(quaternion: Sequence[float], vector: Sequence[float]) -> Vector:
-    """Vector of the base in world axes."""
+    """Rotate a vector from base axes to world axes by a unit quaternion."""
     w, x, y, z = quaternion
     a, b, c = vector
     p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)

@@ -98,7 +98,7 @@ rates are not filtered, and rates are not slewed, since a law's control oscillat
 
 @immutable
 class ArduPilot(Autopilot):
-    """ArduPilot's copter on our plant: its parameters follow from rotors and vehicle.
+    """ArduPilot flying a simulated vehicle: its parameters are computed from the rotors and the vehicle.
 
     It reads our inertial unit; its satellite receiver, barometer and magnetometer it makes itself, with its own errors,
     from the true position, velocity and attitude that its physics port asks for: a sensor model on the plant's side.
@@ -115,16 +115,16 @@ class ArduPilot(Autopilot):
     least_rate: ClassVar[int] = 800
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Inertial unit at the rate of the link."""
+        """Inertial measurement unit that ArduPilot reads, sampled at the rate of its simulator link."""
         return {"imu": FLIGHT_IMU}
 
     @property
     def outside_ports(self) -> tuple[int, int]:
-        """UDP ports for a program outside: of ArduPilot's second MAVLink stream, and of the joints."""
+        """UDP ports for an external program: ArduPilot's second MAVLink stream, and the joint port."""
         return ONBOARD_PORT, JOINT_PORT
 
     def outside_options(self, vehicle: Vehicle) -> str:
-        """Bandwidth of the rate loop, which ArduPilot's parameters do not state."""
+        """Command-line option with the bandwidth of the rate loop, which ArduPilot's parameters do not state."""
         return " --rate-bandwidth " + ",".join(f"{each:.3g}" for each in rate_bandwidths(vehicle))
 
     def connect(self, scenario: Scenario, tape: Tape) -> ArduPilotLink:
@@ -136,7 +136,7 @@ make_ardupilot = AutopilotMaker(ArduPilot)
 
 
 def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
-    """Line of JSON that answers a frame: time, inertial unit and true state in ArduPilot's axes.
+    """JSON line that answers a physics frame of ArduPilot: time, inertial readings and true state in its axes.
 
     Args:
         time: s, of ArduPilot's clock.
@@ -180,7 +180,7 @@ class ArduPilotLink(ProgramLink):
             self._await()
 
     def _start(self, parameters: Mapping[str, float], heading: float, rate: int) -> None:
-        """Open ports that are free, start the program on them, and accept its connection."""
+        """Open free ports, start ArduPilot on them, and accept its connection."""
         program = find_program(self._record, "arducopter")
         self._udp = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._udp.bind(("127.0.0.1", 0))
@@ -203,12 +203,12 @@ class ArduPilotLink(ProgramLink):
             self._tcp = self._accept(listener)
 
     def release(self) -> None:
-        """Ask ArduPilot to hold its place; set points are then a program's outside."""
+        """Request ArduPilot's hold mode; set points then come from an external program."""
         self._leaves = True
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Frames that were answered, those that were repeated, and the last warning."""
+        """Counts of the exchange with ArduPilot (steps, answered and repeated frames) and its last message."""
         return {
             "steps": self._steps,
             "answered": self._frame,
@@ -219,7 +219,7 @@ class ArduPilotLink(ProgramLink):
         }
 
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Answer the frame that ArduPilot waits in, and wait for the signals of its next one."""
+        """Answer the physics frame for which ArduPilot waits, and wait for the rotor signals of its next frame."""
         self._steps += 1
         if self._steps % self._goal_every == 0:
             self._talk(now, goal)
@@ -230,7 +230,7 @@ class ArduPilotLink(ProgramLink):
         return self._signals
 
     def _answer(self, line: bytes) -> None:
-        """Send a line, after removing copies of the packet that it answers, which a pause of ours has called for."""
+        """Send the JSON answer to a physics frame, after discarding repeated copies of that frame."""
         assert self._udp is not None
         if time.monotonic() - self._arrived > REPEATED:
             with contextlib.suppress(ConnectionError):
@@ -246,7 +246,7 @@ class ArduPilotLink(ProgramLink):
             raise self._port_error(error) from None
 
     def _await(self) -> None:
-        """Wait for the next frame's packet and take its signals.
+        """Wait for ArduPilot's next packet and convert its pulse widths to rotor signals.
 
         Raises:
             LinkError: silence, or a packet that is not the next one.
@@ -264,7 +264,7 @@ class ArduPilotLink(ProgramLink):
         self._signals = signals
 
     def _decode(self, packet: bytes) -> tuple[int, ...]:
-        """Pulse widths of the next frame's packet."""
+        """Decode the pulse widths in the next frame's packet, after a check of its frame number."""
         layout = _layout(packet)
         if layout is None:
             raise LinkError(f"ArduPilot's physics port got {len(packet)} bytes that are no packet of pulse widths")
@@ -276,7 +276,7 @@ class ArduPilotLink(ProgramLink):
         return tuple(pulses)
 
     def _next_packet(self) -> bytes:
-        """Packet of another frame than the last; the line is sent again where the last one keeps being repeated."""
+        """Wait for a packet with a new frame number; resend the last answer if ArduPilot keeps repeating its frame."""
         assert self._udp is not None
         until, repeats = time.monotonic() + self._record.patience, 0
         while True:
@@ -306,7 +306,7 @@ class ArduPilotLink(ProgramLink):
                 raise LinkError(f"ArduPilot has not answered for {self._record.patience:g} s{self._ending}")
 
     def _talk(self, now: SensedInstant, goal: BaseGoal) -> None:
-        """Read ArduPilot's state, send the set point, and ask for what is next."""
+        """Exchange MAVLink with ArduPilot: read its state, send the set point, request the next take-off step."""
         vehicle, t = self._vehicle, now.time
         for message in vehicle.parser.feed(self._tape.receive("mavlink", self._stream)):
             self._hear(message)
@@ -327,7 +327,7 @@ class ArduPilotLink(ProgramLink):
             self._ask(t)
 
     def _ask(self, t: float) -> None:
-        """Ask for what is next: messages, guided mode, stated parameters, arming, take-off."""
+        """Request the next step of ArduPilot's take-off: messages, guided mode, parameters, arming, climb."""
         vehicle = self._vehicle
         if vehicle.place is None:
             self._next = t + REQUEST
@@ -348,7 +348,7 @@ class ArduPilotLink(ProgramLink):
             vehicle.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, self._record.climb)
 
     def _stream(self) -> bytes:
-        """Bytes of the MAVLink stream that have arrived; empty if none."""
+        """Bytes that have arrived over the MAVLink stream; empty if there are none."""
         assert self._tcp is not None
         try:
             pieces = [data for data, _ in drain(self._tcp)]
@@ -359,7 +359,7 @@ class ArduPilotLink(ProgramLink):
         return b"".join(pieces)
 
     def _find_origin(self) -> None:
-        """Find where ArduPilot's local origin lies: the mean difference of its position and the stand's."""
+        """Estimate the origin of ArduPilot's local frame from its mean position on the launch stand."""
         count = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
         if count * self._goal_every * self._period >= SETTLED:
             self._vehicle.find_origin(count - count // 2)
@@ -370,7 +370,7 @@ class ArduPilotLink(ProgramLink):
         self._tape.send("mavlink", frame, self._write)
 
     def _hear(self, message: mavlink.Message) -> None:
-        """Take note of ArduPilot's mode, arming, estimates, place and words."""
+        """Store ArduPilot's mode, arming state, estimates, position and texts from a MAVLink message."""
         vehicle = self._vehicle
         if not vehicle.hear(message):
             return
@@ -382,13 +382,13 @@ class ArduPilotLink(ProgramLink):
 
 
 def _layout(packet: bytes) -> struct.Struct | None:
-    """Layout of a packet of pulse widths; None for bytes that are none."""
+    """Binary layout of a packet of pulse widths; None for other bytes."""
     layout = LAYOUTS.get(int.from_bytes(packet[:2], "little"))
     return layout if layout is not None and len(packet) == layout.size else None
 
 
 def _free_port() -> int:
-    """Free UDP port, for the radio control's port, which ArduPilot opens although no radio is there."""
+    """Free UDP port for ArduPilot's radio control input, which it opens even without a radio."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""Frames of ArduPilot: its layouts of rotors, and its parameters and gains for a vehicle with one of them.
+"""Rotor layouts for which ArduPilot has mixers, and ArduPilot's parameters and gains for a vehicle with one of them.
 
 Facts of ArduCopter 4.7 (its motors, their mixing and the linearisation of thrust). Angles are clockwise from the
 front, seen from above; spin +1 is counter-clockwise, -1 clockwise.
@@ -31,7 +31,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 
 @immutable(kw_only=False)
 class ArduPilotFrame:
-    """Layout of rotors, one of those that ArduPilot mixes for.
+    """Rotor layout that ArduPilot has a mixer for: frame class and type, angle and spin of each motor.
 
     Attributes:
         name: name in words.
@@ -62,7 +62,7 @@ FRAMES = (
 
 
 def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
-    """Frame of a vehicle's rotors, and for each rotor the place of its motor among ArduPilot's.
+    """ArduPilot frame that fits a vehicle's rotors, and the index of ArduPilot's motor for each rotor.
 
     A rotor fits a motor if it turns the same way and its angle about the middle of the rotors differs by less than
     ``ANGLE_TOLERANCE``.
@@ -90,7 +90,7 @@ def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
 
 
 def _places(angles: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] | None:
-    """Place of the motor of each rotor; None unless every rotor has one of its own."""
+    """Index of ArduPilot's motor for each rotor; None unless rotors and motors match one to one."""
     places = []
     for angle, spin in angles:
         near = [i for i, (at, way) in enumerate(motors) if way == spin and abs(_turn(angle - at)) < ANGLE_TOLERANCE]
@@ -101,7 +101,7 @@ def _places(angles: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] 
 
 
 def _turn(angle: float) -> float:
-    """Angle in -180 to 180 deg."""
+    """Wrap an angle to the range from -180 to 180 deg."""
     return (angle + 180.0) % 360.0 - 180.0
 
 
@@ -127,7 +127,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
 
 
 def rate_bandwidths(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Bandwidths of the rate loop about x, y and z that the rotors' lag allows, rad/s."""
+    """Rate-loop bandwidths (rad/s) about x, y and z that the rotors' lag permits."""
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
     return fast, fast, min(YAW_BANDWIDTH, fast)
@@ -148,7 +148,7 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
 
 
 def thrust_curve(vehicle: Vehicle) -> float:
-    """Exponent e by which thrust goes with the signal u as (1 - e) u + e u^2; 1 where it is the square of the speed.
+    """Coefficient e of the thrust curve (1 - e) u + e u^2 of a signal u; 1 for thrust proportional to u^2.
 
     Least squares over the range of the signal and the rotors; e is limited to -1 to 1, as ArduPilot limits it.
     """

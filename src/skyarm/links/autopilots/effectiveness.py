@@ -1,4 +1,4 @@
-"""Effectiveness of a vehicle's rotors about its centre of mass, and inertia against it, with the joints at zero.
+"""Control effectiveness of the rotors about the centre of mass, and moments of inertia, with the joints at zero.
 
 Parameters of autopilots follow from it: places and shares of the rotors, hover thrust, gains of the rate loop.
 """
@@ -21,12 +21,12 @@ _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 def centre_of_mass(vehicle: Vehicle) -> Array:
-    """Centre of mass of a vehicle with its joints at zero, base axes, m."""
+    """Centre of mass (m) of a vehicle with its joints at zero, base axes."""
     return center_of_mass(vehicle, *_LEVEL, (0.0,) * vehicle.n)
 
 
 def unit_wrenches(vehicle: Vehicle) -> Array:
-    """Torque about the centre of mass and force of a unit thrust of each rotor, base axes, (6, rotors)."""
+    """Torque about the centre of mass, and force, per unit thrust of each rotor (6, rotors), base axes."""
     com, columns = centre_of_mass(vehicle), []
     for rotor in vehicle.rotors:
         axis = np.array([float(c) for c in rotor.axis])
@@ -37,12 +37,12 @@ def unit_wrenches(vehicle: Vehicle) -> Array:
 
 
 def highest_thrust(vehicle: Vehicle) -> list[float]:
-    """Thrust of each rotor at its highest speed, N."""
+    """Maximum thrust (N) of each rotor."""
     return [float(rotor.thrust_coefficient * push(rotor, rotor.max_speed)) for rotor in vehicle.rotors]
 
 
 def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> float:
-    """Weight of a vehicle as a share of what its rotors lift at their highest speeds.
+    """Hover thrust of a vehicle as a share of its maximum thrust.
 
     Args:
         vehicle: vehicle to hover.
@@ -65,7 +65,7 @@ def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> fl
 
 
 def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
-    """Share a of the square in the thrust curve a s^2 + (1 - a) s of the signal s, by least squares over signals."""
+    """Least-squares share a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
     s = np.asarray(signals)
     full = float(push(rotor, rotor.max_speed))
     thrust = np.array([float(push(rotor, each * float(rotor.max_speed))) for each in signals]) / full
@@ -74,7 +74,7 @@ def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
 
 
 def inertias(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Inertia about x, y and z (kg m^2) against a torque on the base, with limp and with locked joints, at zero.
+    """Effective base inertia (kg m^2) about x, y, z, with limp and with locked joints, at joint angles of zero.
 
     They are Schur complements of the mass matrix: everything but the base's rotation, or but that and the joints, is
     free to move.

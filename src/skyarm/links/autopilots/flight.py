@@ -1,4 +1,4 @@
-"""Flight under an autopilot: take-off from a stand, hand-over at the scenario's start, then period by period."""
+"""Flight under an autopilot: take-off from a stand, hand-over at the scenario's start, then step by step."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ STEADY = 2.0
 
 
 def planned_scenario(scenario: Scenario) -> Scenario:
-    """Scenario with the control rate and the sensors that its autopilot needs.
+    """Adapt the control rate and the sensors of a scenario to its autopilot.
 
     A flight for a program outside hovers at the start, whatever the scenario's reference. The control rate is that of
     the sensor messages: the least that is fast enough, a divisor of the physics' rate and a
@@ -100,7 +100,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
 
 
 def require_free_flight(scenario: Scenario) -> None:
-    """Check that no part of a flight needs a law that controls contact, and that the hand-over is free of contact.
+    """Raise an error if a flight needs contact control, or if its start lies too close to a surface for the hand-over.
 
     Raises:
         ScenarioError: a reference that presses, or a start closer to a surface than the hand-over is exact.
@@ -120,7 +120,7 @@ def require_free_flight(scenario: Scenario) -> None:
 
 
 def require_no_push(scenario: Scenario, title: str) -> None:
-    """Check that a reference requests no contact force.
+    """Raise an error if a reference requests a contact force.
 
     Raises:
         ScenarioError: it does.
@@ -133,14 +133,14 @@ def require_no_push(scenario: Scenario, title: str) -> None:
 
 
 def hover_at_start(scenario: Scenario) -> Trajectory:
-    """Reference that holds the base and the joints of a scenario's first state."""
+    """Reference that holds the initial pose of the base and the initial joint positions."""
     start = first_state(scenario)
     x, y, z = (float(c) for c in start.position)
     return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(float(q) for q in start.joints))
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
-    """Scenario of the flight's preparation: calm air, a launch stand below the start, and the start to hover at."""
+    """Scenario of the take-off: calm air, a launch stand below the start, and hover at the start as reference."""
     autopilot: Autopilot = autopilot_of(scenario.controller)
     start, vehicle = first_state(scenario), scenario.plant.vehicle
     yaw = float(yaw_of(start.quaternion))
@@ -183,7 +183,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
 
 
 def goal_of(reference: Reference) -> BaseGoal:
-    """Set point of the base by a reference."""
+    """Set point of the base from a reference."""
     return BaseGoal(
         position=tuple(float(c) for c in reference.position),
         velocity=tuple(float(c) for c in reference.velocity),
@@ -205,7 +205,7 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
 
 
 class PilotedSession(Session):
-    """Session whose base an autopilot flies: a program of its own that reads the sensors and commands the rotors.
+    """Session in which an autopilot's program flies the base: it reads the sensors and commands the rotors.
 
     Making one starts the program, lets the vehicle take off from a stand and hands it over at the scenario's start:
     time 0 is the hand-over, and the flight begins with the state that the vehicle has then. An autopilot that does not
@@ -267,7 +267,7 @@ class PilotedSession(Session):
             raise
 
     def _connect(self, planned: Scenario) -> None:
-        """Start the program; a program that does not start ends the flight before its first period."""
+        """Start the autopilot's program; if that fails the flight ends before its first control period."""
         try:
             self._link = self._autopilot.connect(planned, self._tape)
         except LinkError as error:
@@ -276,7 +276,7 @@ class PilotedSession(Session):
         self._closer = weakref.finalize(self, _close, self._link, self._tape)
 
     def _open_joint_port(self) -> None:
-        """Open the port of the joints for a program outside.
+        """Open the joint port for an external program.
 
         Raises:
             ScenarioError: it is taken.
@@ -288,7 +288,7 @@ class PilotedSession(Session):
             self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
 
     def _keep_pace(self) -> None:
-        """Wait until the wall clock is as far as the flight; time that was lost is not caught up."""
+        """Wait until the wall clock reaches the flight time; lost time is not caught up."""
         ahead = self._wall + self.time - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
@@ -297,7 +297,7 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Look up where the log has the readings, and hold the first set point."""
+        """Prepare the flight at the hand-over: log columns of the readings, and the first set point."""
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
         self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.plant.vehicle.rotors)
@@ -309,7 +309,7 @@ class PilotedSession(Session):
         self._goal = goal_of(self.reference)
 
     def _next_goal(self) -> BaseGoal:
-        """Set point of the next period."""
+        """Set point of the base for the next control period."""
         inputs = self._engine.inputs
         if inputs is not self._inputs:
             self._inputs, self._goals = inputs, goal_columns(inputs)
@@ -319,7 +319,7 @@ class PilotedSession(Session):
         return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
-        """Fly from the stand to the start; False if the flight has ended before.
+        """Fly from the launch stand to the start; False if the flight ended before the hand-over.
 
         The hand-over is at a whole second, so that flights whose autopilot is not quite repeatable begin alike.
         """
@@ -342,17 +342,17 @@ class PilotedSession(Session):
         return False
 
     def _words(self) -> str:
-        """Reason that the autopilot last gave, in words; empty if none."""
+        """Last message of the autopilot, as the end of an error text; empty if there is none."""
         said = "" if self._link is None else str(self._link.facts.get("said", ""))
         return f": {said}" if said else ""
 
     def _end(self, cause: str) -> None:
-        """End the flight with a cause; the log so far is kept."""
+        """End the flight with a cause and close the autopilot; the log so far is kept."""
         self._engine.ended = Ended(ENDED, " ".join(cause.split()), self.time)
         self.close()
 
     def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
-        """Simulate one control period and exchange its readings for the rotor signals of the next.
+        """Simulate one control period and exchange its sensor readings for the next rotor signals.
 
         Raises:
             ScenarioError: a command: the autopilot commands.
@@ -391,7 +391,7 @@ class PilotedSession(Session):
         return True
 
     def _step_with_port(self, speeds: list[float]) -> bool:
-        """Simulate one period in real time, its joints by the set points of a program outside, if there are any."""
+        """Simulate one control period in real time; joint set points of an external program replace the joint law's."""
         assert self._joint_server is not None
         self._keep_pace()
         arm, half = self._arm, len(self._arm) // 2
@@ -401,7 +401,7 @@ class PilotedSession(Session):
         return super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
 
     def fly(self, stop: int) -> bool:
-        """Simulate several control periods, at most up to period ``stop``, for about a tenth of a second."""
+        """Simulate control periods up to period ``stop`` for about a tenth of a second."""
         until, going = time.perf_counter() + 0.1, self.running
         while going and self.tick < stop:
             going = self.step()
@@ -410,7 +410,7 @@ class PilotedSession(Session):
         return going
 
     def _continue_with(self, course: Course) -> None:
-        """Continue under a changed scenario, unless it presses."""
+        """Continue under a changed scenario; raise an error if its reference requests a contact force."""
         require_no_push(course.now, self._autopilot.title)
         super()._continue_with(course)
 
@@ -425,11 +425,11 @@ class PilotedSession(Session):
         return dataclasses.replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
-        """Refuse to copy the state: the autopilot's cannot be."""
+        """Raise an error, since the state of an autopilot's program cannot be copied."""
         raise ScenarioError(f"snapshot: must not be taken while {self._autopilot.title} flies: it cannot go back")
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Refuse to go back in time: the autopilot cannot."""
+        """Raise an error, since an autopilot's program cannot go back in time."""
         raise ScenarioError(f"snapshot: must not be restored while {self._autopilot.title} flies: it cannot go back")
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Vehicle that an autopilot guides along set points of ours: origin of its local frame, take-off, mode and arming.
+"""Vehicle guided by set points through an autopilot: origin of its local frame, take-off, mode and arming.
 
 An autopilot's local frame begins where its estimator began; the mean difference of its place and ours at rest says
 where that is.
@@ -29,7 +29,7 @@ ABSENCE = 3.0
 
 
 class GuidedVehicle(MavlinkVehicle):
-    """Vehicle under one autopilot's guidance.
+    """Vehicle that an autopilot flies under position set points from this program.
 
     Args:
         kind: MAVLink's number of the autopilot.
@@ -61,7 +61,7 @@ class GuidedVehicle(MavlinkVehicle):
         self._requested: set[str] = set()
 
     def tell(self, name: str, **fields: FieldValue) -> None:
-        """Send a message.
+        """Send a MAVLink message.
 
         Raises:
             LinkError: a value that does not fit.
@@ -72,7 +72,7 @@ class GuidedVehicle(MavlinkVehicle):
             raise LinkError(f"a set point cannot be sent to {self.numbers.title}: {error}") from None
 
     def compare_place(self, ours: Numbers, still: bool) -> int:
-        """Take a difference of its place and ours; returns how many there are since it stands ``still``."""
+        """Record the error of the reported position; return the number of records since the vehicle is ``still``."""
         if self.place is None or not still:
             self._differences.clear()
         else:
@@ -80,16 +80,16 @@ class GuidedVehicle(MavlinkVehicle):
         return len(self._differences)
 
     def find_origin(self, last: int) -> None:
-        """Set the origin to the mean of the last differences."""
+        """Set the origin of the autopilot's local frame to the mean of the last position differences."""
         rows = self._differences[-last:]
         self.origin = tuple(sum(column) / len(rows) for column in zip(*rows, strict=True))
 
     def rise(self, height: float) -> float:
-        """Height of its place over a height of ours, m; zero before both are known."""
+        """Height (m) of the vehicle above a height in the world; zero while its position or origin is unknown."""
         return 0.0 if self.place is None or self.origin is None else self.place[2] - self.origin[2] - height
 
     def send_goal(self, time: float, goal: BaseGoal) -> None:
-        """Send a set point of position, velocity, acceleration and yaw in its local frame."""
+        """Send a set point (position, velocity, acceleration, yaw) in the autopilot's local frame."""
         assert self.origin is not None
         x, y, z = to_our_axes(*(a + b for a, b in zip(goal.position, self.origin, strict=True)))
         vx, vy, vz = to_our_axes(*goal.velocity)
@@ -100,7 +100,7 @@ class GuidedVehicle(MavlinkVehicle):
         )  # fmt: skip
 
     def has_parameters(self, time: float, patience: float) -> bool:
-        """True once it has sent the user's parameters, as they are stated; until then some are requested at a time.
+        """Request the user's parameters, a few at a time; True once the autopilot reported all of them as stated.
 
         Raises:
             LinkError: it has another value, or sends none of those requested within ``patience`` s.
@@ -127,16 +127,16 @@ class GuidedVehicle(MavlinkVehicle):
 
     @property
     def obeys(self) -> bool:
-        """True in the mode for set points from outside."""
+        """True if the autopilot is in the mode that takes external set points."""
         return self.numbers.is_outside(self.mode)
 
     @property
     def holds(self) -> bool:
-        """True in the mode that holds the place."""
+        """True if the autopilot is in the mode that holds its position."""
         return self.numbers.is_hold(self.mode)
 
     def require_obedience(self, armed: bool, seconds: float) -> None:
-        """Check, some seconds after the last time, that it flies on under our set points.
+        """Raise an error if the vehicle is disarmed or has left the mode for external set points for too long.
 
         Raises:
             LinkError: it is disarmed, or has left the mode for set points from outside and does not come back.

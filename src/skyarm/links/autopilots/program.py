@@ -1,4 +1,4 @@
-"""Program of an autopilot as a child process: found, started in a folder of its own, connected, and always ended."""
+"""Autopilot program as a child process: find it, start it in its own folder, connect to it, and always end it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_READ = 1 << 16
 
 
 def find_program(autopilot: Autopilot, usual: str = "") -> Path:
-    """Path of an autopilot's program: stated, of the environment variable, or ``usual`` if it is there.
+    """Path of an autopilot's program: stated, from the environment variable, or ``usual`` on the search path.
 
     Raises:
         ScenarioError: none of them is an executable file.
@@ -59,7 +59,7 @@ of a pipe of which only we have the other end. The kernel closes that when we en
 
 
 class Child:
-    """Child process in a temporary folder of its own; it ends with this process, however that ends.
+    """Child process in its own temporary folder, which ends with this process even if that crashes.
 
     Args:
         command: program and arguments.
@@ -103,7 +103,7 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process ID."""
         return self._process.pid
 
     @property
@@ -116,13 +116,13 @@ class Child:
 
     @property
     def last_words(self) -> str:
-        """Last three different lines that the program printed, each at its last place, without control characters."""
+        """Last three different lines that the program printed, without control characters."""
         lines = filter(None, map(_printable, reversed(self.output.splitlines())))
         words = " | ".join(reversed(list(islice(dict.fromkeys(lines), 3))))
         return words[-LAST_WORDS:]
 
     def ending(self, title: str) -> str:
-        """Last words in brackets; of a program that has ended without any its exit code; else empty."""
+        """Last output lines in brackets for an error message, or the exit code of a program that printed nothing."""
         words, code = self.last_words, self.code
         if words or code is None:
             return f" ({words})" if words else ""
@@ -145,18 +145,18 @@ class Child:
 
 
 def _printable(line: str) -> str:
-    """Text of a line of output without the sequences that colour it."""
+    """Strip colour codes and control characters from a line of output."""
     plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line)
     return "".join(c for c in plain if c.isprintable()).strip()
 
 
 def make_folder(autopilot: Autopilot) -> Path:
-    """New temporary folder for a program to run in."""
+    """Make a temporary folder for a program to run in."""
     return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
 
 
 class ProgramLink(SimulatorLink):
-    """Link to a program that is started for it: process, folder and sockets, which end with the link.
+    """Link to a program that it starts itself; closing the link ends process, folder and sockets.
 
     Args:
         record: record of the autopilot.
@@ -170,7 +170,7 @@ class ProgramLink(SimulatorLink):
 
     @contextlib.contextmanager
     def _starting(self) -> Iterator[None]:
-        """Close the link if its start fails.
+        """Context manager that closes the link if its start fails.
 
         Raises:
             LinkError: a port, a file or the program cannot be opened.
@@ -185,7 +185,7 @@ class ProgramLink(SimulatorLink):
             raise
 
     def _make_folder(self) -> Path:
-        """New temporary folder for the program to run in, which goes with the link."""
+        """Make a temporary folder for the program, which is removed with the link."""
         folder = make_folder(self._record)
         self._held.callback(shutil.rmtree, folder, ignore_errors=True)
         return folder
@@ -193,7 +193,7 @@ class ProgramLink(SimulatorLink):
     def _launch(
         self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None, without: str = ""
     ) -> Child:
-        """Start the program; the arguments are those of :class:`Child`."""
+        """Start the program as a child process; the arguments are those of :class:`Child`."""
         self._child = Child(command, folder, environment, without)
         self._held.callback(self._child.close)
         return self._child
@@ -237,16 +237,16 @@ class ProgramLink(SimulatorLink):
 
     @property
     def _ending(self) -> str:
-        """Last words of the program in brackets; empty if there are none."""
+        """Last output lines of the program in brackets; empty if there are none."""
         words = self._child.last_words if self._child is not None else ""
         return f" ({words})" if words else ""
 
     def _closing_error(self) -> LinkError:
-        """Error of a connection that the program has closed."""
+        """Error for a connection that the program has closed."""
         return LinkError(f"{self._title} closed the connection{self._ending}")
 
     def _port_error(self, error: OSError) -> LinkError:
-        """Error of a port without a listener."""
+        """Error for a port at which no program listens."""
         return LinkError(f"{self._title} is gone: {error.strerror or error}{self._ending}")
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""PX4 in the loop: simulator MAVLink over TCP in lockstep, set points and state over its onboard MAVLink port.
+"""PX4 in the loop: lockstep simulator MAVLink over TCP; set points and state over its onboard MAVLink port.
 
 Wire facts (PX4 v1.17, its simulator MAVLink module and start script): PX4 connects to our TCP port 4560 + instance;
 each HIL_SENSOR of id 0 sets its clock and is answered by one HIL_ACTUATOR_CONTROLS with the same time; before its
@@ -84,7 +84,7 @@ BABBLE = 4096
 
 @immutable
 class PX4(Autopilot):
-    """PX4 on our plant: rotors and vehicle by its parameters, sensors over its simulator port.
+    """PX4 flying a simulated vehicle: parameters from rotors and vehicle, sensors over its simulator port.
 
     Attributes:
         instance: number of the program, which sets its ports; -1 for the first whose ports are free.
@@ -98,12 +98,12 @@ class PX4(Autopilot):
     least_rate: ClassVar[int] = 250
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
-        """Inertial unit at the rate of the link, magnetometer and barometer at 50 Hz, satellite navigation at 10 Hz."""
+        """Sensors for PX4: inertial unit at the link's rate, magnetometer and barometer at 50 Hz, GNSS at 10 Hz."""
         return {"imu": FLIGHT_IMU, "magnetometer": Magnetometer(), "barometer": Barometer(), "gnss": Gnss()}
 
     @property
     def outside_ports(self) -> tuple[int, int]:
-        """UDP ports for a program outside: PX4's onboard port and that of the joints; of the first instance for any."""
+        """UDP ports for an external program: PX4's onboard port and the joint port (by default, instance 0's)."""
         instance = max(self.instance, 0)
         return ONBOARD_PORT + instance, JOINT_PORT + instance
 
@@ -116,7 +116,7 @@ make_px4 = AutopilotMaker(PX4)
 
 
 def find_etc(program: Path) -> Path:
-    """Folder ``etc`` of PX4's start scripts: beside the program, or beside the folder that it is in.
+    """Find PX4's folder ``etc`` of start scripts, next to the program or next to the program's folder.
 
     Raises:
         ScenarioError: there is none.
@@ -189,12 +189,12 @@ class PX4Link(ProgramLink):
                 ports.listener.close()
 
     def release(self) -> None:
-        """Ask PX4 to hold its place; once it does, its onboard port is free for a program outside."""
+        """Request PX4's hold mode, after which its onboard port is free for an external program."""
         self._leaves = True
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Sensor messages and those that were answered, departures from offboard mode, failsafes, PX4's last words."""
+        """Counts of the exchange with PX4 (sent, answered, missed, failsafes) and its last message."""
         return {
             "steps": self._steps,
             "answered": self._answered,
@@ -206,7 +206,7 @@ class PX4Link(ProgramLink):
         }
 
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send the readings of an instant and the set point; wait for the signals with the same time."""
+        """Send the sensor readings and the set point of an instant; wait for the rotor signals of the same time."""
         stamp = round(now.time * 1e6) + 1
         self._steps += 1
         self._send("HIL_SENSOR", time_usec=stamp, **self._sensors.inertial(now.readings))
@@ -219,7 +219,7 @@ class PX4Link(ProgramLink):
         return self._signals
 
     def _send(self, name: str, **fields: float) -> None:
-        """Send a message over the simulator's stream."""
+        """Send a MAVLink message over the simulator's TCP stream."""
         try:
             frame = mavlink.pack(name, sequence=self._sequence, system=1, component=200, **fields)
         except mavlink.MavlinkError as error:
@@ -228,7 +228,7 @@ class PX4Link(ProgramLink):
         self._tape.send("simulator", frame, self._write)
 
     def _await(self, stamp: int) -> None:
-        """Wait for the answer to a sensor message; for a moment only during PX4's start, or beside motor commands."""
+        """Wait for the answer to a sensor message; only briefly while PX4 starts or under external motor commands."""
         pause = STALL if self._answered else BOOT_STEP
         if self.released and self._record.outside:
             pause = HALT if self._row >= STEADY else HASTE / self._rate
@@ -250,7 +250,7 @@ class PX4Link(ProgramLink):
                 raise LinkError(f"PX4's simulator port: {self._simulator.skipped} bytes that are no MAVLink")
 
     def _take_controls(self, message: mavlink.Message, stamp: int) -> bool:
-        """Take over the rotor signals of an answer; True for the answer to the sensor message of this time."""
+        """Store the rotor signals of an answer; True if it answers the sensor message of the given time."""
         controls, answered = message["controls"][: self._rotors], message["time_usec"]
         if not message["flags"] & LOCKSTEP:
             raise LinkError("PX4 does not run in lockstep: it must be built with its lockstep scheduler")
@@ -272,7 +272,7 @@ class PX4Link(ProgramLink):
         return True
 
     def _require_parameters(self) -> None:
-        """Refuse parameters of the user that PX4 does not have, once it has read them."""
+        """Raise an error for user parameters that PX4 does not have, once it has read them."""
         if self._child is None:
             return
         words = self._child.output
@@ -281,7 +281,7 @@ class PX4Link(ProgramLink):
                 raise LinkError(f"controller.parameters.{name} = {value:g}: must be a parameter that PX4 knows")
 
     def _read(self, until: float, heard: bool) -> bytes:
-        """Bytes of the simulator's stream; empty after the time is up, even if others than the answer go on coming."""
+        """Bytes from the simulator's TCP stream; empty once the time is up, even if other messages keep arriving."""
         assert self._tcp is not None
         if heard and time.monotonic() > until:
             return b""
@@ -297,7 +297,7 @@ class PX4Link(ProgramLink):
         return data
 
     def _talk(self, t: float, goal: BaseGoal) -> None:
-        """Read PX4's state, ask for what is next (offboard mode, arming), and send set points at 50 Hz."""
+        """Exchange MAVLink with PX4: read its state, request offboard mode and arming, and send set points at 50 Hz."""
         data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
         for message in vehicle.parser.feed(data) if data else ():
             self._hear(message)
@@ -318,7 +318,7 @@ class PX4Link(ProgramLink):
             self._request()
 
     def _request(self) -> None:
-        """Ask for offboard mode at one second and for arming at the next, until PX4 has both.
+        """Request offboard mode and arming in alternate seconds until PX4 has accepted both.
 
         The seconds are simulated, and the state that PX4 reports once a second of its own is not waited for: so flights
         begin alike.
@@ -334,13 +334,13 @@ class PX4Link(ProgramLink):
             vehicle.request_outside()
 
     def _leave(self) -> None:
-        """Free the onboard port once PX4 holds its place."""
+        """Free the onboard port once PX4 is in hold mode."""
         if self._vehicle.holds and self._udp is not None:
             self._udp.close()
             self.released = True
 
     def _find_origin(self) -> None:
-        """Find where PX4's local origin lies, by the mean difference of its position and the readings, at rest.
+        """Estimate the origin of PX4's local frame at rest, from the mean difference of its position and the readings.
 
         It is found at a whole second, so that flights begin alike.
         """
@@ -349,14 +349,14 @@ class PX4Link(ProgramLink):
             self._vehicle.find_origin(2 * self._rate)
 
     def _datagrams(self) -> bytes:
-        """Bytes that have arrived from PX4 at the onboard port; those of another sender are left out."""
+        """Bytes that have arrived from PX4 at the onboard port; other senders are ignored."""
         assert self._udp is not None
         with contextlib.suppress(ConnectionError):
             return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
         return b""
 
     def _carry(self, frame: bytes) -> None:
-        """Send a frame over the onboard port."""
+        """Send a MAVLink frame over the onboard port."""
         self._tape.send("onboard", frame, self._write_datagram)
 
     def _write_datagram(self, data: bytes) -> None:
@@ -365,7 +365,7 @@ class PX4Link(ProgramLink):
             self._udp.sendto(data, self._partner)
 
     def _hear(self, message: mavlink.Message) -> None:
-        """Take note of PX4's number, mode, place, words and whether its estimates are valid."""
+        """Store PX4's state from a MAVLink message: mode, position, texts, and validity of its estimates."""
         vehicle = self._vehicle
         if not vehicle.hear(message):
             return

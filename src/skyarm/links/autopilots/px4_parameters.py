@@ -53,7 +53,7 @@ VELOCITY_P, VELOCITY_I = 1.8, 0.4
 
 
 def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
-    """PX4 parameters of a vehicle: places, axes and spins of the rotors, thrust curve, hover thrust, gains.
+    """PX4 parameters of a vehicle: rotor positions, axes and spins, thrust curve, hover thrust, control gains.
 
     Rotor places are relative to the centre of mass with the joints at zero, which PX4 takes for its origin. The moment
     ratio is positive for a rotor that turns counter-clockwise seen from above.
@@ -110,13 +110,13 @@ def outer_gains(vehicle: Vehicle) -> dict[str, float]:
 
 
 def rate_bandwidth(vehicle: Vehicle) -> float:
-    """Bandwidth of the rate loop about roll and pitch that the rotors' lag allows, rad/s."""
+    """Rate-loop bandwidth (rad/s) about roll and pitch that the rotors' lag permits."""
     slowest = max(0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
     return min(RATE_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
 
 
 def thrust_factor(rotor: Rotor) -> float:
-    """Share a of the square in PX4's thrust curve a s^2 + (1 - a) s of the signal s: least squares over s, 0 to 1."""
+    """Least-squares share a of the square in PX4's thrust curve a s^2 + (1 - a) s of a signal s."""
     return min(max(square_share(rotor, [0.2 + 0.05 * k for k in range(17)]), 0.0), 1.0)
 
 
@@ -146,7 +146,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
 
 
 def sensor_parameters(scenario: Scenario) -> dict[str, float]:
-    """PX4 parameters of the sensors: delays and noise that its estimator assumes; the field points north."""
+    """PX4 parameters of the sensors: delays and noise for its estimator, and zero magnetic declination."""
     sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.sensors}
     gnss, magnetometer, barometer = (sensors[name] for name in ("gnss", "magnetometer", "barometer"))
     return {

@@ -1,4 +1,4 @@
-"""Ports of PX4 on the loopback address, which follow from the number of its instance."""
+"""TCP and UDP ports of a PX4 instance on the loopback address, computed from its instance number."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Ports:
 
 
 def open_ports(instance: int) -> Ports:
-    """Open the ports of an instance; -1 takes the first instance whose ports are free.
+    """Open the ports of a PX4 instance; -1 takes the first instance whose ports are free.
 
     Raises:
         ScenarioError: an instance that PX4 does not have.
@@ -63,6 +63,6 @@ def _span(first: int, last: int) -> str:
 
 
 def _require_free(port: int) -> None:
-    """Bind PX4's own port for a moment: a PX4 that another user started holds it."""
+    """Bind and release PX4's own port, to detect an instance started by another user."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", port))

@@ -87,7 +87,7 @@ def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
 
 
 def require_geodetic(point: Geodetic) -> None:
-    """Refuse a latitude beyond 90 degrees and numbers that are not finite.
+    """Raise an error for a latitude beyond 90 degrees or for numbers that are not finite.
 
     Raises:
         ValueError: one line with the value and what is allowed.
@@ -111,12 +111,12 @@ Fields = dict[str, float]
 
 
 def pressure_altitude(pressure: float) -> float:
-    """Altitude above mean sea level of a pressure (hPa) in the standard atmosphere's troposphere, m (ICAO Doc 7488)."""
+    """Altitude (m) above mean sea level for a pressure (hPa) in the standard atmosphere (ICAO Doc 7488)."""
     return float(44330.77 * (1.0 - (max(pressure, 0.0) / 1013.25) ** 0.1902632))
 
 
 class SensorMessages:
-    """Fields of the sensor messages: each reading is sent once, when it is new.
+    """Fields of PX4's sensor messages; each reading is sent once, when it is new.
 
     Attributes:
         fix: position of the last satellite reading, north west up, m.
@@ -127,7 +127,7 @@ class SensorMessages:
         self.fix = (0.0, 0.0, 0.0)
 
     def inertial(self, readings: Mapping[str, Numbers]) -> Fields:
-        """Fields of HIL_SENSOR: the inertial reading, and the magnetic field and pressure where they are new."""
+        """Fields of HIL_SENSOR: inertial reading, and magnetic field and pressure if they are new."""
         _, *rate_and_force = readings["imu"]
         p, q, r = to_our_axes(*rate_and_force[:3])
         fx, fy, fz = to_our_axes(*rate_and_force[3:])
@@ -147,7 +147,7 @@ class SensorMessages:
         return fields | {"fields_updated": updated}
 
     def satellite(self, readings: Mapping[str, Numbers]) -> Fields | None:
-        """Fields of HIL_GPS; None without a new reading. Values that the wire cannot carry are cut off.
+        """Fields of HIL_GPS, clipped to the ranges of the message; None without a new reading.
 
         Raises:
             ValueError: a position that is not finite.
@@ -176,7 +176,7 @@ class SensorMessages:
         }
 
     def _is_new(self, name: str, read: float) -> bool:
-        """True where a reading is later than the last one that was sent."""
+        """True if a reading is later than the last one sent."""
         if read <= self._last[name]:
             return False
         self._last[name] = read
@@ -184,5 +184,5 @@ class SensorMessages:
 
 
 def _whole(value: float, most: int) -> int:
-    """Nearest whole number, cut off at the largest that the wire carries."""
+    """Round to a whole number, clipped to the largest that the message can carry."""
     return round(min(max(value, -most), most))

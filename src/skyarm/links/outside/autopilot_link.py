@@ -9,7 +9,7 @@ AutopilotLink = OffboardLink | DdsLink
 
 
 def open_link(url: str, patience: float = 0.0) -> AutopilotLink:
-    """Open the connection that an address names.
+    """Open the connection to an autopilot at a given address.
 
     Args:
         url: ``mavlink://HOST:PORT``, ``mavlink-out://HOST:PORT``, ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.

@@ -1,4 +1,4 @@
-"""PX4's uXRCE-DDS as the connection of a control law: state in, motor set points and modes out.
+"""uXRCE-DDS connection of a control law to PX4: vehicle state in, motor set points and modes out.
 
 The agent makes DDS topics of what PX4's client sends: :mod:`skyarm.links.outside.px4_topics`. Source: docs.px4.io,
 "uXRCE-DDS" and "Offboard mode".
@@ -50,21 +50,21 @@ NED, FRD, BODY = 1, 2, 3
 
 @immutable(kw_only=False)
 class ModeBits:
-    """Meaning of a mode, whose bits say whether it takes set points from outside, or flies by itself."""
+    """Decoder of PX4's mode bits: external set points, or autonomous flight."""
 
     title: str = "PX4"
 
     def is_outside(self, mode: int) -> bool:
-        """True if a mode takes set points from outside."""
+        """True if a mode takes external set points."""
         return bool(mode & OFFBOARD_BIT)
 
     def is_hold(self, mode: int) -> bool:
-        """True if a mode flies by itself."""
+        """True if PX4 flies autonomously in a mode."""
         return bool(mode & AUTO_BIT) and not mode & OFFBOARD_BIT
 
 
 def parse_domain(url: str) -> tuple[int, str]:
-    """Number of the domain, and namespace, of a link such as ``dds://0`` or ``dds://0/px4_1``.
+    """Domain number and namespace of a link address such as ``dds://0`` or ``dds://0/px4_1``.
 
     Raises:
         OffboardError: another form.
@@ -79,7 +79,7 @@ def parse_domain(url: str) -> tuple[int, str]:
 
 
 class DdsLink(Estimates):
-    """PX4 behind an agent of uXRCE-DDS, in the place of MAVLink.
+    """Connection to PX4 through a uXRCE-DDS agent, as an alternative to MAVLink.
 
     Args:
         url: ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.
@@ -109,11 +109,11 @@ class DdsLink(Estimates):
 
     @property
     def has_autopilot(self) -> bool:
-        """True once PX4 has sent its mode, and reads set points."""
+        """True once PX4 has sent its mode and subscribes to the set points."""
         return self.modes is not None and all(self._node.subscribers(self._space + topic) for topic in IN)
 
     def wait(self, seconds: float) -> None:
-        """Wait for messages, at most so long, and read all that have come."""
+        """Wait for messages, at most a given time (s), and read all that have arrived."""
         self._node.wait(seconds)
         for topic, reader in self._readers.items():
             for data in self._node.take(self._space + topic):
@@ -125,10 +125,10 @@ class DdsLink(Estimates):
                 reader(message)
 
     def beat(self) -> None:
-        """Nothing: each set point shows that this side is alive."""
+        """Send no heartbeat, since each set point shows PX4 that this program is alive."""
 
     def request_estimates(self, rate: float) -> None:
-        """Refuse a second vehicle on the same topics; PX4 sends at its own rates.
+        """Raise an error if several vehicles publish on these topics; PX4 chooses the rates itself.
 
         Raises:
             OffboardError: more than one publishes its estimate.
@@ -138,16 +138,16 @@ class DdsLink(Estimates):
             raise OffboardError(f"--link: {count} vehicles publish {topic}: must be one; add its namespace")
 
     def request_outside(self) -> None:
-        """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
+        """Request the mode that takes external set points; ``accepted`` is True once PX4 agrees."""
         self._await_answer()
         self._set_mode(*MODES[PX4_NUMBER].outside)
 
     def request_hold(self) -> None:
-        """Request the mode that holds the place."""
+        """Request the mode that holds the position."""
         self._set_mode(*MODES[PX4_NUMBER].hold)
 
     def send(self, command: SetPoint) -> None:
-        """Send thrusts of the motors, and that motors are what is set."""
+        """Send motor thrusts, and the message that declares motors as the type of set point."""
         assert isinstance(command, MotorCommand)
         stamp = self._stamp()
         rest = (math.nan,) * (MOST_MOTORS - len(command.thrusts))  # stopped
@@ -155,11 +155,11 @@ class DdsLink(Estimates):
         self._send(MOTORS, timestamp=stamp, timestamp_sample=stamp, control=(*map(float, command.thrusts), *rest))
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Leave the DDS domain."""
         self._node.close()
 
     def _stamp(self) -> int:
-        """Time of the newest estimate and the wait since, microseconds; 0, for which PX4 takes its own, before one."""
+        """Time stamp (us) for set points on PX4's clock; 0 before the first estimate, when PX4 uses its own time."""
         return 0 if self.state is None else round(1e6 * (self.state.time + time.monotonic() - self.heard))
 
     def _set_mode(self, main: int, sub: int) -> None:
@@ -186,7 +186,7 @@ class DdsLink(Estimates):
         self._keep_force(to_our_axes(*m["accelerometer_m_s2"]))
 
     def _hear_odometry(self, m: Content) -> None:
-        """Keep an estimate in a frame that is known."""
+        """Store an odometry estimate, if its coordinate frames are known."""
         frame, quaternion = m["velocity_frame"], to_our_attitude(*m["q"])
         velocity = to_our_axes(*m["velocity"])
         if frame == BODY:

@@ -46,7 +46,7 @@ WATCHDOG = 25
 @immutable
 @checked("--joints", JointPortError)
 class ServoBus:
-    """Settings of a bus of servos.
+    """Settings of a serial bus of DYNAMIXEL servos.
 
     Attributes:
         device: serial port.
@@ -63,7 +63,7 @@ class ServoBus:
 
 
 class DynamixelJoints(JointLink):
-    """Joints of a bus of servos, read and commanded by a thread as fast as the bus allows.
+    """Joint port to DYNAMIXEL servos, read and commanded by a thread as fast as the bus permits.
 
     Raises:
         JointPortError: the SDK is missing, the port cannot be opened, or a servo does not answer.
@@ -91,7 +91,7 @@ class DynamixelJoints(JointLink):
         self._thread.start()
 
     def read(self) -> JointReading | None:
-        """Newest reading since the last call; None where the bus is silent."""
+        """Newest reading since the last call; None if the bus has sent none."""
         with self._lock:
             newest, self._newest = self._newest, None
         return newest
@@ -102,14 +102,14 @@ class DynamixelJoints(JointLink):
             self._setpoints, self._given = tuple(setpoints), time.monotonic()
 
     def release(self) -> None:
-        """Let every servo hold the position that it has."""
+        """Command every servo to hold its present position."""
         with self._lock:
             self._setpoints = None
         with self._bus_lock, contextlib.suppress(OSError):
             self._hold()
 
     def close(self) -> None:
-        """Stop the thread and close the serial port; the servos hold on."""
+        """Stop the thread and close the serial port; the servos keep their position."""
         if self._running:
             self._running = False
             self._thread.join(1.0)
@@ -129,12 +129,12 @@ class DynamixelJoints(JointLink):
             raise
 
     def _shut(self) -> None:
-        """Close the serial port, which the SDK may not have opened."""
+        """Close the serial port, even if the SDK failed to open it."""
         with contextlib.suppress(AttributeError, OSError):
             self._port.closePort()
 
     def _prepare(self) -> None:
-        """Set the mode and the watchdog of every servo.
+        """Set operating mode and watchdog of every servo, and enable its torque.
 
         Raises:
             JointPortError: a servo does not answer.
@@ -184,21 +184,21 @@ class DynamixelJoints(JointLink):
             self._goals.clearParam()
 
     def _hold(self) -> None:
-        """Let every servo hold the position that it has."""
+        """Command every servo to hold its present position."""
         for number in self._bus.ids:
             self._write(number, TORQUE_ENABLE, 0)
             self._write(number, OPERATING_MODE, POSITION_MODE)
             self._write(number, TORQUE_ENABLE, 1)
 
     def _state(self, number: int) -> tuple[float, float] | None:
-        """Angle and rate of a servo; None where it did not answer."""
+        """Angle and rate of a servo; None if it did not answer."""
         if not self._states.isAvailable(number, PRESENT, 8):
             return None
         velocity, position = (_twos_complement(self._states.getData(number, at, 4)) for at in (PRESENT, PRESENT + 4))
         return (position - ZERO) * TICK, velocity * RATE
 
     def _ticks(self, setpoint: float) -> int:
-        """Setpoint in ticks of position or current."""
+        """Convert a setpoint to the servo's units of position or current."""
         if self._bus.torque is None:
             return round(setpoint / TICK) + ZERO
         amperes = min(max(setpoint / self._bus.torque, -self._bus.most), self._bus.most)
@@ -206,5 +206,5 @@ class DynamixelJoints(JointLink):
 
 
 def _twos_complement(value: int) -> int:
-    """Whole number of four bytes in two's complement."""
+    """Convert an unsigned 32-bit number to a signed one in two's complement."""
     return value - (1 << 32) if value >= 1 << 31 else value

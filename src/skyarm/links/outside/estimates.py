@@ -1,4 +1,4 @@
-"""Newest estimate of an autopilot and its answer to the mode that was requested, whichever protocol carries them."""
+"""Newest state estimate of an autopilot and its answer to a mode request, for any protocol."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COMPONENT = 191
 
 
 class Estimates:
-    """Part of a link that keeps the autopilot's newest state and its answer to the request for a mode.
+    """Storage of an autopilot's newest state estimate and of its answer to a mode request.
 
     Attributes:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
@@ -31,26 +31,26 @@ class Estimates:
         self._force: Vec3 | None = None
 
     def take(self) -> AutopilotState | None:
-        """Newest estimate if it has come since the last call."""
+        """Newest state estimate if it has arrived since the last call; else None."""
         if not self.fresh:
             return None
         self.fresh = False
         return self.state
 
     def _await_answer(self) -> None:
-        """Let the next answer to a mode count."""
+        """Expect an answer to a mode request, and forget earlier answers."""
         self._requested_mode, self.accepted, self.refused = True, False, 0
 
     def _keep(self, state: AutopilotState) -> None:
-        """Keep an estimate of finite numbers that is newer than the last."""
+        """Store a state estimate if it is finite and newer than the last one."""
         if is_whole(state) and (self.state is None or state.time > self.state.time):
             self.state, self.fresh, self.heard = state, True, time.monotonic()
 
     def _keep_force(self, force: Vec3) -> None:
-        """Keep a finite specific force for the next estimates."""
+        """Store a finite specific force for the following estimates."""
         self._force = force if all(map(math.isfinite, force)) else self._force
 
     def _take_answer(self, command: int, result: int, to: tuple[int, int], ours: tuple[int, int]) -> None:
-        """Take an answer to a command: to the mode, after our request, addressed to our system and component."""
+        """Store the answer to our mode request, if it is addressed to our system and component."""
         if command == SET_MODE and self._requested_mode and to == ours:
             self.accepted, self.refused = result == 0, result

@@ -1,4 +1,4 @@
-"""Record of a flight whose law ran outside of the simulator: what it received and sent, and how late."""
+"""Record of a flight whose control law ran outside the simulator: measurements, commands and delays."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from skyarm.world import WindSample
 
 
 def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
-    """Median, 99th percentile and largest of some times, ms, and how many there are."""
+    """Median, 99th percentile and maximum of durations (ms), and their count."""
     if not len(seconds):
         return {"count": 0}
     ms = 1e3 * np.asarray(seconds, dtype=float)
@@ -33,7 +33,7 @@ def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
 
 @dataclass(slots=True)
 class FlightRecord:
-    """Rows of a flight, one for each evaluated period, and the times that its set points took.
+    """Samples of a flight, one for each evaluated control period, and the computing times of its set points.
 
     Attributes:
         first: autopilot's time at the take-over, s.
@@ -49,14 +49,14 @@ class FlightRecord:
     computing: list[float] = field(default_factory=list)
 
     def add(self, tick: int, seen: Measurement, given: OutsideCommand) -> None:
-        """Add the row of a period."""
+        """Add the sample of a control period."""
         self.ticks.append(tick)
         moving = (seen.position, seen.quaternion, seen.velocity, seen.rate, seen.joints, seen.joint_rates)
         self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
         self.commands.append(tuple(leaves(given.law)))
 
     def log(self, scenario: Scenario, ended: Ended | None, facts: Mapping[str, Plain]) -> Log:
-        """Log of the flight, as ``skyarm run`` writes one; a missed period has the row before it, or else the first.
+        """Log of the flight in the usual form; a missed period repeats the sample before it, or else the first.
 
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """

@@ -15,7 +15,7 @@ OPTIONS = ("ids", "baud", "torque", "most")
 
 
 def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:
-    """Open the port that an address names, for a vehicle's joints.
+    """Open the joint port at a given address, for a vehicle's joints.
 
     Args:
         url: ``udp://HOST:PORT``; ``dynamixel:DEVICE?ids=1,2&torque=1.8`` with the torque of an ampere, N m, for joints
@@ -42,7 +42,7 @@ def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:
 
 
 def _parts(url: str) -> tuple[str, str, int, str]:
-    """Scheme, host, port and path of an address; empty where it has none or is no address."""
+    """Scheme, host, port and path of an address; empty parts if missing or invalid."""
     try:
         parts = urlsplit(url)
         return parts.scheme, parts.hostname or "", parts.port or 0, parts.path
@@ -51,7 +51,7 @@ def _parts(url: str) -> tuple[str, str, int, str]:
 
 
 def _open_own(file: str, maker: str, vehicle: Vehicle) -> JointLink:
-    """Joint port of a user's function.
+    """Joint port made by a user's function.
 
     Raises:
         JointPortError: no such function, or one that returns something else.
@@ -66,7 +66,7 @@ def _open_own(file: str, maker: str, vehicle: Vehicle) -> JointLink:
 
 
 def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:
-    """Settings of a bus by its address.
+    """Servo bus settings from the address of the bus.
 
     Raises:
         JointPortError: options that are unknown or missing, or do not fit the vehicle.

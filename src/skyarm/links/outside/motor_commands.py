@@ -1,4 +1,4 @@
-"""Motor set points with which an autopilot passes a control law's rotor speeds on, each a share of the highest thrust.
+"""Motor set points by which an autopilot applies the rotor speeds of a control law, as shares of the highest thrust.
 
 The autopilot keeps its thrust curve, motor order and limits, and none of its loops: the law's own bandwidth counts.
 """
@@ -36,25 +36,25 @@ SetPoint = RateCommand | MotorCommand
 
 @immutable
 class MotorSettings:
-    """Settings of the loop around a law whose rotor commands go to the motors."""
+    """Settings of the loop around a control law whose rotor commands go directly to the motors."""
 
     period: Annotated[float, Unit("s", "of the law", low=0.0, strict=True)]
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
-        """Zero: no loop of the autopilot has an integral."""
+        """Zero torque, since no loop of the autopilot integrates."""
         return Vec3(0.0, 0.0, 0.0)
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
     ) -> tuple[Vec3, MotorCommand]:
-        """Shares of thrust at the law's rotor speeds, and the integral as it is."""
+        """Thrust shares for the rotor speeds of the law's command; the integral torque is unchanged."""
         pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
         shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
         return integral, MotorCommand(thrusts=tuple(shares))
 
 
 def require_full_thrust(vehicle: Vehicle) -> None:
-    """Refuse rotors without a highest speed, and so without a highest thrust, or more than a set point has motors.
+    """Raise an error for rotors without a maximum speed, or for more rotors than a set point has motors.
 
     Raises:
         RecordError: a rotor whose ``max_speed`` is infinite, or too many of them.

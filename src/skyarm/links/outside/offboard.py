@@ -85,7 +85,7 @@ class OffboardSettings:
 
 
 class HandBackError(Exception):
-    """Cause for which a flight ends early.
+    """Error that ends a flight early and hands the vehicle back to its autopilot.
 
     Attributes:
         status: status of the flight.
@@ -97,7 +97,7 @@ class HandBackError(Exception):
 
 
 def require_outside(scenario: Scenario) -> None:
-    """Refuse a scenario that cannot fly outside of the simulator.
+    """Raise an error for a scenario that cannot be flown outside the simulator.
 
     Raises:
         ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference, or
@@ -116,7 +116,7 @@ def require_outside(scenario: Scenario) -> None:
 
 @contextlib.contextmanager
 def real_time() -> Iterator[None]:
-    """Run a block without garbage collection, which outlasts a period, and before other programs if allowed."""
+    """Context manager without garbage collection and, if permitted, with real-time priority."""
     collecting = gc.isenabled()
     gc.disable()
     first = False
@@ -134,7 +134,7 @@ def real_time() -> Iterator[None]:
 
 
 class OffboardFlight:
-    """One flight of a scenario's law by an autopilot's link and an arm's port.
+    """Real-time flight of a scenario's control law, by a link to the autopilot and a port to the joints.
 
     Args:
         scenario: its law, reference and rates; sensors, delays and environment are those of the real vehicle.
@@ -202,7 +202,7 @@ class OffboardFlight:
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Times and counts of the flight, and how the world lies in the autopilot's local frame."""
+        """Durations and counts of the flight, and the pose of the world in the autopilot's local frame."""
         record, frame = self._record, self._frame
         return {
             "autopilot": "" if self._link.modes is None else self._link.modes.title,
@@ -219,7 +219,7 @@ class OffboardFlight:
         }
 
     def _pump(self, seconds: float) -> None:
-        """Wait for messages, at most so long; send a heartbeat when one is due; read the joints."""
+        """Wait for messages, at most a given time (s); send a heartbeat if one is due; read the joints."""
         link = self._link
         link.wait(seconds)
         now = time.monotonic()
@@ -235,7 +235,7 @@ class OffboardFlight:
             self._joints, self._joints_heard = reading, now
 
     def _until(self, seconds: float, ready: Callable[[], bool], words: str) -> None:
-        """Wait until something is so.
+        """Wait until a condition holds, at most a given time (s).
 
         Raises:
             OffboardError: it is not so after some seconds; ``words`` and the autopilot's last text say why.
@@ -248,7 +248,7 @@ class OffboardFlight:
             self._pump(0.02)
 
     def _connect(self) -> None:
-        """Wait for the autopilot, ask for estimates, and make the law for its rate loop."""
+        """Wait for the autopilot and the joints, request state estimates, and prepare the control law."""
         link, settings = self._link, self._settings
         self._until(settings.patience, lambda: link.has_autopilot, "--link: no autopilot of PX4 or ArduPilot was heard")
         assert link.modes is not None
@@ -268,7 +268,7 @@ class OffboardFlight:
         self._law = OutsideLaw(self._scenario.controller, loop, self._reference(0))
 
     def _loop_settings(self) -> LoopSettings | MotorSettings:
-        """Settings of the loop around the law, for what the link commands."""
+        """Settings of the loop around the control law, by the kind of set point that the link sends."""
         link, settings, model = self._link, self._settings, self._scenario.controller.par.model
         if isinstance(link, DdsLink):
             if settings.rate_bandwidth is not None:
@@ -279,7 +279,7 @@ class OffboardFlight:
         return rate_settings(reader, model, 1.0 / self._rate, settings.rate_bandwidth, settings.hover_share)
 
     def _await_hover(self) -> None:
-        """Wait until the vehicle is armed, in the air, slow, and commanded by no other program."""
+        """Wait until the vehicle is armed, hovers slowly, and is not commanded by another program."""
         link, modes = self._link, self._link.modes
         assert modes is not None
 
@@ -294,7 +294,7 @@ class OffboardFlight:
         self._until(self._settings.patience, hovers, words)
 
     def _take_over(self) -> None:
-        """Send set points at the start's reference, ask for the mode that takes them, and begin once it is entered."""
+        """Send set points for the initial reference and request the mode that takes them, until it is entered."""
         link, law, state = self._link, self._law, self._link.state
         assert state is not None
         assert link.modes is not None
@@ -325,7 +325,7 @@ class OffboardFlight:
         self._tell("the law flies")
 
     def _follow(self) -> None:
-        """Answer every estimate until the scenario's end."""
+        """Evaluate the law for every state estimate, until the end of the scenario."""
         link, record = self._link, self._record
         assert link.modes is not None
         begun, last, before = time.monotonic(), -1, record.first
@@ -361,7 +361,7 @@ class OffboardFlight:
     def _answer(
         self, state: AutopilotState, tick: int, reference: Reference, record: FlightRecord | None = None
     ) -> None:
-        """Evaluate the law for an estimate and send what it commands."""
+        """Evaluate the law for a state estimate and send its command."""
         law, link, arm = self._law, self._link, self._joints
         assert arm is not None
         measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity, self._rotors)
@@ -376,7 +376,7 @@ class OffboardFlight:
         record.add(tick, measured, command)
 
     def _require_alive(self) -> None:
-        """Hand back if estimates, heartbeats or joints are silent, or this process stood still meanwhile."""
+        """Raise an error if estimates, heartbeats or joint readings are overdue, or this process was suspended."""
         link, now, stale = self._link, time.monotonic(), self._settings.stale
         stood, self._alive = now - self._alive, now
         if stood > stale:
@@ -394,7 +394,7 @@ class OffboardFlight:
         return rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))
 
     def _hand_back(self) -> None:
-        """Stop the set points, return the arm, and ask an autopilot that still obeys to hold its place."""
+        """Release the arm and, while the autopilot takes our set points, request its hold mode."""
         link = self._link
         self._arm.release()
         if link.modes is None or not self._ours or not self._still_obeys():
@@ -408,7 +408,7 @@ class OffboardFlight:
                 return
 
     def _still_obeys(self) -> bool:
-        """True unless the vehicle is in a mode of its own or of its pilot, by a heartbeat.
+        """True unless the vehicle's latest heartbeat shows a mode of its own or of its pilot.
 
         Without a heartbeat within ``HAND_BACK`` s the last one counts, if it is younger than our request for the mode.
         """

@@ -52,7 +52,7 @@ MOST_TIMES = 10_000
 
 
 class OffboardError(ValueError):
-    """A link cannot be opened, or its autopilot is not one that takes set points."""
+    """Error if a link cannot be opened, or if its autopilot takes no external set points."""
 
 
 QUIET = 0.1
@@ -64,7 +64,7 @@ OLD = 0.1
 
 @immutable(kw_only=False)
 class Place:
-    """Position (m) and velocity (m/s) of an estimate, north, west, up, at a time of the autopilot's clock, s."""
+    """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the autopilot's clock."""
 
     time: float
     position: Vec3
@@ -72,7 +72,7 @@ class Place:
 
 
 def parse_link(url: str) -> tuple[str, str, int]:
-    """Kind, host and port of a link such as ``mavlink://127.0.0.1:14540``.
+    """Scheme, host and port of a link address such as ``mavlink://127.0.0.1:14540``.
 
     Raises:
         OffboardError: another form.
@@ -89,7 +89,7 @@ def parse_link(url: str) -> tuple[str, str, int]:
 
 
 def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, int] | None]:
-    """Socket of a link, and the address that it calls; a port that is taken may become free within ``patience`` s.
+    """Open a link's socket and return it with its peer's address; a taken port is retried for ``patience`` s.
 
     Raises:
         OffboardError: the link cannot be opened.
@@ -137,16 +137,16 @@ class OffboardLink(Estimates, MavlinkVehicle):
 
     @property
     def lost(self) -> int:
-        """Frames of the autopilot that did not arrive since the newest request for the mode of set points."""
+        """Number of frames lost since the newest request for the mode of external set points."""
         return self.parser.lost_by_sender.get((self.system, 1), 0) - self._lost_before
 
     @property
     def has_autopilot(self) -> bool:
-        """True once an autopilot of a known kind has sent its heartbeat."""
+        """True once an autopilot of a supported kind has sent its heartbeat."""
         return self.modes is not None
 
     def wait(self, seconds: float) -> None:
-        """Wait for datagrams, at most so long, and read all that have come."""
+        """Wait for datagrams, at most a given time (s), and read all that have arrived."""
         select.select([self._socket], [], [], max(seconds, 0.0))
         with contextlib.suppress(ConnectionError):
             for data, sender in drain(self._socket):
@@ -166,13 +166,13 @@ class OffboardLink(Estimates, MavlinkVehicle):
             self.tell("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
 
     def request_estimates(self, rate: float) -> None:
-        """Request estimates at a rate, Hz: at twice that if possible, since a sender rounds intervals up to its own."""
+        """Request state estimates at a rate (Hz); twice that if possible, since senders round their intervals up."""
         assert self.modes is not None
         most = min(2.0 * rate, self.modes.fastest)
         self.request_streams({name: most * share for name, share in STREAMS.items()})
 
     def request_outside(self) -> None:
-        """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
+        """Request the mode that takes external set points; ``accepted`` is True once the autopilot agrees."""
         self._await_answer()
         self._lost_before += self.lost
         super().request_outside()
@@ -197,7 +197,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
             _ = self._socket.send(frame) if self._calls else self._socket.sendto(frame, self._partner)
 
     def _hear_odometry(self, m: mavlink.Message) -> None:
-        """Estimate of the whole state; only its place where attitudes come more often."""
+        """Store an odometry message; its attitude counts only while no attitude messages arrive."""
         quaternion = to_our_attitude(*m["q"])
         velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
         if m["child_frame_id"] in BODY_FRAMES:
@@ -208,13 +208,13 @@ class OffboardLink(Estimates, MavlinkVehicle):
             self._take_state(place, place.time, quaternion, to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"]))
 
     def _hear_position(self, m: mavlink.Message) -> None:
-        """Place of an autopilot that sends no odometry."""
+        """Store position and velocity of an autopilot that sends no odometry."""
         if time.monotonic() - self._odometry > QUIET:
             velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
             self._place = Place(1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity)
 
     def _hear_attitude(self, m: mavlink.Message) -> None:
-        """Attitude and rate, with the newest place moved on to their time."""
+        """Store attitude and body rate with the newest position, extrapolated to their time."""
         self._attitude = time.monotonic()
         if self._place is None:
             return
@@ -223,7 +223,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
     def _take_state(self, place: Place, at: float, quaternion: Quaternion, rate: Vec3) -> None:
-        """Keep an estimate whose place is not older than ``OLD``."""
+        """Store a state whose position, extrapolated to the time of its attitude, is at most ``OLD`` s old."""
         ahead = at - place.time
         state = AutopilotState(
             time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,

@@ -34,7 +34,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class LoopSettings:
-    """Settings of the loop around a law: its period, the autopilot's rate loop, and its thrust.
+    """Settings of the loop around a control law: its period, the autopilot's rate loop, and its thrust.
 
     Attributes:
         period: period of the law.
@@ -49,7 +49,7 @@ class LoopSettings:
     center: Annotated[Vec3, Unit("m", "base axes")] = Vec3(0.0, 0.0, 0.0)
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[Scalar]) -> Vec3:
-        """Torque of the rate loop's integral in a hover at rotor speeds (rad/s), N m."""
+        """Initial integral torque (N m) of the rate loop in a hover at given rotor speeds (rad/s)."""
         wrench = rotor_wrench(vehicle, speeds)
         torque = wrench.torque - self.center.cross(wrench.force)
         return Vec3(*(float(each) for each in self.rate_loop.begin(torque)))
@@ -57,7 +57,7 @@ class LoopSettings:
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
     ) -> tuple[Vec3, RateCommand]:
-        """Rates and thrust of a law's command, and the rate loop's integral torque after the period."""
+        """Body rates and thrust for a law's command, and the rate loop's integral torque after the period."""
         return rate_command(
             model, self.rate_loop, self.full_thrust, self.center, integral, measurement, reference, command, self.period
         )
@@ -74,14 +74,14 @@ class OutsideMemory:
 
 @immutable
 class OutsideCommand:
-    """Output of one period: set point of the base, and the law's own command."""
+    """Output of one control period: set point of the base, and the command of the law."""
 
     base: SetPoint
     law: Command
 
 
 class OutsideLaw:
-    """Controller that is called with measured numbers in real time, in machine code where it can be traced.
+    """Control law evaluated in real time on measured values, compiled to machine code if it can be traced.
 
     No autopilot reports rotor speeds as a law measures them: they are modelled, by the rotors' lag under the law's own
     commands.
@@ -106,7 +106,7 @@ class OutsideLaw:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the first internal state."""
+        """Restore the initial internal state."""
         self._begin()
 
     def step(self, measurement: Measurement, reference: Reference) -> OutsideCommand:
@@ -116,7 +116,7 @@ class OutsideLaw:
     def _period(
         self, memory: OutsideMemory, measurement: Measurement, reference: Reference
     ) -> tuple[OutsideMemory, OutsideCommand]:
-        """One period over any scalar: the law, its command as a rate set point, and the modelled rotors."""
+        """One control period, for any scalar type: the law, the set point for its command, and the modelled rotors."""
         par, settings, dt = self.controller.par, self.settings, self.settings.period
         seen = dataclasses.replace(measurement, rotor_speeds=memory.rotor_speeds)
         law, command = checked_law(self.controller)(memory.law, seen, reference, dt, par=par)
@@ -126,7 +126,7 @@ class OutsideLaw:
         return following, OutsideCommand(base=base, law=command.dense())
 
     def _in_python(self) -> Callable[[Measurement, Reference], OutsideCommand]:
-        """Call the law with floats; its memory may be anything."""
+        """Prepare the law for evaluation with Python floats; its internal state may be of any type."""
 
         def begin() -> None:
             self._memory = copy.deepcopy(self._first)
@@ -139,7 +139,7 @@ class OutsideLaw:
         return step
 
     def _in_machine_code(self, example: Reference) -> Callable[[Measurement, Reference], OutsideCommand]:
-        """Compile the period; in Python, operation by operation, where there is no compiler."""
+        """Compile one control period to machine code; without a compiler it is evaluated operation by operation."""
         vehicle = self.controller.par.model.vehicle
         row = blank_measurement(vehicle.n, len(vehicle.rotors)), example
         first = np.array(leaves(self._first), dtype=float)

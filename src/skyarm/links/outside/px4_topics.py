@@ -1,4 +1,4 @@
-"""Topics of PX4's uXRCE-DDS client that a law outside reads and writes: types, fields, and the bits of a mode.
+"""Topics of PX4's uXRCE-DDS client for an external control law: message types, fields, and mode bits.
 
 Facts of PX4 v1.17: its client publishes below ``/fmu/out`` and reads below ``/fmu/in``, each topic at 100 Hz at most,
 with times in microseconds of its own clock, or of the agent's where it synchronises them (``UXRCE_DDS_SYNCT``).

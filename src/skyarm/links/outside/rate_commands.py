@@ -1,4 +1,4 @@
-"""Body-rate set points with which an autopilot's rate loop gives a control law's torque, and the thrust set point.
+"""Body-rate and thrust set points by which an autopilot's rate loop applies the torque of a control law.
 
 An autopilot takes no torque from outside: it takes body rates and a thrust, and its rate loop makes the torque. The
 inverse of that loop turns a law's command into rates: rotor speeds to torque and thrust by the model's rotors, then
@@ -34,30 +34,30 @@ Three = tuple[float, float, float]
 
 
 class RateLoop(Protocol):
-    """Model of an autopilot's rate loop, which is inverted."""
+    """Model of an autopilot's rate loop, to be inverted by a control law's set points."""
 
     def begin(self, torque: Vec3) -> Vec3:
-        """Integral torque (N m) of a vehicle that hovers under ``torque``."""
+        """Initial integral torque (N m) of the rate loop in a hover under a given torque (N m)."""
         ...
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
-        """Next integral torque (N m), and the rate error (rad/s) that gives a torque (N m) and its acceleration."""
+        """Next integral torque (N m), and the rate error (rad/s) for which the loop applies a torque (N m)."""
         ...
 
 
 @immutable
 @checked("rate_loop")
 class IdealRateLoop:
-    """Rate loop whose angular acceleration is its bandwidth times the rate error, whatever the torques from outside."""
+    """Rate loop with an angular acceleration of bandwidth times rate error, whatever the external torques."""
 
     bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
 
     def begin(self, torque: Vec3) -> Vec3:
-        """Zero: an ideal loop has no integral that counts."""
+        """Zero integral torque, since an ideal rate loop has no integral."""
         return Vec3(0.0, 0.0, 0.0)
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
-        """Angular acceleration over bandwidth, rad/s."""
+        """Integral torque as it was, and the rate error (rad/s): angular acceleration divided by bandwidth."""
         return integral, Vec3(*(a / k for a, k in zip(angular_acceleration, self.bandwidth, strict=True)))
 
 
@@ -73,7 +73,7 @@ class GuidedRateLoop(IdealRateLoop):
     gain: Annotated[Three, Unit("1/s", "of the attitude loop", low=0.0)]
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
-        """Angle (rad) of the desired attitude after ``dt`` in the integral's place, and the rate error."""
+        """Attitude lead (rad) after ``dt`` in place of an integral torque, and the rate error (rad/s)."""
         rows = zip(integral, angular_acceleration, self.bandwidth, self.gain, strict=True)
         error = Vec3(*(a / k - gain * z for z, a, k, gain in rows))
         return integral + error * dt, error
@@ -82,7 +82,7 @@ class GuidedRateLoop(IdealRateLoop):
 @immutable
 @checked("rate_loop")
 class PidRateLoop:
-    """Rate loop of torque p e + z - d dw/dt about each axis, with dz/dt = i e within a limit, and e the rate error."""
+    """PID rate loop: torque p e + z - d dw/dt about each axis with rate error e, and dz/dt = i e within a limit."""
 
     proportional: Annotated[Three, Unit("N m s/rad", "p", low=0.0, strict=True)]
     integral: Annotated[Three, Unit("N m/rad", "i", low=0.0)]
@@ -90,11 +90,11 @@ class PidRateLoop:
     limit: Annotated[Three, Unit("N m", "of the integral torque", low=0.0)]
 
     def begin(self, torque: Vec3) -> Vec3:
-        """The whole torque, within the limit: the rate error of a vehicle that hovers is zero on average."""
+        """Initial integral torque (N m): the whole hover torque, within the limit of the integral."""
         return Vec3(*(clip(t, -most, most) for t, most in zip(torque, self.limit, strict=True)))
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
-        """Inverse of the loop, and its integral after ``dt`` seconds of that error."""
+        """Next integral torque (N m), and the rate error (rad/s) from the inverse of the PID loop."""
         rows = zip(integral, torque, angular_acceleration, self.proportional, self.derivative, strict=True)
         error = [(t - z + d * a) / p for z, t, a, p, d in rows]
         gone = zip(integral, error, self.integral, self.limit, strict=True)
@@ -119,7 +119,7 @@ def rotor_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
 def angular_acceleration(
     model: Model, measurement: Measurement, reference: Reference, applied: Force, efforts: Sequence[Scalar]
 ) -> Vec3:
-    """Modelled angular acceleration of the base under a rotor wrench about its origin, rad/s^2, base axes.
+    """Modelled angular acceleration (rad/s^2, base axes) of the base under a rotor wrench about its origin.
 
     Joints of torque drives accelerate by ``efforts``; with any other drive the joints have the accelerations of their
     references, and the base's follows from its rows of the equations of motion.
@@ -147,7 +147,7 @@ def rate_command(
     command: Command,
     dt: Scalar,
 ) -> tuple[Vec3, RateCommand]:
-    """Set point with which a rate loop applies a law's command, and the loop's integral torque after a period.
+    """Body-rate set point by which a rate loop applies a law's command, and the loop's next integral torque.
 
     Args:
         model: law's model.

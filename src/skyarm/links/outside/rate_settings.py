@@ -1,4 +1,4 @@
-"""Settings of the loop around a law that commands rates, by the parameters of its autopilot."""
+"""Settings of the loop around a control law that commands body rates, from the autopilot's parameters."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PX4's usual 2 Hz ``centroidal`` oscillates with 0.6 rad/s, which drives rotors t
 
 
 def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateLoop:
-    """Rate loop of PX4 in torques: each gain times the torque of a full signal.
+    """Model of PX4's rate loop in torques: each gain times the torque of a full control signal.
 
     Args:
         vehicle: vehicle with the rotors that PX4's parameters of geometry describe.
@@ -67,7 +67,7 @@ HOVER = (0.05, 0.95)
 
 
 class ParameterReader:
-    """Reader of an autopilot's parameters, whose heartbeat has come.
+    """Reader of parameters from an autopilot whose heartbeat has arrived.
 
     Args:
         link: link to it.
@@ -80,7 +80,7 @@ class ParameterReader:
         self._link, self._wait = link, wait
 
     def read(self, names: Sequence[str]) -> dict[str, float]:
-        """Read parameters.
+        """Read parameters of the autopilot by name.
 
         Raises:
             OffboardError: it does not send one of them.
@@ -102,7 +102,7 @@ class ParameterReader:
 def rate_settings(
     reader: ParameterReader, model: Model, period: float, bandwidth: Three | None, hover_share: float | None
 ) -> LoopSettings:
-    """Read what the loop around a law depends on.
+    """Read the autopilot's parameters and make the settings of the loop around a control law.
 
     Args:
         reader: reader of the autopilot.
@@ -129,7 +129,7 @@ def rate_settings(
 
 
 def _require_thrust(reader: ParameterReader) -> None:
-    """Refuse an autopilot that takes the thrust of a set point for a climb rate.
+    """Raise an error if the autopilot interprets the thrust of a set point as a climb rate.
 
     Raises:
         OffboardError: its option is not set.
@@ -145,7 +145,7 @@ def _require_thrust(reader: ParameterReader) -> None:
 
 
 def _rate_loop(reader: ParameterReader, vehicle: Vehicle, wide: Three | None) -> RateLoop:
-    """Rate loop to invert: of the bandwidth that is given, else PX4's by its parameters.
+    """Rate loop to invert, from a given bandwidth or, for PX4, from its parameters.
 
     Raises:
         OffboardError: no bandwidth for another autopilot, or a filter behind which yaw oscillates.

@@ -1,4 +1,4 @@
-"""State of a vehicle as its autopilot estimates it, and its place in a scenario's world.
+"""Vehicle state as estimated by its autopilot, and its transformation into a scenario's world.
 
 Axes here are forward, left, up and north, west, up (:mod:`skyarm.algebra.frames` brings those of the wire into them). A
 scenario's world differs from the autopilot's local frame by a shift and a turn about the vertical.
@@ -20,7 +20,7 @@ from skyarm.sensing.measurement import Measurement
 
 @immutable
 class AutopilotState:
-    """Estimate of an autopilot: pose, velocities and specific force, at a time of its own clock."""
+    """State estimate of an autopilot (pose, velocities, specific force) at a time of its own clock."""
 
     time: Annotated[float, Unit("s", "the autopilot's clock")]
     position: Annotated[Vec3, Unit("m", "north, west, up")]
@@ -38,7 +38,7 @@ def is_whole(state: AutopilotState) -> bool:
 
 @immutable
 class WorldFrame:
-    """Scenario's world in an autopilot's local frame: p_world = turn about z of (p_local - origin), plus start."""
+    """Transformation from an autopilot's local frame to the world: p_world = R_z(turn) (p_local - origin) + start."""
 
     origin: Annotated[Vec3, Unit("m", "north, west, up")] = Vec3(0.0, 0.0, 0.0)
     start: Annotated[Vec3, Unit("m", "of the origin, world axes")] = Vec3(0.0, 0.0, 0.0)
@@ -46,14 +46,14 @@ class WorldFrame:
 
     @classmethod
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
-        """World in which a vehicle is at a position (m) and heading (rad) now."""
+        """Transformation by which the vehicle is now at a given position (m) and heading (rad) of the world."""
         x, y, z = (float(c) for c in position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
     def measurement(
         self, state: AutopilotState, arm: JointReading, time: float, gravity: float, rotors: int = 0
     ) -> Measurement:
-        """Measurement of a law, s after its start, in the scenario's world, with a place for each rotor's speed.
+        """Measurement for the control law in the scenario's world at a time (s) since its start; rotor speeds are zero.
 
         Without an accelerometer the specific force is that of a base without acceleration.
         """

@@ -32,7 +32,7 @@ FARTHEST = SPEED * float(DURATIONS[-1]) * 8.0 / 15.0
 
 
 def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
-    """Scenario whose reference takes goals in flight, and an empty text; or as it is, and why it takes none."""
+    """Make a scenario's reference accept goals in flight; return the scenario, and the reason if impossible."""
     reference = scenario.reference
     reasons = {
         "its tip leads the base": reference.tip is not None or reference.push is not None,
@@ -45,17 +45,17 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
 
 
 def goal_paths(reference: Trajectory) -> list[str]:
-    """Paths of the numbers that a goal changes; none of a reference that takes no goals."""
+    """Parameter paths that a goal changes; empty if the reference takes no goals."""
     return [f"reference.{word}.{field}" for word in _signals(reference) for field in FIELDS]
 
 
 def takes_goals(reference: Trajectory) -> bool:
-    """True if a reference was made to take goals in flight."""
+    """True if a reference can take goals in flight."""
     return type(reference.x) is Redirected
 
 
 def base_goal(message: Content) -> dict[str, float]:
-    """Goals of x, y, z (m) and of the heading (rad) from a PoseStamped message; no heading without a rotation.
+    """Goals for x, y, z (m) and heading (rad) from a PoseStamped message; no heading for a zero quaternion.
 
     Raises:
         MessageError: another frame than the world's, or a number that is not finite.
@@ -75,7 +75,7 @@ def base_goal(message: Content) -> dict[str, float]:
 
 
 def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
-    """Goals of joints (rad or m), by the words of the reference, from a JointState message with names and positions.
+    """Joint goals (rad or m) by signal name, such as ``joints.0``, from a JointState message with names and positions.
 
     Raises:
         MessageError: a name of no joint, another number of positions than names, or a position outside the limits.
@@ -97,7 +97,7 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
 
 
 def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) -> None:
-    """Refuse goals so far from the reference of an instant that no motion within the limits reaches them.
+    """Raise an error for goals too far from the reference at a given time to be reached within the limits.
 
     Args:
         reference: reference that takes goals.
@@ -115,7 +115,7 @@ def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) 
 
 
 def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -> dict[str, float]:
-    """Numbers of the reference, by path, with which it moves to goals from its state at an instant.
+    """Reference parameters, by path, of a smooth motion to the goals from its state at a given time.
 
     All of the base arrive together, each joint in its own time. Every number of every signal is given, so that all
     goals change the same ones.
@@ -141,7 +141,7 @@ def _signals(reference: Trajectory) -> dict[str, Redirected]:
 
 
 def _move_together(signals: Mapping[str, Redirected], time: float, goals: Mapping[str, float]) -> dict[str, Redirected]:
-    """Signals that move to their goals from an instant on, and arrive together."""
+    """Signals that move to their goals from a given time on and arrive together."""
     begins = [_begin(each, time) for each in signals.values()]
     ends = [
         _nearest_turn(goals[word], begin[0]) if word == HEADING else goals[word]
@@ -162,5 +162,5 @@ def _begin(signal: Redirected, time: float) -> tuple[float, float, float]:
 
 
 def _nearest_turn(angle: float, near: float) -> float:
-    """Angle, rad, plus whole turns, that is nearest to another."""
+    """Angle (rad), shifted by whole turns, that is nearest to another angle."""
     return angle + math.tau * round((near - angle) / math.tau)

@@ -26,7 +26,7 @@ SOON = 0.005
 
 
 class Pace:
-    """Clock that lets each control period begin at its time on the wall clock.
+    """Pacing clock that starts each control period at its time on the wall clock.
 
     Args:
         speed: flight time over wall time; infinite waits for nothing.
@@ -40,7 +40,7 @@ class Pace:
         self.late = 0.0
 
     def wait(self, flight_time: float) -> None:
-        """Sleep until a time of the flight, s, has come."""
+        """Sleep until the wall clock has reached a given flight time (s)."""
         if math.isinf(self._speed):
             return
         now = time.perf_counter()
@@ -56,7 +56,7 @@ class Pace:
 
 @immutable
 class LiveFlight:
-    """Result of a flight with live topics.
+    """Result of a flight with live ROS topics: log, counts of commands and goals, and delay.
 
     Attributes:
         log: log of the flight.
@@ -77,12 +77,12 @@ class LiveFlight:
 
     @property
     def facts(self) -> dict[str, float]:
-        """Version, counts and lateness by the keys of the command's document."""
+        """ROS version, counts of commands and goals, and delay (s), by their keys in the JSON document."""
         return {"version": self.version, "commanded": self.commanded, "goals": self.goals, "late_s": self.late}
 
     @property
     def lines(self) -> list[str]:
-        """Sentences about the commands and goals of the flight, and about its pace."""
+        """Sentences on the ROS commands and goals of the flight, and on its delay."""
         rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
         if self.commanded:
             seconds = self.commanded / rate
@@ -125,7 +125,7 @@ def fly_live(
     preparing: Callable[[float, float], object] | None = None,
     warn: Warn,
 ) -> LiveFlight:
-    """Fly a scenario with live topics; closes the node, whatever happens.
+    """Fly a scenario with live ROS topics; the node is closed at the end, even after an error.
 
     Args:
         scenario: scenario to fly.
@@ -169,7 +169,7 @@ def fly_live(
 
 
 def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn: Warn) -> None:
-    """Fly a session to its end, or until ROS ends the node."""
+    """Simulate a session at its pace until it ends or ROS shuts the node down."""
     session, node, reported, lost = link.session, link.node, -math.inf, False
     while session.running:
         clock.wait(session.time)

@@ -1,4 +1,4 @@
-"""A node of ROS: publishes and receives messages as bytes, whichever version carries them."""
+"""Interface of a ROS node that publishes and receives messages as bytes, for ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Content = dict[str, Any]
 
 
 class RosError(ValueError):
-    """Error of a missing or unreachable ROS, as one line."""
+    """Error if ROS is missing or unreachable, with a one-line message."""
 
 
 class Node(Protocol):
@@ -34,14 +34,14 @@ class Node(Protocol):
 
     @property
     def problem(self) -> str:
-        """Reason for which the node has lost its ROS; empty while it has not."""
+        """Reason why the node has lost its connection to ROS; empty while it is connected."""
 
     @property
     def end_reason(self) -> str:
-        """Reason for which ROS has ended the node; empty while it has not."""
+        """Reason why ROS has shut the node down; empty while it runs."""
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
-        """Offer a topic; the last message of a latched one is sent to every later subscriber."""
+        """Advertise a topic; a latched one sends its last message to every later subscriber."""
 
     def send(self, topic: str, data: bytes) -> None:
         """Publish a message on an advertised topic; never waits for a receiver."""
@@ -56,21 +56,21 @@ class Node(Protocol):
         """Number of subscribers that an advertised topic has now."""
 
     def close(self) -> None:
-        """Unregister, close all sockets and end all threads."""
+        """Unregister the node, close all sockets and end all threads."""
 
 
 class Inbox:
-    """Messages of one topic that wait to be read; the newest are kept."""
+    """Queue of received messages of one topic; the oldest are dropped if it is full."""
 
     def __init__(self) -> None:
         self._waiting: deque[bytes] = deque(maxlen=MOST_WAITING)
 
     def put(self, data: bytes) -> None:
-        """Add a message, from any thread."""
+        """Add a message to the queue, from any thread."""
         self._waiting.append(data)
 
     def take(self) -> list[bytes]:
-        """Remove and return all messages, oldest first."""
+        """Remove and return all messages of the queue, oldest first."""
         messages = []
         while self._waiting:
             messages.append(self._waiting.popleft())

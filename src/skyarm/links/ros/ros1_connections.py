@@ -35,7 +35,7 @@ ANY = "*"
 
 @immutable(kw_only=False)
 class Identity:
-    """Node, topic and message type at one end of a connection."""
+    """Node name, topic and message type at one end of a connection."""
 
     node: str
     topic: str
@@ -58,7 +58,7 @@ class Identity:
         }
 
     def mismatch(self, header: Mapping[str, str]) -> str:
-        """Reason for which a connection header does not fit this topic; empty if it fits."""
+        """Reason why a connection header does not match this topic; empty if it matches."""
         for name, own in (("type", self.kind), ("md5sum", self.checksum)):
             if header.get(name, ANY) not in (ANY, own):
                 return f"{name} of {self.topic} is {own}, not {header[name]}"
@@ -79,7 +79,7 @@ class Publication:
 
     @staticmethod
     def welcome(connection: socket.socket, publications: Mapping[str, Publication]) -> None:
-        """Answer the header of a subscriber that has connected, and send it the topic from now on."""
+        """Answer the connection header of a new subscriber and add it to its topic, or refuse it."""
         connection.settimeout(PATIENCE)
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -124,7 +124,7 @@ class Publication:
                 each.put(message)
 
     def close(self) -> None:
-        """Send what waits, then close all connections."""
+        """Send all waiting messages, then close all connections."""
         with self._lock:
             outlets, self._outlets = self._outlets, []
         for each in outlets:
@@ -132,7 +132,7 @@ class Publication:
 
 
 class _Outlet:
-    """Connection of one subscriber, and the messages that wait for it."""
+    """Connection to one subscriber, with a queue of its waiting messages."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
@@ -144,17 +144,17 @@ class _Outlet:
 
     @property
     def alive(self) -> bool:
-        """True until the subscriber breaks off."""
+        """True until the subscriber disconnects."""
         return self._thread.is_alive()
 
     def put(self, message: bytes) -> None:
-        """Add a message to those that wait; the oldest is dropped if there are too many."""
+        """Add a message to the queue; the oldest is dropped if the queue is full."""
         with self._ready:
             self._waiting.append(message)
             self._ready.notify()
 
     def close(self) -> None:
-        """Send what waits, within the time limit of a connection, then close it."""
+        """Send all waiting messages within the connection's time limit, then close it."""
         with self._ready:
             self._closing = True
             self._ready.notify()
@@ -190,7 +190,7 @@ class Subscription:
         self._sources: dict[str, _Source] = {}
 
     def update(self, publishers: list[str]) -> None:
-        """Connect to new publishers, as many as may be, and close the connections of those that are gone."""
+        """Connect to new publishers, up to a limit, and disconnect from those that have left."""
         publishers = list(dict.fromkeys(publishers))[:MOST_CONNECTIONS]
         with self._lock:
             gone = [self._sources.pop(each) for each in list(self._sources) if each not in publishers]
@@ -206,7 +206,7 @@ class Subscription:
 
 
 class _Source:
-    """Connection to one publisher, whose messages a thread puts into the topic's inbox."""
+    """Connection to one publisher; a thread adds its messages to the topic's queue."""
 
     def __init__(self, publisher: str, identity: Identity, inbox: Inbox, find: Finder) -> None:
         self._publisher, self._identity, self._inbox, self._find = publisher, identity, inbox, find
@@ -217,7 +217,7 @@ class _Source:
 
     @property
     def alive(self) -> bool:
-        """True until the publisher breaks off."""
+        """True until the publisher disconnects."""
         return self._thread.is_alive()
 
     def close(self) -> None:
@@ -278,7 +278,7 @@ def read_header(connection: socket.socket) -> dict[str, str]:
 
 
 def limit_wait(connection: socket.socket, until: float) -> None:
-    """Let a connection wait until a time of the monotonic clock, s, and no longer.
+    """Set a connection's timeout to end at a given time (s) of the monotonic clock.
 
     Raises:
         TimeoutError: it has come.
@@ -290,7 +290,7 @@ def limit_wait(connection: socket.socket, until: float) -> None:
 
 
 def read_exactly(connection: socket.socket, count: int, until: float | None = None) -> bytes:
-    """Read a number of bytes; with ``until``, before that time of the monotonic clock, s.
+    """Read an exact number of bytes, before a time (s) of the monotonic clock if ``until`` is given.
 
     Raises:
         OSError: the connection broke off, or was too slow.

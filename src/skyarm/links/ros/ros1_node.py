@@ -111,7 +111,7 @@ class Ros1Node:
             thread.start()
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
-        """Offer a topic.
+        """Advertise a topic.
 
         Raises:
             RosError: the master does not answer, or refuses.
@@ -120,7 +120,7 @@ class Ros1Node:
         self._ask("registerPublisher", topic, kind, self.address)
 
     def send(self, topic: str, data: bytes) -> None:
-        """Publish a message; one that a slow receiver has no room for is dropped."""
+        """Publish a message; it is dropped for a receiver that is too slow."""
         self._publications[topic].send(data)
 
     def subscribe(self, topic: str, kind: str) -> None:
@@ -169,7 +169,7 @@ class Ros1Node:
             subscription.update(publishers)
 
     def connection_of(self, topic: str) -> list[str | int]:
-        """Protocol, host and port at which a published topic is given out; empty for one that is not."""
+        """Protocol, host and port at which the node publishes a topic; empty for any other topic."""
         return [PROTOCOL, self._host, self._listener.getsockname()[1]] if topic in self._publications else []
 
     def publications(self) -> list[list[str]]:
@@ -181,7 +181,7 @@ class Ros1Node:
         return [[each.identity.topic, each.identity.kind] for each in self._subscriptions.values()]
 
     def _find(self, publisher: str, topic: str) -> tuple[str, int]:
-        """Host and port at which another node gives out a topic."""
+        """Host and port at which another node publishes a topic."""
         answer = call(publisher, "requestTopic", self.name, topic, [[PROTOCOL]])
         match answer:
             case [str(protocol), str(host), int(port)] if protocol == PROTOCOL and 0 < port <= MOST_PORT:
@@ -217,7 +217,7 @@ class Ros1Node:
                 each.close()
 
     def _watch(self) -> None:
-        """Ask the master once a second whether it is there; two silences are a loss."""
+        """Poll the master once a second; it counts as lost after two failures."""
         silent = 0
         while not self._closing.wait(WATCH):
             try:
@@ -231,7 +231,7 @@ class Ros1Node:
 
 
 class _Api:
-    """Methods that the master and other nodes call on a node; each returns status, words and a value."""
+    """Node API that the master and other nodes call; each method returns status, message and value."""
 
     def __init__(self, node: Ros1Node) -> None:
         self._node = node
@@ -272,23 +272,23 @@ class _Api:
 
 
 class _Request(io.RawIOBase):
-    """Bytes of a request, which have to arrive within one time limit."""
+    """Byte stream of a request that must arrive within one time limit."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection, self._until = connection, time.monotonic() + PATIENCE
 
     def readable(self) -> bool:
-        """Return True."""
+        """True, as required of a readable stream."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Read what has arrived; TimeoutError once the time is over."""
+        """Read the bytes that have arrived; raise TimeoutError after the time limit."""
         limit_wait(self._connection, self._until)
         return self._connection.recv_into(buffer)
 
 
 class _Handler(SimpleXMLRPCRequestHandler):
-    """Request handler that answers at any path and drops a caller that is slow or sends too much."""
+    """Request handler that answers at any path, and drops a client that is slow or sends too much."""
 
     rpc_paths = ()
     timeout = PATIENCE
@@ -300,7 +300,7 @@ class _Handler(SimpleXMLRPCRequestHandler):
         self.rfile = io.BufferedReader(_Request(self.connection))
 
     def do_POST(self) -> None:
-        """Answer a call that is not too long."""
+        """Answer a POST request, or refuse one that is too long."""
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= LONGEST_REQUEST):
             self.send_error(413)
@@ -308,11 +308,11 @@ class _Handler(SimpleXMLRPCRequestHandler):
         super().do_POST()
 
     def log_message(self, *_: object) -> None:
-        """Print nothing about requests that are none."""
+        """Print nothing about invalid requests."""
 
 
 class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
-    """XML-RPC server of a node, with a thread for each of some callers, silent about those that break off."""
+    """XML-RPC server of a node, with a limited number of threads, silent about clients that disconnect."""
 
     daemon_threads, block_on_close = True, False
 
@@ -325,25 +325,25 @@ class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
         super().__init__((host, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
 
     def process_request(self, request: Request, client_address: Address) -> None:
-        """Answer a caller in a thread of its own, or drop it where there are too many."""
+        """Answer a client in its own thread, or drop it if there are too many."""
         if self._places.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
             self.shutdown_request(request)
 
     def process_request_thread(self, request: Request, client_address: Address) -> None:
-        """Answer a caller, and make room for another."""
+        """Answer a client, then free its place for another."""
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._places.release()
 
     def handle_error(self, *_: object) -> None:
-        """Ignore a caller that breaks off or sends no XML."""
+        """Ignore a client that disconnects or sends no XML."""
 
 
 class _Transport(xmlrpc.client.Transport):
-    """HTTP connection to the master or a node that is given up after some seconds and leaves no socket behind."""
+    """HTTP connection to the master or a node, with a time limit, that leaves no socket open."""
 
     _answer: http.client.HTTPResponse | None = None
 
@@ -361,14 +361,14 @@ class _Transport(xmlrpc.client.Transport):
         return self._answer
 
     def close(self) -> None:
-        """Close the connection, and an answer that was not read to its end since it is no XML."""
+        """Close the connection and an incompletely read answer."""
         if self._answer is not None:
             self._answer.close()
         super().close()
 
 
 def call(address: str, method: str, *words: Value) -> Any:
-    """Call a method of the master or of a node; returns its value.
+    """Call an XML-RPC method of the master or of a node; return its value.
 
     Raises:
         RosError: it does not answer, or refuses; one line with its address.
@@ -388,7 +388,7 @@ def call(address: str, method: str, *words: Value) -> Any:
 
 
 def _address(text: str) -> str:
-    """Address of a master, checked.
+    """Check the address of a ROS master.
 
     Raises:
         RosError: no address of the form http://HOST:PORT.

@@ -45,7 +45,7 @@ LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 
 
 class Ros2Node:
-    """Node of ROS 2 by the library cyclonedds.
+    """ROS 2 node based on the library cyclonedds.
 
     Args:
         domain: number of the DDS domain; that of ROS_DOMAIN_ID, else 0, if left out.
@@ -94,7 +94,7 @@ class Ros2Node:
             raise RosError(f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})") from None
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
-        """Offer a topic: reliable, the last 100 messages; a latched one keeps its last for later subscribers."""
+        """Advertise a topic: reliable, queue of 100 messages; a latched one keeps its last for later subscribers."""
         policy, within = self._dds.qos.Policy, self._dds.util.duration
         qos = self._dds.qos.Qos(
             policy.Reliability.Reliable(max_blocking_time=within(milliseconds=1)),
@@ -105,7 +105,7 @@ class Ros2Node:
         self._writers[topic] = self._dds.pub.DataWriter(self._participant, self._topic(topic, kind), qos=qos)
 
     def send(self, topic: str, data: bytes) -> None:
-        """Publish a message; one that the slowest receiver has no room for is dropped."""
+        """Publish a message; it is dropped if the slowest receiver has no room for it."""
         writer = self._writers[topic]
         try:
             writer.write(_message(writer.data_type, data))
@@ -114,7 +114,7 @@ class Ros2Node:
                 raise RosError(f"ROS 2 topic {topic}: cannot be written ({_words(error)})") from None
 
     def subscribe(self, topic: str, kind: str) -> None:
-        """Subscribe to a topic, whether its publisher is reliable or not."""
+        """Subscribe to a topic, for reliable and best-effort publishers alike."""
         policy = self._dds.qos.Policy
         qos = self._dds.qos.Qos(
             policy.Reliability.BestEffort,
@@ -130,7 +130,7 @@ class Ros2Node:
         return [each.content for each in samples if hasattr(each, "content")]
 
     def wait(self, seconds: float) -> None:
-        """Wait for a message of the topics that were subscribed to before the first call, at most so long."""
+        """Wait a limited time (s) for a message of the topics subscribed to before the first call."""
         if self._arrivals is None:
             core = self._dds.core
             self._arrivals = core.WaitSet(self._participant)
@@ -148,7 +148,7 @@ class Ros2Node:
         return len(self._readers[topic].get_matched_publications())
 
     def close(self) -> None:
-        """Give the last messages time to arrive, then leave the domain; its sockets and threads end."""
+        """Wait until the last messages have arrived, then leave the DDS domain; sockets and threads end."""
         if any(self.subscribers(topic) for topic in self._writers):
             time.sleep(LAST)
         self._arrivals = None
@@ -163,25 +163,25 @@ class Ros2Node:
 
 
 class _Encoded(Protocol):
-    """Protocol of a message of a DDS type that holds its bytes alone."""
+    """Protocol of a DDS message object that stores only its encoded bytes."""
 
     content: bytes
 
 
 def _content(message: _Encoded, *_: object, **__: object) -> bytes:
-    """Bytes of a message, in the place of cyclonedds's own encoder in Python."""
+    """Encoded bytes of a DDS message, in place of cyclonedds's own encoder."""
     return message.content
 
 
 def _message(kind: type[_Encoded], /, data: bytes, *_: object, **__: object) -> _Encoded:
-    """Message of a DDS type from its bytes, in the place of cyclonedds's own decoder."""
+    """Make a DDS message from its encoded bytes, in place of cyclonedds's own decoder."""
     message = kind.__new__(kind)
     message.content = bytes(data)
     return message
 
 
 class DdsTypes:
-    """DDS types of ROS messages, made from their definitions and kept."""
+    """Cache of DDS types made from ROS message definitions."""
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
         from cyclonedds.idl import make_idl_struct, types
@@ -190,7 +190,7 @@ class DdsTypes:
         self._make, self._types = make_idl_struct, types
 
     def of(self, kind: str) -> Any:
-        """DDS type of a message type such as nav_msgs/Odometry."""
+        """DDS type of a ROS message type such as nav_msgs/Odometry."""
         if kind not in self._made:
             package, _, name = kind.partition("/")
             parts = {field.name: self._field(field) for field in fields(self._definitions[kind])}

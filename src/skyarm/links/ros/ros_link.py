@@ -1,4 +1,4 @@
-"""Live ROS topics of a session, and commands and goals from ROS.
+"""Live ROS topics of a simulation session, and commands and goals from ROS.
 
 Topics are those of a log (:mod:`skyarm.log.ros.topics`) with the clock, the rotors and the applied command. In come
 
@@ -53,7 +53,7 @@ Warn = Callable[[str], object]
 
 
 class LiveInstant:
-    """Arrays of the control period that was flown last, by their names in a log; the costly ones made on demand."""
+    """Arrays of the latest control period by log name; costly ones are computed on demand."""
 
     def __init__(self, session: Session, info: Mapping[str, Plain]) -> None:
         self._session, self._info = session, info
@@ -61,11 +61,11 @@ class LiveInstant:
 
     @property
     def time(self) -> Array:
-        """Time of the period's start, s, (1,); empty if there is no such period."""
+        """Start time (s) of the latest control period (1,); empty before the first period."""
         return self._known["time"]
 
     def __getitem__(self, array: str) -> Array:
-        """Array (1,) or (1, k) by name."""
+        """Array of the latest control period, (1,) or (1, k), by its log name."""
         if array not in self._known:
             piece = self._session.latest
             if "." in array:
@@ -76,7 +76,7 @@ class LiveInstant:
 
 
 class RosLink:
-    """ROS node of one session: publishes each of its periods and takes commands and goals.
+    """ROS node of one simulation session: publishes each control period, and takes commands and goals.
 
     Args:
         session: session to fly period by period with :meth:`step`; one of :func:`live_session` takes goals.
@@ -114,7 +114,7 @@ class RosLink:
             raise
 
     def _register(self) -> None:
-        """Offer and subscribe to all topics."""
+        """Advertise and subscribe to all topics."""
         node, scenario = self.node, self.session.scenario
         for topic in self._topics:
             node.advertise(topic.name, topic.kind, latched=topic.every == 0)
@@ -140,7 +140,7 @@ class RosLink:
         self.node.close()
 
     def step(self) -> bool:
-        """Fly one control period under the received command or the law and publish it; False at the flight's end."""
+        """Simulate one control period under the received command, or else the law, and publish it; False at the end."""
         self.take_goals()
         command = self.take_command()
         going = self.session.step(command)
@@ -149,7 +149,7 @@ class RosLink:
         return going
 
     def take_command(self) -> Command | None:
-        """Command for the next period: the newest received one, or None where the law flies."""
+        """Newest received command that has not timed out; None if the law commands the next period."""
         sizes = self.session.scenario.plant.vehicle.sizes
         for message in self._take_messages(COMMAND, NUMBERS) if self._takes_commands else ():
             try:
@@ -159,7 +159,7 @@ class RosLink:
         return self._command if self.session.time - self._heard < self._timeout - 1e-9 else None
 
     def take_goals(self) -> None:
-        """Give the reference the newest received goals, at most five times a second."""
+        """Redirect the reference to the newest received goals, at most five times a second."""
         session = self.session
         if not takes_goals(session.scenario.reference):
             return
@@ -184,7 +184,7 @@ class RosLink:
         self._goal |= goals
 
     def publish(self) -> None:
-        """Publish the period that was flown last on all topics whose turn it is."""
+        """Publish the latest control period on all topics that are due."""
         instant, tick = LiveInstant(self.session, self._info), self.session.tick - 1
         if not instant.time.size:
             return
@@ -199,7 +199,7 @@ class RosLink:
         self._begun = True
 
     def _take_messages(self, topic: str, kind: str) -> list[Content]:
-        """Decode the messages that have arrived on a topic; what is none is refused."""
+        """Decode the messages that have arrived on a topic; invalid ones are refused."""
         messages = []
         for data in self.node.take(topic):
             try:
@@ -215,14 +215,14 @@ class RosLink:
 
 
 def live_session(scenario: Scenario, preparing: Callable[[float, float], object] | None = None) -> tuple[Session, str]:
-    """Session whose reference takes goals from ROS, and an empty text; or one that takes none, and why."""
+    """Open a session whose reference takes goals from ROS; else return the reason why it takes none."""
     live, reason = with_goals(scenario)
     # inputs of its program from the start: the first goal would make the program anew, which takes half a second
     return open_session(live, goal_paths(live.reference), preparing=preparing), reason
 
 
 def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
-    """Command from the numbers of a message: rotor speeds, joint efforts or setpoints, angles of tilting rotors.
+    """Vehicle command from a message's list of numbers: rotor speeds, joint efforts or setpoints, rotor tilt angles.
 
     Raises:
         MessageError: another count, a number that is not finite, or a negative rotor speed.
@@ -242,7 +242,7 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
 
 
 def _own_topics(session: Session, log: Log) -> tuple[Topic, ...]:
-    """Topics beside those of a log: the clock in every period, rotors and the applied command as often as the base."""
+    """Additional topics: clock in every control period; rotor speeds and applied command at the rate of the base."""
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
 

@@ -48,7 +48,7 @@ def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
 
 
 def tilt(q: Quaternion) -> Scalar:
-    """Tilt of the body's z axis against the vertical, from a unit quaternion, rad; accurate near zero."""
+    """Tilt (rad) of the body's z axis against the vertical, from a unit quaternion; accurate near zero."""
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
@@ -160,7 +160,7 @@ def first_totals(counted: Sequence[Total]) -> Totals:
 
 
 def added_numbers(name: str, method: str, result: Tree, like: Tree = None) -> Tree:
-    """Result of a method of a registered metric, after a check that it is of numbers.
+    """Check that a registered metric's method returned numbers, and return its result.
 
     Args:
         name: name of the metric.

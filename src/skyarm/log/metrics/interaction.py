@@ -199,7 +199,7 @@ Quantity = Callable[[MetricInstant, MetricGoal], Scalar | None]
 
 
 def _of_part(name: str, index: int) -> Quantity:
-    """Make a function that reads one number of a contact or gripper model's logged array."""
+    """Make a function that reads one component of an array logged by a contact or gripper model."""
     return lambda now, _: now.part(name)[index] if now.part(name) else None
 
 

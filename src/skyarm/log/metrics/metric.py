@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class MetricGoal:
-    """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
+    """Reference for the metrics: base position (m), joint positions, and tip position (m) at a level base."""
 
     position: Vec3
     joints: tuple[Scalar, ...]
@@ -40,7 +40,7 @@ class ActuatorLimits:
 
     @classmethod
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
-        """Limits of a vehicle, of whose joints the marked ones take setpoints."""
+        """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints and have no effort limit."""
         joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),

@@ -49,7 +49,7 @@ class Measure:
 
 
 def _or_nan(_n: Array, _dt: float, total: Array) -> AnyArray:
-    """Return an extreme or last value of a quantity, or NaN if the flight lacks the quantity."""
+    """Extreme or last value of a quantity over each flight; NaN if the flight lacks the quantity."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -194,7 +194,7 @@ def _registered_measure(name: str) -> Measure:
 
 
 def _result(name: str, metric: Metric, memory: Tree, instants: Array, period: float) -> Array:
-    """Result of a registered metric over each flight, after a check."""
+    """Result of a registered metric for each flight, after a check of its shape and type."""
     value = np.asarray(metric.result(memory, instants, period))
     if value.dtype.kind not in "biuf" or value.shape not in ((), np.shape(instants)):
         coerce.refuse(f"{place_of(type(metric).result)}: metric {name!r}: result", value, "must be one number a flight")

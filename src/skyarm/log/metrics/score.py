@@ -78,7 +78,7 @@ SETTLING_BAND = 0.02
 
 
 def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:
-    """Time from which the position error stays within 0.02 m of its steady mean, s; NaN if it never does.
+    """Time (s) from which the position error stays within 0.02 m of its steady mean; NaN if it never does.
 
     Args:
         log: log of the flight.
@@ -147,7 +147,7 @@ def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
 
 
 def _limits(log: Log) -> ActuatorLimits | None:
-    """Limits of the actuators, an array (N,) each; None if the log does not tell its vehicle."""
+    """Actuator limits of a log as arrays (N,); None if the log does not describe its vehicle."""
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return None

@@ -178,7 +178,7 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
 
 
 def _desired_force(log: Log) -> tuple[Array, Array]:
-    """Commanded contact force (N,), N, and a mask of the instants at which the tip presses or grips."""
+    """Commanded contact force (N) over time, and a mask of the instants at which the tip presses or grips."""
     try:
         push = wanted_push(log) if written_at(log.info, "reference.push") else ()
     except ValueError:  # of a plugin that is not loaded
@@ -202,7 +202,7 @@ def _missed_forces(log: Log, desired: Array) -> Iterator[Unreached]:
 
 
 def _force_at_tip(log: Log) -> Array:
-    """Sum of the contact forces at the tip (N,), N."""
+    """Sum of the contact forces (N) at the tip over time."""
     at_tip = points_at_tip(log)
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
     force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")

@@ -43,7 +43,7 @@ class Window:
 
     @classmethod
     def from_table(cls, value: object, where: str) -> Window:
-        """Window from a list [start, stop], s."""
+        """Make a time window from a list [start, stop], s."""
         if not isinstance(value, list) or len(value) != 2:
             raise ValueError(f"{where} = {shown(value)}: must be [start, stop] in s")
         start, stop = (number(item, f"{where}[{i}]", low=0.0) for i, item in enumerate(value))
@@ -52,7 +52,7 @@ class Window:
         return cls(start, stop)
 
     def to_entry(self) -> list[float]:
-        """Entry of a file: [start, stop], s."""
+        """Convert the time window to a list [start, stop] (s) for a file."""
         return [self.start, self.stop]
 
     def of(self, log: Log) -> Mask:
@@ -134,7 +134,7 @@ class Windows:
         return FlightWindows(duration=duration, **chosen)
 
     def within(self, duration: float) -> Windows:
-        """Windows of these that end within a flight of given duration, s."""
+        """Requested windows that end within a flight of given duration, s."""
         return Windows(**{name: getattr(self, name) for name, (end, _) in self._ends().items() if end <= duration})
 
     def require_within(self, duration: float) -> None:

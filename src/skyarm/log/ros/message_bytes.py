@@ -1,4 +1,4 @@
-"""Bytes of ROS messages: many messages of one type written at a time, one message read.
+"""Byte encoding of ROS messages: encodes many messages of one type at a time, decodes single messages.
 
 CDR: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1: primitives lie at multiples of their size, counted behind
 the four bytes of the encapsulation header; texts have their length and a closing zero. Messages of ROS 1 are the same
@@ -57,7 +57,7 @@ NANO = 1_000_000_000
 
 
 class MessageError(ValueError):
-    """Received bytes that are no message of their type."""
+    """Error if received bytes are not a valid message of their type."""
 
 
 class Template:
@@ -155,7 +155,7 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
 
 
 class Decoder:
-    """Reader of one message, field by field.
+    """Decoder of one ROS message, field by field.
 
     Args:
         definitions: type -> its fields.
@@ -173,7 +173,7 @@ class Decoder:
             self._at, self._order = len(HEADER), "<" if data[1] else ">"
 
     def record(self, kind: str) -> Message:
-        """Fields of a message type by name: numbers, texts, lists and records as dictionaries."""
+        """Decode a message into a dictionary by field name, with nested messages as dictionaries."""
         return {field.name: self._field(field) for field in fields(self._definitions[kind])}
 
     def _field(self, field: MessageField) -> float | str | Message | list[float] | list[float | str | Message]:

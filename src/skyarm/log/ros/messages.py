@@ -1,4 +1,4 @@
-"""ROS message types: definitions, the fields that they declare, and the checksums of ROS 1.
+"""ROS message types: definitions, field lists, and the MD5 checksums of ROS 1.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
 constants. They are written into every file, so that a reader needs no ROS. ROS 1 has the same types but for
@@ -102,7 +102,7 @@ FLIGHT = "skyarm_msgs/Flight"
 
 
 class MessageField(NamedTuple):
-    """Field of a message: name, type, and length of a list, 0 where the message states it; None for one value."""
+    """Field of a ROS message: name, type, and list length (0 for a variable length, None for a single value)."""
 
     name: str
     kind: str
@@ -128,7 +128,7 @@ def full_name(kind: str) -> str:
 
 
 def flight_definition(columns: Sequence[LogColumn]) -> str:
-    """Definition of the ROS message that holds all columns of a log, with units as comments."""
+    """Definition of the ROS message with all columns of a log, whose units are comments."""
     width = max(len(each.name) for each in columns)
     rows = ((each.name, ", ".join(filter(None, (each.unit, each.meaning)))) for each in columns)
     return "\n".join(f"float64 {name:{width}} # {words}" if words else f"float64 {name}" for name, words in rows)

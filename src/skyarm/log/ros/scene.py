@@ -20,11 +20,11 @@ from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_
 
 
 class TimedArrays(Protocol):
-    """Arrays of a flight by name, at some control instants: a log, or what a running flight has of its last one."""
+    """Protocol of a flight's arrays by name at some instants: a log, or the latest instant of a running flight."""
 
     @property
     def time(self) -> Array:
-        """Times of the instants, s, (N,)."""
+        """Times (s) of the instants, (N,)."""
 
     def __getitem__(self, array: str) -> Array: ...
 
@@ -76,7 +76,7 @@ class Frames:
         return BASE_LINK if body == BASE else self.links[body]
 
     def moving(self, stamps: IntArray | int, joints: Array) -> list[Values]:
-        """Fields of the transform of each link relative to its parent."""
+        """Fields of the transform from each link to its parent, for many instants."""
         transforms = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):

@@ -122,7 +122,7 @@ def vehicle_of(log: Log) -> Vehicle | None:
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Control instants between messages: of base and joint states, and of slower topics."""
+    """Control instants between messages: of fast topics (base and joint states), and of slow ones."""
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
@@ -271,7 +271,7 @@ def _reading(topic: str, every: int, offset: int, source: str, described: Source
 
 
 def last_of(source: str) -> str:
-    """Last part of a source's name: a sensor's name or ``estimate``."""
+    """Last component of a source's dotted name: a sensor's name or ``estimate``."""
     return source.rpartition(".")[2]
 
 

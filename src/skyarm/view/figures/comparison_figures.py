@@ -48,14 +48,14 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 
 
 class EnvelopePoint(TypedDict):
-    """Flights of a law at one value of a condition: whether the vehicle was lost, and the error, m."""
+    """Flights of a control law at one value of a condition: loss of the vehicle, and tracking error (m)."""
 
     lost: bool
     judged: float
 
 
 class EnvelopePanel(TypedDict):
-    """Varied condition of an envelope: its values, their unit, and of each law a point for every value."""
+    """Varied condition of a performance envelope: its values, their unit, and a point per control law and value."""
 
     values: Sequence[float]
     unit: str
@@ -138,7 +138,7 @@ def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> F
 
 
 def _lower_limit(axes: Mapping[str, EnvelopePanel]) -> float:
-    """Lower limit of the logarithmic error axis, mm: a power of ten below all errors."""
+    """Lower limit (mm) of the logarithmic error axis: a power of ten below all errors."""
     errors = [
         1e3 * point["judged"]
         for axis in axes.values()

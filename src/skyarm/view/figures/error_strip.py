@@ -31,7 +31,7 @@ POINTS = 1500
 
 @immutable(kw_only=False)
 class Curve:
-    """Curve of one flight in a film's plot: tip error (N,), m, or force (N,), N, over time (N,), s; with a colour."""
+    """Curve of one flight in a film's plot, with its colour: tip error (m) or force (N) over time (s)."""
 
     time: Array
     error: Array

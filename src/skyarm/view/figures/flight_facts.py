@@ -32,7 +32,7 @@ Span = tuple[float, float]
 
 @immutable(kw_only=False)
 class Event:
-    """Event in a flight, such as a gust or fault: label, start and stop time, s (equal for an instant)."""
+    """Event in a flight, such as a gust or fault: label, start and stop time (s), which are equal for an instant."""
 
     label: str
     start: float
@@ -40,7 +40,7 @@ class Event:
 
 
 def scenario_of(log: Log) -> Scenario | None:
-    """Scenario stored in a log; None for logs of versions that stored no scenario, or if a plugin is not loaded."""
+    """Scenario stored in a log; None if there is none or it cannot be restored."""
     try:
         scenario: Scenario = log.scenario
     except ValueError:
@@ -49,12 +49,12 @@ def scenario_of(log: Log) -> Scenario | None:
 
 
 def end_time(log: Log) -> float:
-    """End of the last control period of a log, s."""
+    """End time (s) of a log's last control period."""
     return round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9) if log.time.size else 0.0
 
 
 def gust_interval(log: Log) -> Span | None:
-    """Time interval, s, from the first gust of air or force to the last; None without gusts within the flight.
+    """Time interval (s) from the first gust of air or force to the last; None without gusts within the flight.
 
     Of a log without a scenario it is where the wind's force is not zero, unless it is so throughout.
     """
@@ -122,7 +122,7 @@ def ending_of(log: Log) -> str:
 
 
 def applied_force(log: Log) -> Array | None:
-    """Contact force on the vehicle over time, N: normal to surfaces, or of the grip on a handle; else None."""
+    """Contact force (N) on the vehicle over time, normal to surfaces or of the grip on a handle; else None."""
     touches, grips = log.component("contact_force"), log.component("gripper_force")
     if not touches.size:
         return None
@@ -131,7 +131,7 @@ def applied_force(log: Log) -> Array | None:
 
 
 def desired_push(log: Log) -> Array | None:
-    """Desired contact force (N,) of the tip, N; None if none is commanded."""
+    """Desired contact force (N) of the tip over time; None if none is commanded."""
     push = wanted_push(log) if scenario_of(log) is not None else ()
     return push[0] if push else None
 

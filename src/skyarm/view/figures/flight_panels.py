@@ -80,7 +80,7 @@ def distance(name: str, reference: str, factor: float = 1.0) -> Read:
 
 
 def by_axis(label: str, array: str, desired: str = "", error: str = "") -> Panels:
-    """Make a panel for each world axis: a logged position with its reference, or its error."""
+    """Make a panel for each world axis that shows a logged position with its reference, or else its error."""
     return [
         Panel(
             label=f"{label} {axis}",
@@ -93,7 +93,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> Panel
 
 
 def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Joint]]]:
-    """Yield (index, label, kind, joint records of all flights) for each joint of the arm with most joints."""
+    """Yield (index, label, kind, joint records of all flights) for each joint of the arm with the most joints."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
         label = name[:1].upper() + name[1:] if kind else f"Joint {i + 1}"
@@ -149,7 +149,7 @@ def _contact(logs: Logs) -> Panels:
 
 
 def _pair_force(*pair: str) -> Read:
-    """Make a function that reads the normal force (N,), N, between a surface and a contact point from a log."""
+    """Make a function that reads the normal force (N) between a surface and a contact point from a log."""
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
@@ -192,7 +192,7 @@ def _efforts(logs: Logs) -> Panels:
 
 
 def _command(i: int, setpoint: str | None) -> Read:
-    """Make a function that reads the command of joint ``i``; it returns None for another kind of command."""
+    """Make a function that reads the command of joint ``i``; it returns None if the command has another unit."""
     efforts = column("efforts", i)
     return lambda log: efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 

@@ -129,7 +129,7 @@ def _frame(ax: Axes) -> None:
 
 
 def world_of(named: Named, span: Span) -> Scene:
-    """Surfaces and objects of the first flight that has any, at start and end of a time interval."""
+    """Surfaces and objects at the start and end of a time interval, from the first flight that has any."""
     for log in named.values():
         scenario = scenario_of(log)
         inside = np.flatnonzero(_inside(log, span))
@@ -147,7 +147,7 @@ def world_of(named: Named, span: Span) -> Scene:
 
 
 def _draw_line(ax: Axes, view: Projection, line: Line) -> None:
-    """Draw a line of the surroundings at its initial position, and dashed at its final position."""
+    """Draw a line-shaped object, such as a cable: solid at its initial position, dashed at its final one."""
     for places, style in zip(line.places, ("-", "--"), strict=True):
         ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
 
@@ -236,7 +236,7 @@ def _panels_figure(panels: Sequence[Panel], named: Named, span: Span, every: boo
 
 
 def _window(window: Span | None, named: Named) -> Span:
-    """Time interval to draw, s: the requested one after checks, else the whole flights."""
+    """Time interval to draw (s): the requested one after checks, else the whole flights."""
     end = max(map(end_time, named.values()))
     if window is None:
         return 0.0, end or 1.0

@@ -48,7 +48,7 @@ TOOL_POSITIONS = by_axis("Tip", "tool", desired="tool_held")
 
 
 def joint_error_size(i: int) -> Panel:
-    """Make the panel of the absolute tracking error of joint i, rad."""
+    """Make the panel of the absolute tracking error (rad) of joint ``i``."""
 
     def size(log: Log) -> Array:
         return np.abs(log.joints[:, i] - log.joints_held[:, i])
@@ -134,7 +134,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
 
 
 def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
-    """Average a curve (N,) over each sample-and-hold interval of the reference; returns mid-times, s, and means.
+    """Average a curve (N,) over each sample-and-hold interval of the reference; returns mid-times (s) and means.
 
     An error against held samples is a sawtooth at the control rate, too fast for a line.
     """
@@ -236,7 +236,7 @@ def overview_figure(logs: Mapping[str, Named], steady: Window) -> Figure:
 
 
 def _curves(ax: Axes, logs: Named, panel: Panel, span: Span) -> None:
-    """Draw one quantity of each controller over a time interval, mm."""
+    """Draw a quantity of each controller in mm over a time interval (s)."""
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):
         time, mean = by_hold(log, panel.of(log))

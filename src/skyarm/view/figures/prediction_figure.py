@@ -18,7 +18,7 @@ MARKERS = ("o", "^", "s", "D")
 
 @immutable(kw_only=False)
 class PredictionCurve:
-    """Root mean square errors of a predictor over the horizons of a figure.
+    """Root mean square errors of a predictor for several prediction horizons.
 
     Attributes:
         position: m. attitude: rad.

@@ -39,7 +39,7 @@ class Projection:
 
 
 def axonometric(azimuth: float, elevation: float) -> Projection:
-    """Make a parallel projection from an azimuth (from x towards y) and an elevation above the horizon, rad."""
+    """Make a parallel projection from azimuth (rad, from x towards y) and elevation (rad, above the horizon)."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     return Projection((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 

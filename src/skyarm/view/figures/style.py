@@ -45,7 +45,7 @@ NOTEBOOK_DPI = 110.0
 
 
 class Picture(Figure):
-    """Matplotlib figure that a notebook shows without an interactive backend."""
+    """Matplotlib figure that notebooks display without an interactive backend."""
 
     def _repr_png_(self) -> bytes:
         return image_bytes(self, dpi=NOTEBOOK_DPI)
@@ -263,7 +263,7 @@ _SALTING = Lock()
 
 @contextmanager
 def _repeatable_names() -> Iterator[None]:
-    """Context manager in which Matplotlib draws no random names of an SVG file's parts; a user's own salt stays.
+    """Context manager that makes Matplotlib's SVG identifiers reproducible; a salt set by the user is kept.
 
     For this there is a global parameter only, so one thread at a time sets it, for as long as it writes.
     """

@@ -136,7 +136,7 @@ def _vector(v: Iterable[SupportsFloat]) -> Array:
 
 
 class Sheet:
-    """One view of a vehicle's drawing: outlines of the bodies, and the requested labels."""
+    """One view in a vehicle drawing: outlines of the bodies, and the requested labels."""
 
     def __init__(self, ax: Axes, view: Projection, posed: Posed) -> None:
         self.ax, self.view, self.posed, self.reach = ax, view, posed, posed.reach

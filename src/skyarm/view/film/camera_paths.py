@@ -31,7 +31,7 @@ SMOOTH = 0.6
 
 
 def _axes_of_view(azimuth: float) -> Array:
-    """Camera axes right, up and away (matrix columns) for a viewing azimuth, deg, and the elevation ELEVATION."""
+    """Camera axes right, up and away (matrix columns) for a viewing azimuth (deg) and the elevation ELEVATION."""
     az, away = math.radians(azimuth), looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
@@ -98,13 +98,13 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
-    """Radius of a vehicle around its base, m: rotor booms with discs, or the arm, whichever is longer."""
+    """Radius (m) of a vehicle around its base: rotor booms with discs, or the arm, whichever is longer."""
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
 def _places_in_view(flight: FilmedFlight) -> list[Array]:
-    """Actual and desired positions (F, 3) of base and tip to keep in view."""
+    """Actual and desired positions (F, 3) of base and tip that the camera keeps in view."""
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
     # a lost vehicle leaves the picture
@@ -112,7 +112,7 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
 
 
 def _vehicle_radius(flights: Flights) -> float:
-    """Radius around the base within which the largest vehicle is drawn, m."""
+    """Radius (m) around the base within which the largest vehicle is drawn."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
@@ -160,7 +160,7 @@ def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
 
 
 def free_azimuth(flights: Flights) -> float:
-    """Camera azimuth, deg, from which surfaces and objects hide the tips least."""
+    """Camera azimuth (deg) from which surfaces and objects hide the tips least."""
     if not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]

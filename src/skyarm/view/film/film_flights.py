@@ -65,14 +65,14 @@ def write_film(
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Film logs, or record them if the suffix is that of a recording; labels and progress as of a film."""
+    """Write logs to a film, or to a 3D recording if the file's suffix is that of a recording."""
     if require_film_format(path, SUFFIXES) is None:
         return save_recording(record(logs, settings, labels=labels, progress=progress), path)
     return make_film(logs, path, settings, labels=labels, progress=progress)
 
 
 def _log(flight: Flight) -> Log:
-    """Return the log of a flight; a scenario is flown first."""
+    """Log of a flight; a scenario is simulated first."""
     if isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names("log_format"):
         return as_log(flight)
     return flight if isinstance(flight, Log) else run(flight)

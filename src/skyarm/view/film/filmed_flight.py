@@ -164,7 +164,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
 
 
 def _error(log: Log, push: TipPush | None) -> Array:
-    """Tip error (N,), m; during a commanded push, only its part perpendicular to the surface normal."""
+    """Tip error (m) over time; during a commanded push, only its part perpendicular to the surface normal."""
     away = log.tip - log.tip_reference
     if push is not None:
         away = push.across(away, log.time, log.tip)
@@ -172,7 +172,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
 
 
 def patch_about(tip: Array) -> float:
-    """Half width, m, of the square drawn for an infinite plane, grown with the tip's displacement."""
+    """Half width (m) of the square drawn for an infinite plane, grown with the tip's displacement."""
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
@@ -305,7 +305,7 @@ def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
 
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
-    """Text of the force on the base and of the wind in a frame, each by its name; empty without either."""
+    """Caption with the force on the base and the wind speed in a frame; empty if both are negligible."""
     force, speed = (float(np.linalg.norm(each[k])) for each in (flight.force, flight.air))
     words = [f"force {force:.1f} N"] if force > LEAST_FORCE else []
     return ", ".join([*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])])

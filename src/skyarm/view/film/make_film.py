@@ -62,7 +62,7 @@ def make_film(
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
-    """Compute the flight time of each frame of a film, s, up to the end of the longest flight.
+    """Compute the flight time (s) of each frame of a film, up to the end of the longest flight.
 
     Raises:
         ValueError: a log has no instants, or none is left of them all.

@@ -112,7 +112,7 @@ def save_recording(recording: Recording, path: PathLike) -> Path:
 
 
 class _Stage:
-    """Scene of viser whose messages are recorded, with a camera, without a server: nothing listens.
+    """Scene of viser with a camera whose messages are recorded, without a running server.
 
     viser offers its scene on a running server only, so its parts are put together here: what a server sends to all
     pages (owner "") goes into a buffer that no page empties.
@@ -137,7 +137,7 @@ class _Stage:
         self.initial_camera = viser.InitialCameraConfig(self._messages.queue_message)
 
     def get_scene_serializer(self) -> StateSerializer:
-        """Make viser's serializer of all messages of the scene, those so far and those to come."""
+        """Make viser's serializer of all messages of the scene, past and future ones."""
         serializer: StateSerializer = self._messages.get_message_serializer(
             lambda message: message.include_in_scene_serialization
         )
@@ -219,7 +219,7 @@ class _RecordedFlight:
         return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:
-        """Move the scene nodes to frame k."""
+        """Move the scene nodes to frame k of the recording."""
         flight = self._flight
         turned = {name: turn[k] for name, turn in self._turns.items()}
         for i, (nodes, rotations, positions) in enumerate(self._bodies):
@@ -288,7 +288,7 @@ def _surroundings(
 
 
 def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
-    """Offset of each flight in a recording, m: zero to overlay flights, else side by side."""
+    """Offset (m) of each flight in a recording: zero to overlay flights, else side by side."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right

@@ -110,7 +110,7 @@ class Stage:
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[FramePanel]) -> None:
-        """Replace the panels by ones that show the same shapes at other poses."""
+        """Replace the panels by panels with the same shapes at other poses."""
         self._panels = panels
 
     def close(self) -> None:
@@ -145,14 +145,14 @@ class Stage:
         return scene, ground
 
     def _place_mesh(self, geom: mujoco.MjvGeom, mesh: int) -> None:
-        """Correct the pose of a mesh, whose coordinates MuJoCo moves to the principal axes of inertia."""
+        """Correct the pose of a mesh for MuJoCo's shift of its vertices to the principal axes of inertia."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
         geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
 
     def _place(self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int) -> None:
-        """Place solids, marks and camera for frame k."""
+        """Move solids, lines, arrows and camera of a panel to frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]

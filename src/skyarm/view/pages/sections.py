@@ -84,12 +84,12 @@ Line: TypeAlias = str | Mark | Table
 
 
 def heading(text: str) -> Mark:
-    """Line of bold text."""
+    """Bold line of text."""
     return Mark(text=text, strong=True)
 
 
 def table_of(head: Sequence[str], rows: Iterable[Row], *, left: int = 1, title: str = "") -> Table:
-    """Table that is printed, with a title; the first ``left`` columns hold text, the others numbers."""
+    """Table with a title for terminal output; the first ``left`` columns hold text, the others numbers."""
     return Table(head=[name if i < left else f">{name}" for i, name in enumerate(head)], rows=[*rows], caption=title)
 
 

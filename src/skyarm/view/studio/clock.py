@@ -1,4 +1,4 @@
-"""Playback clock of the studio: play, pause, speed, single periods, and any earlier or later instant."""
+"""Playback clock of the studio: play, pause, speed, single steps, and jumps to any instant."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Clock(ABC):
         return f"{self.time:.2f} s, {state}, {self.speed:g}x"
 
     def advance(self, seconds: float) -> None:
-        """Go forward by as much time as has passed on the wall clock, s, times the chosen speed."""
+        """Advance by an elapsed wall-clock time (s) times the chosen speed."""
         if not self.playing:
             return
         self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
@@ -58,23 +58,23 @@ class Clock(ABC):
         self.go(self.tick + ticks)
 
     def go(self, tick: int) -> None:
-        """Go forward or back to a given period; playing ends with the last one."""
+        """Go forward or back to a given period; playback stops at the last one."""
         self.tick = min(max(tick, 0), self.steps - 1)
         self.furthest = max(self.furthest, self.tick)
         if self.at_end:
             self.playing = False
 
     def go_to_time(self, time: float) -> None:
-        """Pause, and go to a time, s, of those that have been shown already."""
+        """Pause and go to a time (s) within those already shown."""
         self.playing = False
         self.go(min(round(time * self.rate), self.furthest))
 
     def step(self) -> None:
-        """Pause, and go forward by one period."""
+        """Pause and go forward by one period."""
         self.playing = False
         self.go(self.tick + 1)
 
     def reset(self) -> None:
-        """Begin again."""
+        """Restart playback from the first period."""
         self.tick = self.furthest = 0
         self._due, self.playing = 0.0, True

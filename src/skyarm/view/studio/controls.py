@@ -59,7 +59,7 @@ def literal(text: str) -> str:
 
 
 def swatch(color: Sequence[int]) -> str:
-    """Square in a colour, red, green and blue from 0 to 255, for Markdown."""
+    """Markdown for a square in a colour, given as red, green and blue from 0 to 255."""
     return f'<span style="color: rgb{tuple(color)}">\u25a0</span>'
 
 
@@ -129,7 +129,7 @@ WIDTH, MORE = 1.5, 2.0
 
 
 class Timed(Protocol):
-    """Instant of a flight."""
+    """Protocol of a flight's data at one instant, with its time."""
 
     @property
     def time(self) -> float:
@@ -145,14 +145,14 @@ Column = Callable[[Seen], float]
 
 
 class Plotted(Protocol[Seen_co]):
-    """Flight whose last instants, each with its time in s, are plotted."""
+    """Protocol of a flight whose latest instants are plotted live."""
 
     @property
     def title(self) -> str:
         """Name of the flight."""
 
     def recent(self, seconds: float) -> Sequence[Seen_co]:
-        """Instants of the last seconds."""
+        """Data of the flight's last seconds."""
 
 
 class Chart(Generic[Seen]):
@@ -208,7 +208,7 @@ class Chart(Generic[Seen]):
         self._node.remove()
 
     def _data(self) -> tuple[Array, ...]:
-        """Return times before the last instant, s, and all curves of the plot, padded with NaN to one length."""
+        """Return times (s) before the last instant and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
         longest: Sequence[Seen] = max(rows, key=len, default=[])
         times = [seen.time - longest[-1].time for seen in longest]
@@ -256,7 +256,7 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
 
 
 def _force(surface: str) -> Column[PlottedInstant]:
-    """Make a function that reads the normal force of a surface on the vehicle, N, at an instant."""
+    """Make a function that reads the normal force (N) of a surface on the vehicle at an instant."""
     return lambda seen: seen.contacts[surface]
 
 

@@ -155,7 +155,7 @@ class Fleet(Clock):
             del self.flights[place]
 
     def close(self) -> None:
-        """End what the flights hold beside themselves, such as autopilots' programs."""
+        """End what the flights have started, such as the programs of autopilots."""
         for flight in self.flights:
             flight.session.close()
 
@@ -171,7 +171,7 @@ class Fleet(Clock):
         self.furthest = self.tick
 
     def push(self, direction: Sequence[float], force: float, seconds: float) -> None:
-        """Apply a force on the base, N, for some seconds from now on.
+        """Apply a force (N) on the base for some seconds from now on.
 
         Args:
             direction: unit vector, world axes.
@@ -277,11 +277,11 @@ class Flight:
 
     @property
     def rate(self) -> int:
-        """Control rate of the flight, Hz: that of an autopilot's sensor messages may be another than the fleet's."""
+        """Control rate of the flight (Hz), which under an autopilot may differ from the other flights'."""
         return self.session.scenario.rates.control
 
     def tick_at(self, time: float) -> int:
-        """Number of control periods up to a time, s."""
+        """Number of control periods up to a time (s)."""
         return round(time * self.rate)
 
     @property
@@ -321,7 +321,7 @@ class Flight:
 
     @property
     def hung_mass(self) -> float:
-        """Mass that the user attached to the tip, kg."""
+        """Mass (kg) that the user attached to the tip."""
         return self.values.get("plant.payload.mass", 0.0)
 
     def scene(self, around: Array) -> Scene:

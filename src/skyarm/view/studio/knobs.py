@@ -97,7 +97,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[AdjustableNumber, .
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Field paths in the scenario record of a parameter path; empty if the parameter cannot vary."""
+    """Field paths in the scenario record for a parameter path; empty if the parameter cannot vary."""
     try:
         number_at(scenario, path)
         return places_of(scenario, path)
@@ -133,7 +133,7 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _exact(scenario: Scenario, path: str) -> object:
-    """Parameter at a path as its record holds it; None if it cannot vary."""
+    """Stored value of the parameter at a path of a scenario; None if it cannot vary."""
     places = _places(scenario, path)
     return part(scenario, places[0]) if places else None
 
@@ -155,7 +155,7 @@ def _of_tree(tree: object, path: str) -> Iterator[str]:
 
 
 def _below(value: object, path: str) -> Iterator[str]:
-    """Yield the parameter paths inside one part of a scenario, in the words of the scenario file."""
+    """Yield the parameter paths inside one part of a scenario, by the keys of the scenario file."""
     # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
         return

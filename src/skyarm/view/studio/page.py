@@ -66,7 +66,7 @@ class Controls:
 
 
 class Page(PageLoop):
-    """Web page of the studio that simulates flights in real time; machine code is made by a thread of its own.
+    """Web page of the studio that simulates flights in real time and compiles them in a background thread.
 
     Args:
         server: server of viser.

@@ -1,4 +1,4 @@
-"""Real-time loop between the flights of a studio's page and its browser tabs."""
+"""Real-time loop of a studio page, between its flights and its browser tabs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Work = Callable[[], None]
 
 
 class PageLoop(ABC):
-    """Real-time loop of a page: what a tab requests is done by the thread that draws, between two pictures.
+    """Real-time loop of a page; requests of browser tabs are executed by the drawing thread between two frames.
 
     Args:
         server: server of viser.
@@ -47,7 +47,7 @@ class PageLoop(ABC):
         self._stopped.set()
 
     def run(self) -> None:
-        """Advance and draw until :meth:`stop`."""
+        """Advance and draw in a loop until :meth:`stop` is called."""
         last, slow = time.perf_counter(), 0.0
         try:
             while not self._stopped.is_set():
@@ -69,7 +69,7 @@ class PageLoop(ABC):
 
     @abstractmethod
     def _advance(self, seconds: float) -> None:
-        """Go forward by as much as has passed on the wall clock, s."""
+        """Advance the flights by an elapsed wall-clock time (s)."""
 
     @abstractmethod
     def _draw(self) -> None:
@@ -80,7 +80,7 @@ class PageLoop(ABC):
         """Update plots, status text and clock, at a lower rate than the 3D picture."""
 
     def _close(self) -> None:
-        """End what the page holds."""
+        """Stop the background thread of the page."""
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _handle_inputs(self) -> None:
@@ -102,9 +102,9 @@ class PageLoop(ABC):
         self._words = words
 
     def follow(self, follows: bool) -> None:
-        """Let the camera follow the first vehicle, or stand still."""
+        """Make the camera follow the first vehicle, or stand still."""
         self._orders.put(lambda: setattr(self._picture, "follow", follows))
 
     def _with_report(self, lines: Sequence[str]) -> str:
-        """Paragraphs of a status text, and the last report."""
+        """Join the paragraphs of a status text, followed by the last report."""
         return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])

@@ -143,7 +143,7 @@ class FlightNodes:
 
 
 def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
-    """Start and end points (rotors + 2, 2, 3), m, of arrows of thrusts, air velocity and external force."""
+    """Start and end points (m) of arrows for thrusts, air velocity and external force, (rotors + 2, 2, 3)."""
     vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
@@ -156,7 +156,7 @@ def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str,
 
 
 def touch_arrows(arrows: Sequence[Arrow]) -> Array:
-    """Start and end points (N, 2, 3), m, of contact force arrows."""
+    """Start and end points (m) of contact force arrows, (N, 2, 3)."""
     return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
 
 
@@ -168,7 +168,7 @@ def first_scene(scenario: Scenario, around: Array) -> Scene:
 
 
 def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
-    """Line segments (N, 2, 3) of the tip's trajectory, m."""
+    """Line segments (m) of the tip's trajectory, (N, 2, 3)."""
     places = np.array(tips).reshape(-1, 3) if len(tips) > 1 else np.zeros((2, 3))
     return segments(places).astype(np.float32)
 
@@ -180,7 +180,7 @@ def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
 
 
 class StudioStage:
-    """Light, ground and camera of a viser scene, whose contents may move so that the camera follows a vehicle.
+    """Light, ground and camera of a viser scene that can shift so that the camera follows a vehicle.
 
     Args:
         server: server of viser.
@@ -200,7 +200,7 @@ class StudioStage:
         self._dark = False
 
     def _follow(self, at: Array) -> None:
-        """Shift the whole scene so that a vehicle stays in place for the camera, on a floor as light as the page."""
+        """Shift the scene to keep a vehicle in place for the camera, and match the floor to the page's colours."""
         dark = getattr(self._server, "dark", False)
         if dark != self._dark:
             self._dark = dark
@@ -210,7 +210,7 @@ class StudioStage:
             self._stage.position = self._moved = moved
 
     def hurry(self) -> None:
-        """Redraw everything in the next frame, also what is usually drawn at a lower rate."""
+        """Redraw everything in the next frame, including parts usually drawn at a lower rate."""
         self._frame = -1
 
 

@@ -1,4 +1,4 @@
-"""Replay of a measured flight next to the motion that a vehicle's model predicts from the recorded commands."""
+"""Replay of a measured flight next to the motion that its vehicle's model predicts from the recorded commands."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Predict = Callable[[float], PredictedMotion]
 
 @immutable(kw_only=False)
 class PredictionError:
-    """Distance of a prediction from the measured flight at one instant.
+    """Error of a predicted motion against the measured flight at one instant.
 
     Attributes:
         time: s from the begin of the flight.
@@ -42,7 +42,7 @@ class PredictionError:
 
 @immutable(kw_only=False)
 class ErrorCurves:
-    """Errors of one prediction of a replay, as its plots show them.
+    """Errors of one prediction of a replay, for its live plots.
 
     Attributes:
         title: name of the prediction. replay: its replay. errors: (2, steps) position, m, and attitude, rad.
@@ -53,7 +53,7 @@ class ErrorCurves:
     errors: Callable[[], Array]
 
     def recent(self, seconds: float) -> Sequence[PredictionError]:
-        """Errors of the last seconds, or of the last horizons where these are shorter."""
+        """Errors of the last seconds, or of a few prediction horizons if these are shorter."""
         now, errors = self.replay.tick, self.errors()
         count = round(min(seconds, SHOWN * self.replay.horizon) * RATE)
         every = -(-count // CURVE)
@@ -63,7 +63,7 @@ class ErrorCurves:
 
 
 class PredictionReplay(Clock):
-    """Measured flight and its prediction on a playback clock, all of which is known from the start.
+    """Playback of a measured flight and its prediction, both fully computed in advance.
 
     Args:
         title: name of the flight.
@@ -103,7 +103,7 @@ class PredictionReplay(Clock):
         return len(self._times)
 
     def show(self, predicted: PredictedMotion, horizon: float) -> None:
-        """Replace the prediction by one over another horizon, s."""
+        """Replace the prediction by one with another horizon (s)."""
         self.horizon, self.model = horizon, predicted.model.at(self._times)
         constant = predicted.held.at(self._times)
         self.errors = np.stack(distance_between(self.model, self.measured))
@@ -114,30 +114,30 @@ class PredictionReplay(Clock):
 
     @property
     def curves(self) -> tuple[ErrorCurves, ErrorCurves]:
-        """Errors of the model, and of held velocity and rate, for plots."""
+        """Errors of two predictions for plots: of the model, and of constant velocity and rate."""
         return ErrorCurves("model", self, lambda: self.errors), ErrorCurves("held", self, lambda: self.held_errors)
 
     def trails(self, seconds: float) -> tuple[Array, Array]:
-        """Line segments (N, 2, 3), m, of the base in the last seconds: measured, and predicted between begins."""
+        """Line segments (m) of the base's latest path, (N, 2, 3) each: measured, and predicted between resets."""
         rows = np.arange(max(0, self.tick - round(seconds * RATE)), self.tick + 1)
         measured = segments(self.measured.position[rows])
         own = np.diff(self.age[rows]) > 0.0
         return measured, segments(self.model.position[rows])[own]
 
     def advance(self, seconds: float) -> None:
-        """Go forward by as much time as has passed on the wall clock, s; from the end begin again."""
+        """Advance by an elapsed wall-clock time (s); restart at the end."""
         if self.playing and self.at_end:
             self.go(0)
         super().advance(seconds)
 
     def reset(self) -> None:
-        """Begin again."""
+        """Restart playback from the first frame."""
         super().reset()
         self.furthest = self.steps - 1
 
 
 def mean_error(errors: Array) -> tuple[float, float]:
-    """Root mean squares of errors (2, N) of position, m, and attitude, rad; NaN where nothing is predicted."""
+    """Root mean square errors in position (m) and attitude (rad) over the predicted instants; NaN without any."""
     finite = errors[:, np.isfinite(errors).all(axis=0)]
     position, attitude = np.sqrt((finite**2).mean(axis=1)).tolist() if finite.size else (np.nan, np.nan)
     return position, attitude

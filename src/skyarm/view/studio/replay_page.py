@@ -1,4 +1,4 @@
-"""Web page of a measured flight: its vehicle as a ghost, and the model's flight under the same commands."""
+"""Web page that replays a measured flight as a ghost next to its model's motion under the same commands."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class ReplayPage(PageLoop):
         self._charts = [Chart(gui, title, replay.curves, {"": get}) for title, get in shown.items()]
 
     def do(self, work: Callable[[Clock], None]) -> None:
-        """Queue a function of the clock, to be called before the next frame."""
+        """Queue a function that changes the playback clock, to be called before the next frame."""
         self._orders.put(lambda: work(self.replay))
 
     def _handle_inputs(self) -> None:
@@ -110,7 +110,7 @@ class ReplayPage(PageLoop):
             self._worker.submit(self._predict, self._horizon)
 
     def _predict(self, horizon: float) -> None:
-        """Predict over another horizon, s, which takes seconds, while the page plays on."""
+        """Predict over another horizon (s) in the background, while playback continues."""
         predicted = self.replay.predict(horizon)
 
         def show() -> None:
@@ -134,7 +134,7 @@ class ReplayPage(PageLoop):
         self._status.content = self._text()
 
     def _text(self) -> str:
-        """Status text of the page: clock, current errors, and those of the whole flight."""
+        """Status text of the page: clock, current prediction errors, and root mean squares over the flight."""
         replay = self.replay
         age = replay.age[replay.tick]
         now = "no prediction here, near the ground, a gap or an end of the log"
@@ -156,5 +156,5 @@ class ReplayPage(PageLoop):
 
 
 def _in_words(position: float, attitude: float) -> str:
-    """Errors of position (m) and attitude (rad) in words."""
+    """Format errors of position (m) and attitude (rad) as text in mm and degrees."""
     return f"{1e3 * position:.3g} mm, {math.degrees(attitude):.3g} deg"

@@ -58,7 +58,7 @@ class MovingNode:
         self._place, self._turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
     def put(self, position: Array, rotation: Array) -> None:
-        """Set position (3,), m, and rotation (3, 3) relative to the parent node; NaN has no effect."""
+        """Set position (3,) in m and rotation (3, 3) relative to the parent node; NaN has no effect."""
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
         place, turn = np.round(position, DIGITS), np.round(quaternions_of(rotation[None])[0], DIGITS)
@@ -104,7 +104,7 @@ def bytes_of(color: Sequence[float]) -> tuple[int, int, int]:
 
 
 def segments(places: Array) -> Array:
-    """Line segments (N - 1, 2, 3) between places (N, 3)."""
+    """Line segments (N - 1, 2, 3) between successive points (N, 3)."""
     return np.stack([places[:-1], places[1:]], axis=1)
 
 
@@ -173,7 +173,7 @@ class VehicleNodes:
 
 
 def _scale_thickness(shape: Shape, factor: float) -> Shape:
-    """Scale the sizes of a shape, of a cylinder or capsule the radius alone."""
+    """Scale a shape's size; for a cylinder or capsule only its radius."""
     scaled = tuple(factor * size for size in shape.size)
     return replace(shape, size=scaled[:1] + shape.size[1:] if shape.kind in ("cylinder", "capsule") else scaled)
 
@@ -260,7 +260,7 @@ class Arrows:
         self._acting = False
 
     def point(self, ends: Array) -> None:
-        """Draw arrows (N, 2, 3) from start to end point, m; those that are too short are hidden."""
+        """Draw arrows (N, 2, 3) from start to end point (m); those that are too short are hidden."""
         long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > SHORTEST
         acting = bool(long.any()) and bool(np.isfinite(ends).all())
         if acting:

@@ -140,7 +140,7 @@ def close_server(server: ViserServer) -> None:
 
 @contextlib.contextmanager
 def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: Inputs) -> Iterator[None]:
-    """Context manager in which viser serves on a given socket, with access check and frame filter."""
+    """Context manager in which viser serves on a given socket, with access checks and a frame filter."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:

@@ -49,7 +49,7 @@ class PlottedInstant:
 
     @property
     def contact(self) -> float:
-        """Sum of all normal contact forces on the vehicle, N."""
+        """Sum (N) of all normal contact forces on the vehicle."""
         return sum(self.contacts.values())
 
 
@@ -80,7 +80,7 @@ def sight(session: Session) -> PlottedInstant:
 def contact_forces(
     components: Sequence[Component[Tree]], memories: Sequence[Tree], motion: PointMotion
 ) -> dict[str, float]:
-    """Current sum of the normal forces on the vehicle, N, by the name of each surface.
+    """Current sum of the normal forces (N) on the vehicle, by the name of each surface.
 
     Args:
         components: components of the scenario.
