@@ -12,7 +12,7 @@ from itertools import pairwise
 from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
 ITERATIONS = 10
-"""Iterations of the inverse by bracketed Newton: the worst of 12 000 values of 300 curves comes back to 6e-14."""
+"""Bracketed Newton iterations of an inverse value: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
 def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
