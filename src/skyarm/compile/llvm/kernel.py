@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     import llvmlite.binding as llvm
 
 EFFORT = "SKYARM_EFFORT"
-"""Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""
+"""Name of the environment variable that limits LLVM's optimisation level; 0 suits many short-lived programs."""
 
 LARGE = 100_000
-"""Operations of a program beyond which the least effort is taken: the optimiser needs minutes, in which no signal is
-answered. A law that is told of a delay of half a second has 300 000."""
+"""Number of operations above which a program is compiled without optimisation: the optimiser needs minutes, in which no
+signal is answered. A law that is told of a delay of half a second has 300 000."""
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step

@@ -116,11 +116,11 @@ ARGUMENTS = (
 )
 
 ALIGNED = 64
-"""Bytes to which the stack is aligned, a line of the cache. Most numbers of a step lie there: as a caller leaves it, it
+"""Alignment of the stack in bytes, that of a cache line. Most numbers of a step lie there: as a caller leaves it, it
 splits every vector of 64 bytes over two lines three times in four, and flights take a fifth longer."""
 
 FLUSH = 0x8040
-"""Bits of an x86 processor's control word that make numbers below the normal range zero."""
+"""Bits of the x86 floating-point control register that flush subnormal numbers to zero."""
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:

@@ -33,7 +33,7 @@ class Lanes:
 
     @property
     def scalar(self) -> str:
-        """LLVM type of one lane."""
+        """LLVM type of one element of a SIMD vector."""
         return "float" if self.single else "double"
 
     @property
