@@ -29,7 +29,7 @@ def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _end(h0: Scalar, h1: Scalar, d0: Scalar, d1: Scalar) -> Scalar:
-    """Slope at the end of a monotone interpolation: that of a parabola through three points, at least zero."""
+    """Slope at the end of a monotone interpolation: slope of a parabola through three points, at least zero."""
     return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
 
 

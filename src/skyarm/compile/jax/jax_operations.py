@@ -29,7 +29,7 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
     raise missing_extra("jax") from error
 
 Float = type[np.float64] | type[np.float32]
-"""Floating-point type of all numbers of a program."""
+"""Floating-point type of all numbers in a program that JAX evaluates."""
 
 
 def _layout(x: Array) -> tuple[type[np.int64 | np.int32], int, int]:

@@ -60,7 +60,7 @@ def _features() -> str:
 
 
 def host_width(*, single: bool = False) -> int:
-    """Number of lanes that fit a vector register of this processor."""
+    """Number of SIMD lanes that fit a vector register of this processor."""
     features = _features()
     bits = 512 if "+avx512f" in features else 256 if "+avx" in features else 128
     return bits // (32 if single else 64)
@@ -104,7 +104,7 @@ class Kernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all lanes through all rows of the input table; returns the final states and the log.
+        """Step all SIMD lanes through all rows of the input array; returns the final states and the log.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
         are only read.

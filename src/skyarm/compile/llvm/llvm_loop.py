@@ -1,4 +1,4 @@
-"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all input rows.
+"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all rows of inputs.
 
     void step_loop(carry*, parameters*, rows*, log*, keys*,
                    first block, last block, begin, end, start, lanes, log every)
@@ -251,7 +251,7 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def _address(writer: Writer, base: str, index: int) -> str:
-    """Write assembly for the address of variable ``index`` in the current block of lanes; returns its name."""
+    """Write assembly for the address of variable ``index`` in the current block of SIMD lanes; returns its name."""
     at = writer.fresh()
     writer.do(f"""
   {at}.skip = mul i64 %lanes, {index}
