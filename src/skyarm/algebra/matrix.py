@@ -204,7 +204,7 @@ class Sym3:
 
 
 _OTHERS = ((1, 2), (2, 0), (0, 1))
-"""The axes that a rotation about axis 0, 1, 2 turns into each other."""
+"""Pairs of coordinate axes that a rotation about axis 0, 1 or 2 turns into each other."""
 
 
 def _turn(

@@ -12,7 +12,7 @@ from itertools import pairwise
 from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
 ITERATIONS = 10
-"""Iterations of the inverse by bracketed Newton: the worst of 12 000 values of 300 curves comes back to 6e-14."""
+"""Bracketed Newton iterations of an inverse value: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
 def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
@@ -29,7 +29,7 @@ def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _end(h0: Scalar, h1: Scalar, d0: Scalar, d1: Scalar) -> Scalar:
-    """Slope at the end of a monotone interpolation: that of a parabola through three points, at least zero."""
+    """Slope at the end of a monotone interpolation: slope of a parabola through three points, at least zero."""
     return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
 
 

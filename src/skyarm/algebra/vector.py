@@ -113,7 +113,7 @@ class Vec3(ArrayLike):
 
 ZERO3 = Vec3(0, 0, 0)
 ZERO3_DATA = Vec3(0.0, 0.0, 0.0)
-"""The zero vector as data, which a program keeps; ``ZERO3`` is structure and folds away."""
+"""Zero vector of floats, which a traced program stores; the int zeros of ``ZERO3`` fold away as constants."""
 
 E_X = Vec3(1, 0, 0)
 E_Y = Vec3(0, 1, 0)

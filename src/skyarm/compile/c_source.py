@@ -54,7 +54,7 @@ static {kind} {name}({kind} x)
 }}
 """,
 }
-"""Operations that C writes as a function, equal to :mod:`skyarm.algebra.scalars.floats`, subnormal numbers included."""
+"""C helper functions by operation, equal to :mod:`skyarm.algebra.scalars.floats` also for subnormal numbers."""
 
 FAST = "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)"
 
@@ -70,7 +70,7 @@ KEEP_IEEE = f"""\
 #endif
 #endif
 """
-"""Text before the generated code."""
+"""C text before the generated code: it switches off fast-math."""
 
 END_IEEE = f"""\
 {FAST}
@@ -81,7 +81,7 @@ END_IEEE = f"""\
 #endif
 #endif
 """
-"""Text after the generated code: a program that includes the file keeps its own flags."""
+"""C text after the generated code: it restores the compiler flags of a program that includes the file."""
 
 
 @immutable(kw_only=False)
@@ -178,12 +178,12 @@ def _expression(node: Node, args: list[str], floats: Floats, prefix: str) -> str
 VECTORS = (Vec3, Quaternion, Sym3, Mat3)
 
 Units = Mapping[Place, Mapping[str, Unit]]
-"""Units of the fields of the records at some places."""
+"""Units of dataclass fields, by path of the dataclass and name of the field."""
 
 
 @immutable(kw_only=False)
 class RecordField:
-    """Field of a dataclass with its path, unit, array sizes and scalars, as input of a C struct.
+    """Field of a dataclass that becomes a member of a C struct: path, unit, array sizes and scalars.
 
     Attributes:
         path: place in the record, for example ("links", "0", "body", "mass").

@@ -1,4 +1,4 @@
-"""Actuator layer around a control law: converts joint torques to servo setpoints, rotor speeds by thrust tables."""
+"""Actuator layer around a control law: servo setpoints from joint torques, rotor speeds from thrust tables."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class ActuatorParameters(LayerParameters):
 
 
 OBSERVING = 30.0
-"""rad/s: bandwidth at which the joint accelerations are observed that the model lacks."""
+"""Bandwidth (rad/s) of the observer of joint accelerations that the model lacks."""
 
 FOLLOWING = 120.0
-"""rad/s: bandwidth at which the observed joint position follows the measured one."""
+"""Bandwidth (rad/s) of the filter from the measured to the observed joint position."""
 
 
 @immutable
@@ -58,7 +58,7 @@ class JointMotion:
     unmodelled: Annotated[Scalar, Unit("rad/s^2 or m/s^2", "beyond the model's")] = 0.0
 
     def correct(self, position: Scalar, rate: Scalar, started: Scalar, dt: Scalar) -> JointMotion:
-        """Motion corrected by a measurement of position and rate; as measured before the law has ``started``."""
+        """Joint motion corrected by a measurement of position and rate; the measurement itself before ``started``."""
         fast, slow = double_pole(OBSERVING, dt)
         error, share = where(started, rate - self.rate, 0.0), low_pass_share(FOLLOWING, dt)
         return JointMotion(
@@ -68,7 +68,7 @@ class JointMotion:
         )
 
     def ahead(self, acceleration: Scalar, dt: Scalar) -> JointMotion:
-        """Motion one period later under a constant acceleration."""
+        """Joint motion one control period later under a constant acceleration."""
         rate = self.rate + acceleration * dt
         position = self.position + (self.rate + rate) * (0.5 * dt)
         return JointMotion(position=data(position), rate=data(rate), unmodelled=self.unmodelled)
@@ -166,7 +166,7 @@ def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tre
 
 
 def with_consequences(controller: Controller, changed: Collection[Place], control_period: float) -> Controller:
-    """Controller with what follows from replaced numbers of its model: the mixer, and queues of joint drives at rest.
+    """Controller with its mixer and joint drive states recomputed after numbers of its model were replaced.
 
     Args:
         controller: controller with the replaced numbers.
@@ -228,7 +228,7 @@ def _setpoints(
     model: Model,
     dt: Scalar,
 ) -> tuple[ActuatorMemory, tuple[Scalar, ...]]:
-    """Memory with the next states of drives and joints, and setpoints for the desired mean efforts over a period."""
+    """Next states of joint drives and observers, and setpoints that give the desired mean efforts over a period."""
     setpoints, drives, ahead = [], [], []
     angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
     rows = zip(

@@ -34,8 +34,8 @@ from skyarm.records.registry.shipped import TUNED
 __all__ = ["TUNED", "Controller", "ControllerError"]
 
 BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
-"""Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
-whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
+"""Names of the laws that keep the base in flight without joint torques. The others count on them and fall with a slung
+load whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
 @immutable(kw_only=False)
@@ -64,7 +64,7 @@ class Entry:
 
 
 class _Entries(Mapping[str, Entry]):
-    """Lazy mapping of names to the registered makers of controllers of a kind."""
+    """Lazy mapping from names to the catalogue entries of registered laws or autopilots."""
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
@@ -80,10 +80,10 @@ class _Entries(Mapping[str, Entry]):
 
 
 LAWS: Mapping[str, Entry] = _Entries("law")
-"""Laws by name: those that ship, and those that were registered."""
+"""Control laws by name: those of the library and those that users registered."""
 
 AUTOPILOTS: Mapping[str, Entry] = _Entries("autopilot")
-"""Autopilots by name: programs on the other side of a socket that fly the base in a law's place."""
+"""Autopilots by name: external programs, connected by a socket, that control the base in place of a law."""
 
 
 def entry_of(name: str) -> Entry:
@@ -129,13 +129,13 @@ HUMMINGBIRD = GeometricGains(
     attitude=Vec3(0.7, 0.7, 0.035),
     rate=Vec3(0.1, 0.1, 0.025),
 )
-"""RotorS, lee_controller_hummingbird.yaml; the paper's Tables A1 and A2 repeat it."""
+"""Gains of RotorS (lee_controller_hummingbird.yaml), repeated in Tables A1 and A2 of Barakou et al. 2026."""
 
 ACCELERATION = JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0))
-"""Barakou et al. 2026, Table A1: 1/s^2 and 1/s."""
+"""Joint gains on acceleration (1/s^2 and 1/s) of Barakou et al. 2026, Table A1."""
 
 TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
-"""Barakou et al. 2026, Table A2: N m/rad and N m s/rad."""
+"""Joint gains on torque (N m/rad and N m s/rad) of Barakou et al. 2026, Table A2."""
 
 
 @immutable(kw_only=False)
@@ -175,11 +175,11 @@ PRESETS: Mapping[str, Preset] = {
     ),
     "centroidal_tip": Preset("the centroidal law, the tip on its reference", "centroidal", {"mode": "tip"}),
 }
-"""The paper's controllers with its gains, and the centroidal law in both modes."""
+"""Presets by name: controllers of Barakou et al. 2026 with their gains, and the centroidal law in both modes."""
 
 
 def named_now(name: str) -> str:
-    """Name of the preset that flies in the place of a former one, with a warning in one line; others unchanged."""
+    """Present name of a renamed preset, with a one-line warning; other names are returned unchanged."""
     now = present_names("preset").get(name) if isinstance(name, str) else None
     if now is None:
         return name
@@ -273,7 +273,7 @@ def make_named(name: str, model: Model, known: Mapping[str, float] | None = None
 
 
 def is_named(name: Any) -> bool:
-    """True if a value is the name of a preset, a former one too, of a law, law with tuned gains or autopilot."""
+    """True if a value is the present or former name of a preset, or the name of a law, tuned law or autopilot."""
     return any(is_one_of(name, names) for names in (every_name(), AUTOPILOTS, present_names("preset")))
 
 
@@ -305,10 +305,10 @@ def require_different(names: Sequence[str], field: str) -> None:
 
 
 SEE = "skyarm show"
-"""Shows the names of all presets and laws."""
+"""Command that lists all presets and laws."""
 
 FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
-"""Texts that were probably meant as FILE.py:make and are not of that form."""
+"""Pattern of texts that were probably meant as FILE.py:make but do not have that form."""
 
 
 def must_be_named(name: Any, others: str = "") -> str:

@@ -19,14 +19,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 Memory = TypeVar("Memory")
 
 LawOptions: TypeAlias = Mapping[str, Any]
-"""Options of a law by name, as a file or a call states them: each reader checks those that it takes."""
+"""Options of a control law by name, from a file or a call, not yet checked."""
 
 Law = Callable[..., tuple[Any, Command]]
-"""step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
+"""Signature of a control law: step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
 
 
 class ControllerError(ValueError):
-    """Invalid description of a controller."""
+    """Error: invalid description of a controller."""
 
 
 @immutable
@@ -62,7 +62,7 @@ class Controller:
             require_fields(self.memory, "controller.memory", (Vehicle,))
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error if the controller is not all in a law that can be traced, for a use that needs that.
+        """Raise an error if an autopilot flies the base or the law cannot be traced; ``what`` needs a law that can.
 
         Raises:
             ControllerError: the law cannot be traced, or a program of its own flies the base.
@@ -107,11 +107,11 @@ def with_innermost(record: Any, own: Tree) -> Any:
 
 
 class FormerNameWarning(UserWarning):
-    """An option or a name of an earlier version that the next one does not read."""
+    """Warning: an option or name from an earlier version, which the next version will not accept."""
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:
-    """Internal state of a law with the applied command in place of the desired one, where a law stores commands.
+    """Internal state of a law, with its stored commands replaced by the applied ones if it stores any.
 
     A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
@@ -139,7 +139,7 @@ def part_of(record: Tree, name: str) -> Any:
 
 
 def preview_leads(par: Dataclass) -> tuple[Scalar, ...]:
-    """Times (s) after the held reference sample at which a law, inside any layers, takes samples to come."""
+    """Times (s) of the future reference samples, after the held one, that a law inside any layers uses."""
     return getattr(innermost(par), "preview", ())
 
 

@@ -37,7 +37,7 @@ CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
 RETURNS = "must return (memory, Command)"
 
 ONE_FOR = {"rotor_speeds": "rotor", "efforts": "joint", "tilts": "rotor that tilts"}
-"""What has one number in each field of a command."""
+"""Component (rotor, joint, tilting rotor) that each number of a command belongs to, by field of the command."""
 
 MAY_BE_EMPTY = ("tilts",)
 

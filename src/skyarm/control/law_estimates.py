@@ -39,7 +39,7 @@ def lags_found(memory: Tree) -> tuple[Scalar, ...]:
 
 
 def numbers_found(memory: Tree) -> tuple[Scalar, ...]:
-    """Estimated loop lags and tip load of a control law as one flat tuple."""
+    """All online estimates of a control law (loop lags, tip load, tip force) as one flat tuple."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 
 
@@ -59,7 +59,7 @@ def observed_push(memory: Tree) -> Vec3 | None:
 
 @immutable(kw_only=False)
 class PushAlone:
-    """Tip force estimate of a control law, without the rest of the law's state; empty if not estimated."""
+    """Tip force estimate of a control law, separate from the rest of the law's state; empty if not estimated."""
 
     tip_force: Vec3 | tuple[()]
 

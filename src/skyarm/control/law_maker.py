@@ -27,11 +27,11 @@ RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 RATIO_ATTITUDE, RATIO_RATE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012), (0.1 / 0.007, 0.1 / 0.007, 0.025 / 0.012)
 
 ACCELERATION_GAINS = (150.0, 17.0)
-"""Default joint gains on acceleration, 1/s^2 and 1/s: 12.2 rad/s as the paper's joint 2 (Table A1), damping 0.7."""
+"""Default joint gains on acceleration (1/s^2 and 1/s): 12.2 rad/s as joint 2 of Barakou et al. 2026, damping 0.7."""
 
 
 def default_gains(model: Model) -> GeometricGains:
-    """RotorS's Hummingbird gains (Table A1) scaled to another vehicle's mass and base inertia."""
+    """RotorS's geometric gains of the Hummingbird, scaled to another vehicle's mass and base inertia."""
     mass, J = model.vehicle.mass, model.vehicle.base.inertia
     moments = (J.xx, J.yy, J.zz)
     return GeometricGains(
@@ -70,7 +70,7 @@ def fitting_mixer(model: Model, policy: str) -> Mixer:
 
 
 Reader = Callable[[Model, Any], Any]
-"""From a model and the value of an option to the constant that is held."""
+"""Function (model, value of an option) -> constant of the control law."""
 
 
 def law_maker(

@@ -32,7 +32,7 @@ class Model:
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
 
     def path_names(self) -> Names:
-        """Names of the fields, and of loads on top of the vehicle."""
+        """Names in parameter paths: the model's fields, and the loads carried by the vehicle."""
         return field_paths(self) | {"payload": self.vehicle.load_names()}
 
 
@@ -65,7 +65,7 @@ TORQUE_GAINS: Mapping[str, Unit] = {
     "stiffness": Unit("N m/rad or N/m", "effort per error of the joint"),
     "damping": Unit("N m s/rad or N s/m", "effort per error of the joint's rate"),
 }
-"""Units of JointGains in a law that closes the joints on torque."""
+"""Units of JointGains for a law whose joint gains act on torque."""
 
 
 @immutable
@@ -90,7 +90,7 @@ class Terms:
 
     @classmethod
     def from_table(cls, names: object, where: str) -> Self:
-        """All terms without those in a list of names."""
+        """Terms of the computed torque law, all enabled except those in a list of names."""
         allowed = field_names(cls) or ()
         if not isinstance(names, list) or any(name not in allowed for name in names):
             raise ValueError(f"{where} = {shown(names)}: must be a list of {', '.join(allowed)}")
@@ -124,7 +124,7 @@ class Parameters:
 
 @immutable
 class Options:
-    """Options that many laws have, with their words in a file.
+    """Options that several control laws share, with their keys in a file.
 
     Attributes:
         gains, joint_gains: None for those that fit the model.
@@ -152,7 +152,7 @@ class LayerParameters:
     inner: Any
 
     turns_rotors: ClassVar[bool] = False
-    """The layer commands the angles of tilting rotors."""
+    """True if the layer commands the angles of tilting rotors."""
 
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:

@@ -45,21 +45,21 @@ from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 MOST_LEAD = 3.0
-"""Times the way to its angle that a servo is told to go at most: noise in the angle is enlarged by as much."""
+"""Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
 
 STILL = 0.02
-"""Share of a rotor's largest squared speed below which its angle, which hardly matters then, moves slowly."""
+"""Share of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
 
 STRONG = 4.0
-"""Times the squared speed of hover that a rotor's largest counts as at most: one may have no largest speed."""
+"""Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have no largest speed."""
 
 TURNING = 200.0
-"""1/s, at which an angle moves with a thrust of that share: in proportion to the thrust, at once in a period of 5 ms.
-"""
+"""Rate (1/s) of a tilt angle at the thrust below which it moves slowly, in proportion to the thrust. At that thrust it
+moves at once in a period of 5 ms."""
 
 YAW_DAMPING = 1.0
-"""Of the rotors' squared reach in torque about z at rest: what the correction of that torque is damped with, so that
-angles at which thrusts give none of it ask for none."""
+"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. So angles at which
+thrusts give none of it ask for none."""
 
 
 @immutable
@@ -97,7 +97,7 @@ class VectoredMemory:
 
 
 def law_inside(controller: Controller) -> Controller:
-    """Controller inside the tilting-rotor layer, for pairs of fixed rotors."""
+    """Inner controller of the tilting-rotor layer, for pairs of fixed rotors."""
     layer: Any = controller.law
     inner, memory = layer.keywords["inner"], controller.memory.inner
     return dataclasses.replace(controller, law=inner, par=controller.par.own, memory=memory)
@@ -153,12 +153,12 @@ def _lead(rotor: Rotor, tilt: Tilt) -> float:
 
 
 def _motor_lag(rotor: Rotor) -> Scalar:
-    """Mean of a rotor's two motor time constants, s."""
+    """Mean of a rotor's two motor time constants (s), for rising and falling speed."""
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
 def _lagging_angles(vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar) -> list[Scalar]:
-    """Angles of tilt servos one period later, with the lag of their rotors' motors."""
+    """Angles of tilt servos one period later, if they had the lag of their rotors' motors."""
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))

@@ -92,7 +92,7 @@ def _even_polynomial(z: Scalar, c: Sequence[float]) -> Scalar:
 
 
 def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Sine and cosine of x modulo pi/2, a flag for an odd number of quarter turns, -1 for one of half turns, else 1."""
+    """Sine and cosine of x modulo pi/2, with the flag of an odd number of quarter turns and the sign of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -209,7 +209,7 @@ COMPOSED: dict[str, Callable[..., Scalar]] = {
     "acos": acos,
     "tanh": tanh,
 }
-"""Functions that engines without a library evaluate by the lines above."""
+"""Elementary functions by name, for generated code that has no mathematical library."""
 
 
 BASIC = ("divide", "sqrt", "floor", "absolute", "where", "logical_and", "logical_or", "logical_not")

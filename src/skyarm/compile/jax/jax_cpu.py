@@ -9,7 +9,7 @@ EXTRA_OPTIONS = (
     "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000,"
     "xla_cpu_use_multi_output_fusion,xla_cpu_flatten_after_fusion"
 )
-"""Options of XLA's backend for processors; a jaxlib that does not know one of them passes over it."""
+"""XLA options for CPUs; a jaxlib that does not support one of them ignores it."""
 
 
 def configure_extra_options() -> bool:

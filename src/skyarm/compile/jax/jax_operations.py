@@ -29,7 +29,7 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
     raise missing_extra("jax") from error
 
 Float = type[np.float64] | type[np.float32]
-"""Floating-point type of all numbers of a program."""
+"""Floating-point type of all numbers in a program that JAX evaluates."""
 
 
 def _layout(x: Array) -> tuple[type[np.int64 | np.int32], int, int]:
@@ -46,7 +46,7 @@ def _bits(x: Array) -> Array:
 
 
 def power_of_two(k: Array) -> Array:
-    """2**k for a whole number k, written directly into the exponent bits."""
+    """Power 2**k for a whole number k, written directly into the exponent bits."""
     integer, shift, bias = _layout(k)
     bits = _bits(lax.add(k, _like(k, 1.5 * 2.0**shift)))
     moved = lax.shift_left(bits, _like(bits, shift))
@@ -136,7 +136,7 @@ def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, A
 
 
 def at_most(a: Array, b: Array) -> Array:
-    """a <= b for JAX scalars, False for NaN."""
+    """Comparison a <= b of JAX scalars; False for NaN."""
     return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
 
 
@@ -160,7 +160,7 @@ OPERATIONS: dict[str, Callable[..., Array]] = {
     "exponent": exponent,
     "mantissa": mantissa,
 }
-"""Basic operations of a lowered program on scalars of JAX."""
+"""Basic operations by name, on JAX scalars."""
 
 
 def evaluate(program: Lowered, inputs: Sequence[Array], dtype: Float) -> list[Array]:

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     import llvmlite.binding as llvm
 
 EFFORT = "SKYARM_EFFORT"
-"""Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""
+"""Name of the environment variable that limits LLVM's optimisation level; 0 suits many short-lived programs."""
 
 LARGE = 100_000
-"""Operations of a program beyond which the least effort is taken: the optimiser needs minutes, in which no signal is
-answered. A law that is told of a delay of half a second has 300 000."""
+"""Number of operations above which a program is compiled without optimisation: the optimiser needs minutes, in which no
+signal is answered. A law that is told of a delay of half a second has 300 000."""
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step
@@ -60,7 +60,7 @@ def _features() -> str:
 
 
 def host_width(*, single: bool = False) -> int:
-    """Number of lanes that fit a vector register of this processor."""
+    """Number of SIMD lanes that fit a vector register of this processor."""
     features = _features()
     bits = 512 if "+avx512f" in features else 256 if "+avx" in features else 128
     return bits // (32 if single else 64)
@@ -104,7 +104,7 @@ class Kernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all lanes through all rows of the input table; returns the final states and the log.
+        """Step all SIMD lanes through all rows of the input array; returns the final states and the log.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
         are only read.

@@ -1,4 +1,4 @@
-"""Machine code advanced one step per call: for one lane in real time, many lanes, or a single function."""
+"""Machine code called step by step: for one simulation in real time, many side by side, or a single function."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import Tree, rebuild
 
 ALONE = 8192
-"""Lanes up to which one thread is done before another would have woken."""
+"""Number of SIMD lanes up to which one thread alone is faster than several."""
 
 
 class LaneStepper:
-    """Machine code of many lanes, advanced by one step per call on arrays that stay in place.
+    """Machine code that advances many simulations (SIMD lanes) by one step per call, in fixed arrays.
 
     Its threads are made at the first step that shares its lanes, kept from step to step, and made anew after a fork.
     :meth:`close` ends them.
@@ -69,7 +69,7 @@ class LaneStepper:
             self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
 
     def fill(self) -> None:
-        """Copy the last lane into the unused places of the last SIMD vector; call it after writing to the arrays."""
+        """Copy the last lane into the unused elements of the last SIMD vector; call it after writing to the arrays."""
         lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
@@ -81,7 +81,7 @@ class LaneStepper:
         self._keys[0] = seed
 
     def begin(self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0) -> None:
-        """Begin new episodes in some lanes: their random numbers restart with new keys.
+        """Begin new episodes in some SIMD lanes: their random numbers restart with new keys.
 
         Args:
             where: (m,) numbers of the lanes.
@@ -95,7 +95,7 @@ class LaneStepper:
             self._seeds[where] = seeds
 
     def step(self) -> None:
-        """Advance all lanes by one step.
+        """Advance all SIMD lanes by one step.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has made the step.
         """
@@ -123,7 +123,7 @@ def apart(blocks: int) -> int:
 
 
 class Stepper:
-    """Machine code of one lane, advanced by one step per call in about a microsecond.
+    """Machine code that advances one simulation by one step per call, in about a microsecond.
 
     Args:
         kernel: machine code of width 1, with logging if outputs are needed.
@@ -163,14 +163,14 @@ class Stepper:
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set a table of input rows and a log table, with one row per step each."""
+        """Set the arrays from which steps read their inputs and to which they write logs, one row per step."""
         if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
         self._tables = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Advance by the steps of input rows ``begin`` to ``end``; ``start``: step number of the table's first row."""
+        """Run the steps of rows ``begin`` to ``end`` of the input array; ``start``: step number of its first row."""
         buffer = self._buffer
         buffer[7], buffer[8], buffer[9] = begin, end, start
         self.step()

@@ -1,4 +1,4 @@
-"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all input rows.
+"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all rows of inputs.
 
     void step_loop(carry*, parameters*, rows*, log*, keys*,
                    first block, last block, begin, end, start, lanes, log every)
@@ -116,11 +116,11 @@ ARGUMENTS = (
 )
 
 ALIGNED = 64
-"""Bytes to which the stack is aligned, a line of the cache. Most numbers of a step lie there: as a caller leaves it, it
+"""Alignment of the stack in bytes, that of a cache line. Most numbers of a step lie there: as a caller leaves it, it
 splits every vector of 64 bytes over two lines three times in four, and flights take a fifth longer."""
 
 FLUSH = 0x8040
-"""Bits of an x86 processor's control word that make numbers below the normal range zero."""
+"""Bits of the x86 floating-point control register that flush subnormal numbers to zero."""
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
@@ -251,7 +251,7 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def _address(writer: Writer, base: str, index: int) -> str:
-    """Write assembly for the address of variable ``index`` in the current block of lanes; returns its name."""
+    """Write assembly for the address of variable ``index`` in the current block of SIMD lanes; returns its name."""
     at = writer.fresh()
     writer.do(f"""
   {at}.skip = mul i64 %lanes, {index}

@@ -33,7 +33,7 @@ class Lanes:
 
     @property
     def scalar(self) -> str:
-        """LLVM type of one lane."""
+        """LLVM type of one element of a SIMD vector."""
         return "float" if self.single else "double"
 
     @property
@@ -62,7 +62,7 @@ class Lanes:
         return 4 if self.single else 8
 
     def constant(self, value: float) -> str:
-        """LLVM constant with one number in every lane, rounded here to single precision if needed."""
+        """LLVM constant with one number in every SIMD lane, rounded to single precision if needed."""
         if self.single:
             value = to_single(value)
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
@@ -209,7 +209,7 @@ class Writer:
         return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
 
     def _mantissa(self, x: str) -> str:
-        """Append LLVM code that extracts the mantissa of a number; return the name of the result."""
+        """Write assembly of the binary mantissa of a number; returns its name."""
         lanes = self.lanes
         keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")

@@ -27,7 +27,7 @@ from skyarm.records.files.private import private_folder, read_private, write_pri
 from skyarm.records.immutable import immutable
 
 SIZE = 256.0
-"""MB that the entries may take together, if ``SKYARM_CACHE_SIZE`` does not say otherwise."""
+"""Default limit (MB) of the total size of the cached object files, used unless ``SKYARM_CACHE_SIZE`` is set."""
 
 MB = 1_000_000
 
@@ -46,7 +46,7 @@ def state_folder() -> Path | None:
 
 
 def size_limit() -> int:
-    """Largest total size of the cached object files, bytes; 0 disables the cache.
+    """Largest total size (bytes) of the cached object files; 0 disables the cache.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no such number.
@@ -64,7 +64,7 @@ def size_limit() -> int:
 
 
 ENTRY, TEMPORARY = re.compile(r"[0-9a-f]{64}\.o"), re.compile(r"\.[0-9a-f]{64}\.o\.[0-9a-f]{12}\.part")
-"""Names of entries, and of what is being written."""
+"""File name patterns of cached object files and of files that are still being written."""
 
 
 def is_ours(name: str) -> bool:
@@ -91,7 +91,7 @@ def unused_reason() -> str:
 
 
 def usable(folder: Path) -> bool:
-    """True for a folder that only this user may write; else warns once."""
+    """True if only this user may write to a folder; else warn once and return False."""
     try:
         reason = private_folder(folder, is_ours)
     except (OSError, ValueError):
@@ -152,10 +152,10 @@ def _warn(line: str) -> None:
 CODE_BYTES = 32
 
 MOMENT = 60.0
-"""s: a use so soon after the last one noted is not noted again, so that most uses write nothing."""
+"""Time (s) within which a repeated use of a cached file is not recorded again, so that most uses write nothing."""
 
 FORGOTTEN = 3600.0
-"""s: a temporary file this old has no writer any more."""
+"""Age (s) above which a temporary file counts as abandoned by its writer."""
 
 
 @immutable(kw_only=False)

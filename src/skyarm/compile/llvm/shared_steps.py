@@ -25,23 +25,23 @@ def cores() -> int:
 
 
 SLICE = 0.003
-"""s that a thread steps at a time. Each slice computes anew what depends on parameters alone: 13 us of a quadrotor with
-a two-joint arm."""
+"""Length (s) of the slice of work that a thread takes at a time. Each slice computes anew what depends on parameters
+alone: 13 us of a quadrotor with a two-joint arm."""
 
 GUESS = 2e-10
-"""s of an operation on a vector."""
+"""Estimated time (s) of one operation on a SIMD vector."""
 
 SHARED = 5e-5
-"""s of work that are worth another thread, which takes some 20 us to wake."""
+"""Least work (s) for which another thread is used, since waking one takes some 20 us."""
 
 SHARES = 4
-"""Groups of blocks for each thread, at least: some take longer than others."""
+"""Least number of work groups per thread: some take longer than others."""
 
 WAIT = 0.3
-"""s after which a caller that waits looks for signals, where a wait is not ended by them."""
+"""Time (s) after which a waiting caller checks for signals, on systems where a signal does not end the wait."""
 
 Arguments = ctypes.c_int64 * 12
-"""Arguments of the machine code: five arrays, first and last block, begin, end, start, lanes, log every."""
+"""Arguments of the machine code: five arrays, first and last block, begin, end, start, lanes, logging interval."""
 
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
@@ -122,7 +122,7 @@ class SharedSteps:
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
     def run(self, start: int, workers: Workers | None = None, *, whole: bool = False) -> None:
-        """Step all blocks of lanes through all input rows, on the given worker threads.
+        """Step all blocks of SIMD lanes through all rows of inputs, on the given worker threads.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.

@@ -26,7 +26,7 @@ def _exponent(x: Array) -> Array:
 
 
 def _power_of_two(k: Array) -> Array:
-    """2**k of each number; NaN outside (-1100, 1100)."""
+    """Power 2**k of each number k; NaN outside (-1100, 1100)."""
     sound = (k > -1100.0) & (k < 1100.0)
     return np.where(sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan)
 

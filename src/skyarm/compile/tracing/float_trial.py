@@ -1,4 +1,4 @@
-"""Checks for hidden state: digests of traces that must be equal, and a comparison with the function on floats.
+"""Checks of a traced function for hidden state: equal digests of repeated traces, and equal results on floats.
 
 A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
 it, and nobody sees. Therefore it is traced again and compared; a law is called with floats for some periods, too.
@@ -17,7 +17,7 @@ from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import Record, Tree, leaves, parts, rebuild
 
 PERIODS = 20
-"""Control periods that are compared."""
+"""Number of control periods over which a traced function is compared with its evaluation on floats."""
 
 OUTSIDE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
 
@@ -27,7 +27,7 @@ Numbers = tuple[float, ...]
 
 
 def in_floats(record: Record) -> Record:
-    """Record with all its numbers as floats."""
+    """Copy of a nested dataclass with all its numbers converted to floats."""
     return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
 
 
@@ -97,7 +97,7 @@ def _call_with_floats(
 
 
 def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]:
-    """Texts, by place, of the values that a function returns when it is traced: of one program equal in every process.
+    """Digests of the values that a traced function returns, by path; equal in every process for the same program.
 
     Args:
         function: function of records over any scalar; may return a table.
@@ -120,7 +120,7 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
 
 
 def contents(value: Any, place: str = "") -> dict[str, Any]:
-    """Innermost values by their places, in records, lists, tables and the library's own objects."""
+    """Innermost values of nested dataclasses, lists, dictionaries and objects of this library, by path."""
     below: Mapping[Any, Any] = parts(value)
     if isinstance(value, (list, Mapping)):
         below = value if isinstance(value, Mapping) else dict(enumerate(value))
@@ -132,7 +132,7 @@ def contents(value: Any, place: str = "") -> dict[str, Any]:
 
 
 def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) -> str | None:
-    """Name of the first argument whose contents are no longer those from before a call; None if all are."""
+    """Name of the first argument whose contents differ from those before a call; None if all are unchanged."""
     now = contents(arguments)
     for at, value in before.items():
         # by identity, as traced numbers cannot be compared; what is first computed now may be added

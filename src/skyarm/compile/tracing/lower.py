@@ -81,11 +81,11 @@ def live(outputs: Sequence[Node]) -> list[Node]:
 Record = TypeVar("Record")
 
 WRITTEN_OUT = 6000
-"""Traced operations up to which a repetition is written out, which runs a fifth faster but compiles longer."""
+"""Number of operations up to which a repeated block is unrolled, which runs a fifth faster but compiles longer."""
 
 
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` up to ``count`` times; the number of ``rounds`` may be traced and differ between lanes.
+    """Apply ``function`` ``rounds`` times, at most ``count``; ``rounds`` may be traced and differ between SIMD lanes.
 
     Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
     have. Where nothing can be skipped, ``count`` rounds are made.

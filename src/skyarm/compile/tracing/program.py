@@ -25,7 +25,7 @@ _SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
 
 
 Flat = Callable[[Sequence[float]], tuple[float, ...]]
-"""Function of plain sequences: outputs of a program from its inputs."""
+"""Type of a compiled program: function from the sequence of input numbers to the tuple of output numbers."""
 
 
 class Program:
@@ -126,7 +126,7 @@ def python_source(program: Lowered, divide: str = "{0} / {1}") -> str:
 
 
 class _CallOnce:
-    """External function of a program that is called once even if the program has to be evaluated twice."""
+    """External function of a traced program, called only once even if the program is evaluated twice."""
 
     def __init__(self, function: Callable[..., Sequence[float]]) -> None:
         self._function = function

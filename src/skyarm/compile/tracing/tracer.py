@@ -19,7 +19,7 @@ from skyarm.algebra.scalars.fold import Scalar
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
 CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
-"""Operations that give a truth value."""
+"""Names of the operations whose result is a truth value."""
 
 FOLD: dict[str, Callable[..., Scalar]] = {
     "add": operator.add,
@@ -37,7 +37,7 @@ FOLD: dict[str, Callable[..., Scalar]] = {
     **{name: getattr(floats, name) for name in ("sqrt", "floor", "copysign", "power_of_two", "exponent", "mantissa")},
     **COMPOSED,
 }
-"""Every operation of a program, on Python numbers."""
+"""Python function of each operation of a traced program, for the folding of constants."""
 
 
 class TracedBranchError(TypeError):

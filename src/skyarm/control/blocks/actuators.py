@@ -38,11 +38,11 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
 
 
 class ModelHolder(Protocol):
-    """Constants of a law, with the controller's model."""
+    """Protocol of a law's constants that contain the controller's model."""
 
     @property
     def model(self) -> Model:
-        """Model of the controller."""
+        """Nominal model that the controller uses."""
 
 
 def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:

@@ -73,10 +73,11 @@ def vector_series(motion: Sequence[Vec3]) -> Vec3:
 
 
 FALL = 0.875
-"""Of ``start``, the width in which :func:`upright` raises a vertical force."""
+"""Width of the range in which :func:`upright` raises a vertical force, as a share of ``start``."""
 
 TINY = 1e-12
-"""Below this square of a sine the heading does not fix the attitude; the tilt's bound keeps far away from it."""
+"""Squared sine between thrust and heading below which the heading does not fix the attitude. The tilt limit keeps far
+away from it."""
 
 
 @immutable(kw_only=False)
@@ -170,7 +171,7 @@ def _inverse_length(v: Vec3) -> Scalar:
 
 
 def angular_acceleration(gains: BaseGains, desired: DesiredAttitude, R: Mat3, w: Vec3) -> Vec3:
-    """Commanded angular acceleration from attitude and rate errors, body axes, rad/s^2.
+    """Commanded angular acceleration (rad/s^2, body axes) from attitude and rate errors.
 
     -KR e_R - Kw e_w + R^T R_d w_d' - w x R^T R_d w_d with e_w = w - R^T R_d w_d: Lee's law times the inverse inertia.
     """

@@ -29,7 +29,7 @@ def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
 
 
 def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Sequence[Scalar]) -> Vec3:
-    """Velocity of the centre of mass relative to the base due to the joint rates, m/s, base axes."""
+    """Velocity (m/s, base axes) of the centre of mass relative to the base due to the joint rates."""
     total: Vec3 = ZERO3
     for i, link in enumerate(vehicle.moving):
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
@@ -44,7 +44,7 @@ def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Jacobian of the centre of mass with respect to the joints times the vehicle's mass, as columns in base axes."""
+    """Jacobian of the centre of mass with respect to the joints, times the vehicle's mass, as columns in base axes."""
     if vehicle.followers:
         own = com_columns(vehicle.with_free_followers, poses)
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
@@ -131,7 +131,7 @@ class Reaction:
     base: list[list[Scalar]]
 
     def torque(self, accelerations: Sequence[Scalar]) -> Vec3:
-        """Body torque required by joint accelerations, N m, base axes."""
+        """Body torque (N m, base axes) required by joint accelerations."""
         return Vec3(*(inner_product(row, accelerations) for row in self.base))
 
     def accelerations(self, efforts: Sequence[Scalar]) -> list[Scalar]:

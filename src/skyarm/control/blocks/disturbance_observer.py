@@ -86,7 +86,7 @@ class Felt:
 
 
 def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -> Vec3:
-    """Specific force that the model expects of an accelerometer at the base origin, base axes, m/s^2.
+    """Specific force (m/s^2, base axes) that the model predicts for an accelerometer at the base origin.
 
     Args:
         model: the controller's model.
@@ -274,7 +274,7 @@ def observe_uncompensated(
 def unmodelled_thrust(
     model: Model, squares: Sequence[Scalar], half: Sequence[Scalar], speeds: Sequence[Scalar]
 ) -> Vec3:
-    """Difference of the rotors' thrust at the end of a period from its predicted mean in the period, N, base axes.
+    """Rotor thrust at the end of a period minus its predicted mean over the period (N, base axes).
 
     Args:
         model: the controller's model.
@@ -289,7 +289,7 @@ def unmodelled_thrust(
 
 @immutable
 class Amid:
-    """State amid the period before a measurement, and the disturbance estimated before that measurement.
+    """Model state in the middle of a period, and the disturbance estimated before the measurement at its end.
 
     Attributes:
         R: R_WB. rate, joint_rates: estimates at the period's beginning. joints: rad or m.
@@ -312,7 +312,7 @@ class Amid:
 
 @immutable
 class Told:
-    """State amid the period before a measurement, and the corrections of the model by that measurement.
+    """Corrections of the observer's model by one measurement, with the model state in the period before it.
 
     Attributes:
         amid: state, and the disturbance estimated before the measurement.
@@ -330,7 +330,7 @@ class Told:
 
 @immutable(kw_only=False)
 class FilteredPose:
-    """Base position (m), attitude and joint positions of the vehicle."""
+    """Filtered base position (m), attitude and joint positions of the vehicle."""
 
     position: Vec3
     quaternion: Quaternion
@@ -410,7 +410,7 @@ class Observed:
         )
 
     def without(self, known: Disturbance) -> Observed:
-        """State whose disturbance is less by a part that is fed forward from now on."""
+        """Observer state whose estimated disturbance is reduced by a part that is fed forward from now on."""
         less = disturbance(self) - known
         return dataclasses.replace(
             self,
@@ -422,7 +422,7 @@ class Observed:
 
 @immutable
 class ObserverGains:
-    """Bandwidths of the disturbance observer, rad/s: force, torque, joint torques, and the pose filter.
+    """Bandwidths (rad/s) of the disturbance observer: force, torque, joint torques, and the pose filter.
 
     ``accelerometer`` is None where the measured velocity alone gives the force.
     """
@@ -435,10 +435,10 @@ class ObserverGains:
 
 
 UNFILTERED = 1e6
-"""rad/s: the observer takes the pose as measured."""
+"""Bandwidth (rad/s) of a pose filter that passes the measured pose unchanged."""
 
 
 def observer_gains(_model: Model, bandwidths: Any) -> ObserverGains:
-    """Observer gains from bandwidths of force, torque and joint torques, rad/s, without a pose filter."""
+    """Observer gains from bandwidths (rad/s) of force, torque and joint torques, without a pose filter."""
     force, torque, joints = option_numbers("observer", bandwidths, 3)
     return ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)

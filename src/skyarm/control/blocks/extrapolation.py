@@ -1,4 +1,4 @@
-"""Sampled and held reference signals at present, with derivatives up to the fourth.
+"""Extrapolation of sampled and held reference signals to the present, with derivatives up to the fourth.
 
 With a preview, rate and acceleration of the held sample and of the next one, T later, and the acceleration at 2 T fix a
 rate of fourth order, so that jerk and snap have hardly a step at a sample. Without one they are extrapolated:
@@ -21,7 +21,8 @@ from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
 
 JUMP, ROUGH = 0.1, 0.02
-"""A rate that misses the mean of two accelerations by this share of their difference and of their size has jumped."""
+"""Tolerances of the jump test of a rate, as shares of the difference and of the size of two accelerations. A rate that
+misses their mean by more has jumped."""
 
 
 def extrapolate(
@@ -65,7 +66,7 @@ def extrapolate(
 
 
 def _hold(channel: Channel, sample: Sample) -> Channel:
-    """State of one signal that has a preview: the sample now held."""
+    """Extrapolator state of a reference signal with a preview: the sample that is held now."""
     value, rate, acceleration = (data(c) for c in sample)
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 

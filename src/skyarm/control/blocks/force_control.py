@@ -65,10 +65,10 @@ from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST
 
 YIELDING = 0.8
-"""Share of the speed of the approach above which a force gives way: doors swing below it, boxes slide above."""
+"""Share of the approach speed above which a pressed surface counts as yielding: doors are slower, boxes faster."""
 
 PRESSED = 0.75
-"""Above it a surface was not only met: the order has been there as a whole."""
+"""Threshold of the contact history flag above which the full contact force has been commanded."""
 
 
 def interact(
@@ -182,7 +182,7 @@ def touches(
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, pressed: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """Commanded share (0 to 1) of the contact force: up while it presses, down as slowly in a release, else fast."""
+    """Ramp (0 to 1) of the commanded contact force: up in contact, down as slowly in a release, else down fast."""
     down = dt / where(touching > 0.5, gains.rise, gains.fall)
     return clip(share + where(pressed > 0.5, dt / gains.rise, -down), 0.0, 1.0)
 
@@ -198,7 +198,7 @@ def integrate_force_error(
     dt: Scalar,
     signed: bool = False,
 ) -> Scalar:
-    """Bounded integral of the contact force error, N: constant during the force ramp, zero without contact.
+    """Bounded integral (N) of the contact force error: constant during the force ramp, zero without contact.
 
     With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
     """
@@ -252,7 +252,7 @@ def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scala
 
 
 def _size(force: Vec3) -> Scalar:
-    """Magnitude of a force, N, never 0."""
+    """Magnitude (N) of a force, never exactly zero."""
     return sqrt(force.dot(force) + 1e-12)
 
 
@@ -294,7 +294,7 @@ class Pressing:
 
 
 SENSING = 60.0
-"""rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
+"""Bandwidth (rad/s) of the force sensor's filter, above that of the observers and below that of the contact."""
 
 
 @immutable

@@ -13,7 +13,7 @@ from skyarm.control.model import GeometricGains
 RATE_ERRORS = ("rotors_sim", "corrected")
 
 SMALL_ACCELERATION = 1e-6
-"""m/s^2. Below this commanded specific force the thrust direction is undefined: the present one is kept."""
+"""Commanded specific force (m/s^2) below which the thrust direction is undefined and the present one is kept."""
 
 SMALL_SINE = 1e-6
 """Sine of the angle between thrust direction and heading below which the heading does not fix the attitude."""
@@ -28,7 +28,7 @@ def downward_acceleration(
     velocity_error: Vec3,
     acceleration: Vec3,
 ) -> Vec3:
-    """Desired acceleration a_d, eq. (82) of Barakou et al. 2026, m/s^2, world axes; points down in hover.
+    """Desired acceleration a_d (m/s^2, world axes), eq. (82) of Barakou et al. 2026; it points down in hover.
 
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
@@ -75,7 +75,7 @@ def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) ->
 
 
 def angular_acceleration(gains: GeometricGains, inertia: Sym3, e_R: Vec3, e_w: Vec3) -> Vec3:
-    """Angular acceleration alpha_d (85), body axes, rad/s^2: I_b^-1 (-KR e_R - Kw e_w).
+    """Angular acceleration alpha_d (rad/s^2, body axes), eq. (85): I_b^-1 (-KR e_R - Kw e_w).
 
     RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse dynamics.
     """
@@ -94,18 +94,18 @@ def attitude_loop(
     w_B: Vec3,
     rate_form: str,
 ) -> Vec3:
-    """Angular acceleration that turns the thrust to -a_d and the nose to the yaw, body axes, rad/s^2: (83) to (85)."""
+    """Angular acceleration (rad/s^2, body axes) that turns the thrust to -a_d and the nose to the yaw: (83) to (85)."""
     R_d = desired_attitude(a_d, yaw, R_WB)
     e_w = rate_error(w_B, R_WB, R_d, yaw_rate, rate_form)
     return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)
 
 
 def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Scalar:
-    """Thrust along the present body z, N: -m a_d . (R e_3); negative if the vehicle is upside down."""
+    """Thrust (N) along the present body z, -m a_d . (R e_3); negative if the vehicle is upside down."""
     return mul(-mass, a_d.dot(R_WB.column(2)))
 
 
 def yaw_of(quaternion: Quaternion) -> Scalar:
-    """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), the yaw convention of RotorS."""
+    """Heading (rad) of a unit quaternion, atan2(2(wz + xy), 1 - 2(y^2 + z^2)), in the yaw convention of RotorS."""
     w, x, y, z = quaternion
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

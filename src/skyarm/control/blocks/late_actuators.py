@@ -1,4 +1,4 @@
-"""Modelled past of the actuators, read at any age: actuation under commands that are late by a varying time.
+"""History of the modelled actuators, from which actuation under commands with a varying delay is read.
 
 The motors' lag has no clock of its own: motors that get commands L seconds late turn as those without a delay turned L
 seconds ago. So the model's motors run without the delay, and their past is read at the delay's age, which may vary.
@@ -21,12 +21,12 @@ from skyarm.vehicle.vehicle_records import Rotor
 Rows = tuple[tuple[Scalar, ...], ...]
 
 SHORTEST = 1e-9
-"""Periods: length at least, of a mean over the past."""
+"""Shortest interval (control periods) over which the past actuation is averaged."""
 
 
 @immutable
 class Past:
-    """Modelled actuation without delay in the last periods, one row a period, oldest first.
+    """History of modelled actuation without delay, one row per control period, oldest first.
 
     Ages are at most the number of rows less one.
     """
@@ -36,7 +36,7 @@ class Past:
     efforts: Annotated[Rows, Unit("N m or N", "of the joints")]
 
     def after(self, model: Model, command: Command, dt: Scalar) -> Past:
-        """Past after one more period of a held command."""
+        """Actuation history after one more period of a held command."""
         rotors = zip(model.vehicle.rotors, self.speeds[-1], command.rotor_speeds, strict=True)
         speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
         rows = (squares, speeds, command.efforts)
@@ -65,7 +65,7 @@ class Past:
         return Actuation(squares=squares, amid=now, speeds=now, efforts=efforts)
 
     def _since(self, age: Scalar) -> list[Scalar]:
-        """Part of each period, newest first, 0 to 1, that lies after ``age`` periods ago."""
+        """Share (0 to 1) of each past control period, newest first, that lies within the last ``age`` periods."""
         return [minimum(maximum(sub(age, float(k)), 0.0), 1.0) for k in range(len(self.squares))]
 
 
@@ -85,12 +85,12 @@ def turn(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> tuple[Scal
 
 
 def first_past(standing: Command, periods: int) -> Past:
-    """Past of actuators that have held a command for ``periods``."""
+    """History of actuators that have held one command for the given number of control periods."""
     speeds = standing.rotor_speeds
     squares = tuple(speed * speed for speed in speeds)
     return Past(squares=(squares,) * periods, speeds=(speeds,) * periods, efforts=(standing.efforts,) * periods)
 
 
 def _sums(rows: Rows, shares: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Weighted sum of rows; their shares are in the order of their ages."""
+    """Weighted sum of the rows of an actuation history; the first weight belongs to the newest row."""
     return tuple(inner_product(shares, column) for column in zip(*rows[::-1], strict=True))

@@ -80,7 +80,7 @@ def drag_wrench(vehicle: Vehicle, speeds: Sequence[Scalar], velocity_B: Vec3, ra
 
 
 def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Force:
-    """Force and torque by which the rotors' thrust differs from the mixer's model; nothing of plain upright rotors."""
+    """Force and torque by which the rotors' thrust differs from the mixer's model; zero for plain upright rotors."""
     total, rotors = Force(ZERO3, ZERO3), model.vehicle.rotors
     if all(rotor.table is None and rotor.axis.coordinate_axis() == 2 for rotor in rotors):
         return total
@@ -95,7 +95,7 @@ def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
 
 
 def reference_drag(model: Model, state: State, base: Sequence[Vec3], *, sideways: bool, moving: bool) -> list[Vec3]:
-    """Rotor force other than thrust along body z, for the reference's motion, with two derivatives, N, world axes.
+    """Rotor force except thrust along body z (N, world axes), for the reference's motion, with two derivatives.
 
     The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
     tilted rotors across body z is constant, and the derivatives leave it out.
@@ -204,7 +204,7 @@ def predict_across(
     h: Scalar,
     sideways: bool,
 ) -> State:
-    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step."""
+    """Vehicle state ``h`` seconds later by one midpoint step; ``h`` may be traced."""
     drift = 0.5 * h
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))

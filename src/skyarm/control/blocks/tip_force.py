@@ -78,7 +78,7 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
 
 
 def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
-    """Force at the tip, N, world axes, by weighted least squares from the observed disturbance less its bias."""
+    """Force at the tip (N, world axes) by weighted least squares from the observed disturbance minus its bias."""
     return at.R.apply(Vec3(*_of_disturbance(errors, at, rest).solve()))
 
 
@@ -92,7 +92,7 @@ def effort_shares(errors: ForceErrors, at: TipLevers, n: Vec3) -> tuple[Scalar, 
 
 
 def _of_disturbance(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> LeastSquares:
-    """Least-squares problem for the force at the tip, base axes."""
+    """Least-squares problem for the force at the tip (base axes) that explains a disturbance."""
     squares = LeastSquares(3)
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(at.vehicle.links, at.columns, rest.efforts, strict=True):

@@ -1,4 +1,4 @@
-"""Scale of the joints' torques, learned from the arm's weight in free flight, and standard error of the tip's force.
+"""Estimate of joint torque scale errors from the arm's weight in free flight, and standard error of the tip force.
 
 A joint that is commanded tau gives (1 + s) tau. In free flight it holds the known weight of the links, so that the
 disturbance observer reports d = s tau, plus the error of that weight. With prior deviations sigma_s of the scale and
@@ -30,15 +30,15 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 MEMORY = 0.5
-"""1/s: rate at which what was learned of the scale fades while it is learned anew."""
+"""Forgetting rate (1/s) of the torque scale estimate while it is updated."""
 
 CORRELATED = 0.1
-"""s, over which errors of the observed disturbance are one."""
+"""Correlation time (s) of the errors of the observed disturbance."""
 
 
 @immutable
 class Tolerances:
-    """Standard deviations of what a force estimate from joint torques rests on."""
+    """Standard deviations of joint torque scales and arm weight in a tip force estimate from joint torques."""
 
     torques: Annotated[Scalar, Unit("", "of the scale of a joint's torque")]
     masses: Annotated[Scalar, Unit("", "of the arm's weight torques, relative")]
@@ -46,7 +46,7 @@ class Tolerances:
 
 @immutable
 class TorqueScale:
-    """Sums by which the torque scale of each joint is learned, and the standard error of the force that is left.
+    """State of the torque scale estimate: least-squares sums of each joint, and standard error of the tip force.
 
     Attributes:
         squares, products: fading sums of tau^2 and d tau over time.
@@ -62,7 +62,7 @@ class TorqueScale:
     deviation: Annotated[Scalar, Unit("N", "of the tip's force along the normal")] = 0.0
 
     def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> tuple[Scalar, ...]:
-        """Factor of each joint's product B in the estimate of its scale, 1 / (N^2 m^2 s)."""
+        """Gain of each joint's torque scale estimate on the sum of disturbance times torque, 1 / (N^2 m^2 s)."""
         prior = by.torques * by.torques
         both = prior + by.masses * by.masses
         rows = zip(self.squares, at.vehicle.links, strict=True)
@@ -71,7 +71,7 @@ class TorqueScale:
     def correct(
         self, by: Tolerances, errors: ForceErrors, at: TipLevers, d: Disturbance, efforts: Sequence[Scalar]
     ) -> Disturbance:
-        """Observed disturbance of joints with the right torque scale: d - s tau."""
+        """Observed disturbance minus the joint efforts that torque scale errors cause: d - s tau."""
         rows = zip(d.efforts, self.factors(by, errors, at), self.products, efforts, strict=True)
         return dataclasses.replace(
             d, efforts=tuple(sub(seen, mul(mul(factor, B), effort)) for seen, factor, B, effort in rows)
@@ -89,7 +89,7 @@ class TorqueScale:
         rate: Scalar,
         dt: Scalar,
     ) -> TorqueScale:
-        """Sums and standard error one period later.
+        """State of the torque scale estimate one period later.
 
         Args:
             by: tolerances.
@@ -125,5 +125,5 @@ class TorqueScale:
 
 
 def first_scale(joints: int) -> TorqueScale:
-    """Torque scale of which nothing is learned yet."""
+    """Initial state of the torque scale estimate: no data yet."""
     return TorqueScale(squares=(0.0,) * joints, products=(0.0,) * joints)

@@ -46,7 +46,7 @@ from skyarm.reference.preview import samples
 from skyarm.sensing.measurement import Measurement
 
 COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION = range(1, 7)
-"""Steps on top of the paper's law; each has those before it.
+"""Indices of the extensions of the law of Barakou et al. 2026; each includes those before it.
 
 1. The thrust points along the force that the coupled dynamics need, with the arm's reaction.
 2. The inverse dynamics takes the base's acceleration that the real thrust gives, not the desired one.
@@ -59,7 +59,7 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 
 @immutable
 class StepParameters(Parameters):
-    """Constants of the ablation ladder (computed torque with added steps), besides those of the paper's law.
+    """Constants of the ablation ladder, beyond those of the computed torque law of Barakou et al. 2026.
 
     Attributes:
         steps: number of extensions taken, 1 to 6.
@@ -95,7 +95,7 @@ class StepMemory:
 
 
 TILT, FLOOR = 1.2, 0.15
-"""Largest tangent of the wanted tilt and smallest vertical force, of the weight, where the force is differentiated."""
+"""Largest tangent of the tilt, and smallest vertical force over the weight, where the force is differentiated."""
 
 
 def stepped_computed_torque(
@@ -195,7 +195,7 @@ def _force(
 def _turn(
     force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Angular acceleration that turns the thrust towards a force, base axes, rad/s^2."""
+    """Angular acceleration (rad/s^2, base axes) that turns the thrust towards a force."""
     if par.steps < FEEDFORWARD:
         return turn_towards(par, measurement, goal, R, force)
     model = par.model
@@ -280,4 +280,4 @@ make_stepped = law_maker(
     readers={"observer": ((25.0, 30.0, 40.0), observer_gains)},
     memory=first_memory,
 )
-"""Maker for any vehicle; the observer is given by the bandwidths of force, torque and joint torques, rad/s."""
+"""Maker of the ablation ladder's controllers; ``observer``: bandwidths of force, torque and joint torques (rad/s)."""

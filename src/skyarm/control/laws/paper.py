@@ -122,7 +122,7 @@ def generalized_force(
 def force_by_euler_rates(
     par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
 ) -> tuple[Force, tuple[Scalar, ...]]:
-    """Inverse dynamics M qdd + C qd in the paper's coordinates [p, Phi, eta], as force on the base and joint torques.
+    """Inverse dynamics M qdd + C qd in coordinates with Euler angles, as force on the base and joint torques.
 
     alpha_d passes (95), Phidd = Q^-1 (alpha_d - Qdot Phid); the dynamics is the tree's, by w = Q Phid, so that an
     ablation without C leaves Qdot Phid out; torque on Phi is tau_Phi = Q^T tau, and (94) gives tau = Q^-T tau_Phi.
@@ -141,13 +141,13 @@ def force_by_euler_rates(
 
 
 SINGULAR = 1e-6
-"""Squared cosine of the pitch below which Euler rates are given up."""
+"""Squared cosine of the pitch below which the Euler rates count as singular."""
 
 SINGULAR_PITCH = "pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)"
 
 
 def euler_margin(quaternion: Quaternion) -> Scalar:
-    """Squared cosine of the pitch less its bound: distance of an attitude to where Euler rates are given up."""
+    """Squared cosine of the pitch minus its least value: distance of an attitude to the singularity of Euler rates."""
     cosine = cos(euler_angles(quaternion.rotation())[1])
     return cosine * cosine - SINGULAR
 
@@ -214,7 +214,7 @@ make_rotors_sim_position = law_maker("rotors_sim_position", rotors_sim_position,
 OF_JOINTS = ("friction_compensation", "rate_weights")
 
 make_decoupled_pd = law_maker("decoupled_pd", decoupled_pd, shared=("rate_error", *OF_JOINTS), torque_gains=True)
-"""Maker of the paper's baseline."""
+"""Maker of the decoupled PD baseline of Barakou et al. 2026."""
 
 make_hybrid_computed_torque = law_maker(
     "hybrid_computed_torque",
@@ -222,4 +222,4 @@ make_hybrid_computed_torque = law_maker(
     shared=("rate_error", "terms", "euler", *OF_JOINTS),
     bounds=lambda par: {"margin": euler_margin, "limit": SINGULAR_PITCH} if par.euler else {},
 )
-"""Maker of the paper's law."""
+"""Maker of the hybrid geometric computed torque law of Barakou et al. 2026."""

@@ -145,7 +145,7 @@ def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scala
 
 
 def thresholds(model: Model, forces: Any) -> InteractionGains:
-    """Contact detection constants from two normal forces (N), those of contact and of its loss.
+    """Contact detection constants from two normal forces (N), the thresholds of contact and of its loss.
 
     Raises:
         ControllerError: forces that are none, or a vehicle whose joints move no tip.
@@ -172,7 +172,7 @@ def first_memory(par: PressingParameters) -> PressingMemory:
 READERS = {"observer": ((25.0, 30.0, 40.0), observer_gains), "interaction": ((0.3, 0.1), thresholds)}
 
 VAGUE = 0.01
-"""m/rad: joints that move the tip along the normal by less are left as they are."""
+"""Lever (m/rad) along the normal below which the damping leaves a joint unchanged."""
 
 
 def hybrid_ct(
@@ -192,7 +192,7 @@ def hybrid_ct(
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
-    """Tip position for a level base at its reference, m, world axes."""
+    """Tip position (m, world axes) for a level base at its reference."""
     arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
     return reference.position + arm
 
@@ -226,16 +226,16 @@ def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> tuple[Sc
 
 
 make_hybrid_ct = law_maker("hybrid_ct", hybrid_ct, PressingParameters, readers=READERS, memory=first_memory)
-"""Maker for any vehicle whose joints move a tip."""
+"""Maker of hybrid force control for any vehicle whose joints move a tip."""
 
 RATE = 4.0
-"""1/s, D / M: the virtual mass takes the speed of coming in a quarter of a second."""
+"""Ratio D / M (1/s) of virtual damping to mass: the approach speed is reached in a quarter of a second."""
 
 BACK = 4.0
-"""rad/s, critically damped, with which the shift returns."""
+"""Bandwidth (rad/s) of the critically damped return of the reference's shift."""
 
 LEAST = 0.01
-"""N and m/s, below which a wanted force or speed sets no damping."""
+"""Least desired force (N) and speed (m/s) from which the virtual damping is computed."""
 
 
 def admittance_pd(
@@ -279,4 +279,4 @@ def admittance_motion(
 make_admittance_pd = law_maker(
     "admittance_pd", admittance_pd, PressingParameters, readers=READERS, memory=first_memory, torque_gains=True
 )
-"""Maker for any vehicle whose joints move a tip."""
+"""Maker of admittance control for any vehicle whose joints move a tip."""

@@ -46,7 +46,7 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SETPOINTS = {"efforts": Unit("", "of each joint what its line above says, in that order")}
-"""Of a command some of whose numbers are setpoints."""
+"""Unit of the command's efforts in the C struct if some joints take setpoints."""
 
 SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors above")}
 
@@ -67,7 +67,7 @@ def drives_of(vehicle: Vehicle) -> dict[str, Drive]:
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:
-    """Units of a command's fields in the C struct at ``place``; empty if all joints take torques."""
+    """Units of a command's fields in the C struct, by path; empty if all joints take torques."""
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 
@@ -148,7 +148,7 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
 
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
-"""Words of a parameter's path that its name in C leaves out or shortens."""
+"""Words of a parameter's path, with the shorter ones in its C name."""
 
 STRUCTS = {
     "measurement": "What the sensors say.",
@@ -157,7 +157,7 @@ STRUCTS = {
     "command": "What the actuators are asked for.",
     "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
 }
-"""Comment of each struct."""
+"""Comments of the C structs, by struct."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
@@ -310,7 +310,7 @@ def _structs(
 
 
 MOST_LAYERS = 3
-"""Layers around a law at most: safety, rotors that tilt, actuators."""
+"""Largest number of layers around a control law: safety, tilting rotors, actuators."""
 
 
 def _on_torque(controller: Controller) -> Units:

@@ -39,7 +39,7 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 TINY = 1e-9
-"""m, m/s or m/s^2 added to a length that divides."""
+"""Small number added to the length (m, m/s or m/s^2) of a vector to avoid division by zero."""
 
 
 def govern_base(

@@ -23,16 +23,17 @@ from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 STEP = 1e-3
-"""m and m/s: small, so that no limit of the law's own is met."""
+"""Position and velocity step (m and m/s) of the stiffness test, too small to reach the law's own limits."""
 
 SETTLING = 40
-"""Calls in which the motors' speeds follow the commands: a law that inverts their lag then commands what it wants."""
+"""Number of control steps in which motor speeds settle at the commands. A law that inverts their lag then commands what
+it wants."""
 
 PERIOD = 0.005
-"""s; the stiffness of a law hardly depends on it."""
+"""Control period (s) of the stiffness test; a law's stiffness hardly depends on it."""
 
 USUAL = (5.0, 2.7)
-"""1/s^2 and 1/s, RotorS's Hummingbird: for a law whose thrust does not answer a vertical error, or cannot be asked."""
+"""Default vertical stiffness and damping (1/s^2 and 1/s, RotorS's Hummingbird) of a law that cannot be tested."""
 
 
 def law_stiffness(controller: Controller) -> tuple[float, float]:
@@ -56,7 +57,7 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 
 
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
-    """Settled thrust of a law along body z, N, for constant vertical position and velocity errors."""
+    """Settled thrust (N) of a law along body z for constant vertical position and velocity errors."""
     model = controller.par.model
     vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
     trim = hover_trim(vehicle, joints, model.gravity)
@@ -129,7 +130,7 @@ class Limits:
 
 
 STEEPEST = math.radians(85.0)
-"""Of the tilt that may be requested."""
+"""Largest tilt limit (rad) that may be requested."""
 
 
 @immutable
@@ -225,7 +226,7 @@ def _defaults(controller: Controller) -> dict[str, Any]:
 
 
 def _fastest(model: Model) -> float:
-    """Highest rotor speed, rad/s; twice the hover speed for rotors without a limit."""
+    """Highest rotor speed (rad/s); twice the hover speed for rotors without a limit."""
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
     hover = max((float(speed) for speed in trim.speeds), default=0.0)
     tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]

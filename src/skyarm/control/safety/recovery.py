@@ -45,7 +45,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.linkage import Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
-"""rad, rad/s (of base and joints, m/s of a prismatic one) and m/s of calm flight."""
+"""Limits of calm flight: tilt (rad), body and joint rates (rad/s; m/s for prismatic joints) and speed (m/s)."""
 
 
 @immutable
@@ -118,7 +118,7 @@ def update_confidence(
 
 
 STRAIGHT = 1e-6
-"""1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
+"""Value of 1 + tr(R_d^T R) within 0.06 degrees of a rotation by 180 degrees, where the axis is undefined."""
 
 
 @immutable

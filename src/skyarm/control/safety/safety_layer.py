@@ -219,7 +219,7 @@ def limit_command(
 
 
 FAILURES = (ArithmeticError, ValueError, RuntimeError)
-"""What numbers and solvers raise, numpy's LinAlgError among them; other exceptions are mistakes in a law's code."""
+"""Exceptions of arithmetic and solvers, such as numpy's LinAlgError; others are mistakes in a law's code."""
 
 
 def with_safety_layer(

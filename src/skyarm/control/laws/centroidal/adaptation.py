@@ -41,30 +41,31 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3
-"""Squared effort of 1 kg, (N m)^2 or N^2, below which the mass is adapted slowly."""
+"""Squared joint effort under 1 kg at the tip ((N m)^2 or N^2) below which the mass is adapted slowly."""
 
 SLOW = {"revolute": 0.1, "prismatic": 1e-3}
-"""Squared rate of a joint, (rad/s)^2 or (m/s)^2, by its kind, below which its friction is adapted slowly."""
+"""Squared rate of a joint ((rad/s)^2 or (m/s)^2, by its kind) below which its friction is adapted slowly."""
 
 RESTING = 0.01
-"""Share of ``SLOW``: the mean square of the reference's rate with which friction is adapted at half its rate."""
+"""Mean square of the reference's rate, as a share of ``SLOW``, at which friction is adapted at half its rate."""
 
 FRICTION = 2.0
-"""1/s, rate of the adapted damping of the joints."""
+"""Adaptation rate (1/s) of the joints' damping."""
 
 STICKIEST = 50.0
-"""Largest adapted damping over the joint's inertia on a fixed base, 1/s."""
+"""Largest adapted damping of a joint over its inertia on a fixed base (1/s)."""
 
 MODELLED = 5.0
-"""Of it, over the same inertia, what the model's joints have, 1/s: with 20, slow swings under 50 g that nobody told of
-are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry the tip off by 13 mm for 9."""
+"""Largest part of the adapted damping that the model's joints take, over the same inertia (1/s). With 20, slow swings
+under 50 g that nobody told of are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry the tip off by
+13 mm for 9."""
 
 FOLLOWING = 2.0
-"""1/s, rate of the mean squares of a joint's wanted rate and of its rate error."""
+"""Filter rate (1/s) of the mean squares of a joint's desired rate and of its rate error."""
 
 
 def towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
-    """Value after one low-pass step."""
+    """Value after one low-pass step towards a new value."""
     return add(old, mul(share, sub(new, old)))
 
 
@@ -77,7 +78,7 @@ class Efforts:
     given: Annotated[Scalar, Unit("N m or N", "effort beside which the observer found its own")]
 
     def towards(self, new: Efforts, share: Scalar) -> Efforts:
-        """Signals after one low-pass step towards new ones."""
+        """Filtered signals of a joint after one low-pass step towards new ones."""
         pairs = ((self.load, new.load), (self.rate, new.rate), (self.given, new.given))
         load, rate, given = (towards(old, now, share) for old, now in pairs)
         return Efforts(load=load, rate=rate, given=given)
@@ -85,7 +86,7 @@ class Efforts:
 
 @immutable
 class JointLearned:
-    """Adaptation state of one joint: friction damping, filtered signals, and how its rate follows.
+    """Adaptation state of one joint: friction damping, filtered signals, and how well its rate tracks the reference.
 
     ``once`` and ``twice`` are the signals after one and two stages of the observer's lag.
     """
@@ -97,7 +98,7 @@ class JointLearned:
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
     def filtered(self, new: Efforts, desired: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """Joint state with filtered signals and statistics, one period later; ``desired`` is the reference's rate."""
+        """Adaptation state of a joint with signals and statistics filtered; ``desired`` is the reference's rate."""
         once, slow = self.once.towards(new, share), low_pass_share(FOLLOWING, dt)
         off = sub(new.rate, desired)
         return replace(
@@ -109,7 +110,7 @@ class JointLearned:
         )
 
     def trust(self, slow: Scalar) -> Scalar:
-        """Weight of a joint in the adaptation of friction, 0 to 1, by how its rate follows its reference's.
+        """Weight (0 to 1) of a joint in the adaptation of friction, by how well its rate tracks the reference.
 
         None where the reference rests: a constant force and a slow drift are then no friction.
         """
@@ -118,12 +119,12 @@ class JointLearned:
         return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
 
     def residual(self, observed: Scalar, mass: Scalar) -> Scalar:
-        """Effort that neither adapted load nor adapted damping explains; ``observed`` is the observer's."""
+        """Joint effort that adapted load and damping do not explain; ``observed`` is the observer's estimate."""
         late = self.twice
         return add(sub(add(observed, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
 
     def learned(self, error: Scalar, slow: Scalar, limits: tuple[Scalar, Scalar], dt: Scalar) -> JointLearned:
-        """Joint state after one step of the damping along the gradient of the squared residual ``error``."""
+        """Adaptation state of a joint after one step of the damping down the gradient of the squared ``error``."""
         rate = self.twice.rate
         less = mul(self.trust(slow), divide(mul(error, rate), add(mul(rate, rate), slow)))
         return replace(self, damping=clip(sub(self.damping, mul(FRICTION * dt, less)), *limits))
@@ -151,7 +152,7 @@ class Learned:
 
 @immutable
 class AdaptationGains(OptionalPart):
-    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
+    """Rates and bounds of the tip-mass and friction adaptation; the mass is not adapted if its rate is None.
 
     Attributes:
         delay_periods: known delay of the measurements, structure.
@@ -173,7 +174,7 @@ class AdaptationGains(OptionalPart):
         return with_joint_damping(par, [add(damping, more) for damping, more in pairs])
 
     def split_damping(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
-        """Learned damping of each joint that the model's joint has, and the rest, which is fed forward."""
+        """Adapted damping of each joint in two parts: that in the model's joint, and the rest, which is fed forward."""
         inside = [minimum(joint.damping, most) for joint, most in zip(joints, self.modelled, strict=True)]
         return inside, [sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)]
 
@@ -191,7 +192,7 @@ class AdaptationGains(OptionalPart):
 
 
 def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods: int) -> AdaptationGains | None:
-    """Constants for a rate (1/s) and a largest mass (kg) at the tip; None without joints."""
+    """Constants of the adaptation, from rate (1/s) and bound (kg) of the tip mass; None without joints."""
     if not vehicle.n:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest
@@ -211,7 +212,7 @@ def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods:
 def adapt(
     gains: AdaptationGains, step: Step, learned: Learned, planned: Planned, free: Sequence[Scalar]
 ) -> tuple[Learned, Disturbance]:
-    """Adapted tip mass, joint friction and feed-forward one period later, and what of the disturbance they took over.
+    """Adapted tip mass, joint friction and feed-forward one period later, and the disturbance that they now compensate.
 
     ``free``: of each joint, 1 where it may be adapted; 0 leaves its damping and keeps it out of the mass.
     """
@@ -226,7 +227,7 @@ def adapt(
     turned = [q.derivative(1) for q in planned.joints]
 
     def feedforward(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
-        """Feed-forward for a mass and for dampings, along the plan."""
+        """Feed-forward of a tip mass and joint dampings in the planned motion."""
         rows = zip(unit.efforts, dampings, turned, strict=True)
         efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
@@ -249,7 +250,7 @@ def adapt(
 
 
 def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tuple[list[JointLearned], Vec3]:
-    """Joints with the signals of this measurement, filtered, and the measured velocity of the tip, m/s, world axes."""
+    """Adaptation states with the new signals filtered, and the measured velocity of the tip (m/s, world axes)."""
     par, measurement, dt = step.par, step.measurement, step.dt
     vehicle, velocity = par.model.vehicle, learned.tip_velocity
     loads: Sequence[Scalar] = (0.0,) * vehicle.n
@@ -272,7 +273,7 @@ def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tupl
 def learn_mass(
     gains: AdaptationGains, mass: Scalar, joints: Sequence[JointLearned], errors: Sequence[Scalar], dt: Scalar
 ) -> Scalar:
-    """Mass after one step along the gradient of the squared residuals ``errors``, kg."""
+    """Tip mass (kg) after one step along the gradient of the squared residuals ``errors``."""
     match: Scalar = 0.0
     size: Scalar = SMALL
     for joint, error in zip(joints, errors, strict=True):
@@ -282,7 +283,7 @@ def learn_mass(
 
 
 def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
-    """Measured velocity of the tip, m/s, world axes."""
+    """Measured velocity of the tip (m/s, world axes)."""
     frame, joints = vehicle.frame(), measurement.joints
     turning = measurement.rate.cross(frame_pose(vehicle, frame, joints, summed=True).p)
     columns = jacobian_columns(vehicle, frame, joints, summed=True)
@@ -292,7 +293,7 @@ def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
 
 
 def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> tuple[Scalar, ...]:
-    """Efforts of the joints under 1 kg at the tip, N m or N.
+    """Joint efforts (N m or N) under 1 kg at the tip in the measured motion.
 
     ``proper`` is the measured acceleration of the tip plus g upwards, m/s^2, world axes.
     """

@@ -1,4 +1,4 @@
-"""Shift of the base that keeps the tip in place along a previewed motion: bounded inverse of the tilted vehicle.
+"""Base shift that keeps the tip in place along a previewed motion: bounded solution of the unstable tilt dynamics.
 
 With y the sideways shift of the common centre of mass, a the reference's acceleration, d the steady force per mass, n
 the specific thrust and l the height of the centre of mass above the tip, the attitude answers a + y'' - d and the tip
@@ -39,10 +39,10 @@ from skyarm.reference.preview import Sample
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LEAST = 0.02
-"""Height (m) of a lever below which the shift falls in proportion to it, with the pace of this height."""
+"""Height (m) of the centre of mass above the tip below which the shift falls in proportion to that height."""
 
 HELD = 0.02
-"""Regularisation of the squared rotations by which joints take a tilt back."""
+"""Regularisation of the squared joint rotations that compensate a tilt of the base."""
 
 WEAK = 0.15
 """Lower bound of the specific thrust, as a share of gravity."""
@@ -55,7 +55,7 @@ TINY = 1e-9
 
 @immutable
 class Shift:
-    """Shift of the centre of mass, and its vertical acceleration as it was found one period before.
+    """State of the base shift: shift of the centre of mass, and its vertical acceleration found one period before.
 
     Attributes:
         coming: mean vertical acceleration from each instant of the preview to the next, m/s^2.
@@ -75,12 +75,12 @@ FIRST_SHIFT = Shift(
     coming=(0.0,) * len(SHARES),
     first=0.0,
 )
-"""Shift of a vehicle at rest."""
+"""Initial state of the base shift: a vehicle at rest."""
 
 
 @immutable
 class Acting:
-    """Forces on the vehicle beside those of rotors and weight, world axes.
+    """Forces on the vehicle in addition to rotor thrust and weight, world axes.
 
     Attributes:
         force: steady force, N. rate: its predicted rate, N/s. drag: hub drag of the rotors, N s/m.
@@ -109,7 +109,7 @@ class PreviewInstant:
 
 @immutable(kw_only=False)
 class TiltShares:
-    """Share of a base's tilt that joints do not take back: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
+    """Share of a base tilt that joints do not compensate: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
     Attributes:
         mean: m, mean of all directions. x, y: deviations from it at heading 0.
@@ -120,7 +120,7 @@ class TiltShares:
     y: Scalar
 
     def left(self, v: Vec3, yaw: Scalar) -> Vec3:
-        """Part of a horizontal vector (world axes, or its series) that joints leave to the base at a heading, rad."""
+        """Part of a horizontal vector (world axes, or its series) that joints do not compensate at a heading (rad)."""
         ahead, aside = cos(yaw), sin(yaw)
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
@@ -128,7 +128,7 @@ class TiltShares:
 
 
 def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
-    """Share of a base's tilt that the arm's joints do not take back, by the moments of their horizontal axes.
+    """Share of a base tilt that the arm's joints do not compensate, from the second moments of their axes.
 
     A turn about the axis with the largest moment moves the centre of mass across it.
     """
@@ -146,7 +146,7 @@ def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
 
 
 def _turning_axis(vehicle: Vehicle, level: Posture, i: int) -> Vec3:
-    """Axis about which a joint turns, base axes; zero of a sliding one."""
+    """Rotation axis of a joint in base axes; zero for a prismatic joint."""
     joint = vehicle.links[i].joint
     return Vec3(*(derivative(row, 0).dot(joint.axis) for row in level.links[i].R.rows)) if joint.turns else ZERO3
 
@@ -158,7 +158,7 @@ def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
 
 
 def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
-    """Levers (m) at the samples to come: of the third the mean of its neighbours', of the last that of the one before.
+    """Heights (m) of the centre of mass above the tip at the preview's samples; two of them are approximated.
 
     A posture costs as much as the rest of the work for a sample, and those two count less than the others.
     """
@@ -168,7 +168,7 @@ def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list
 
 @immutable(kw_only=False)
 class PreviewInterval:
-    """Solution between two instants of the preview: y' = -b y + v at the first one, and the motion to the second one.
+    """Bounded base shift over one interval of the preview: y' = -b y + v at its start, and the motion to its end.
 
     Attributes:
         b: 1/s. v: m/s. time: time from the first to the second one, s.
@@ -184,7 +184,7 @@ class PreviewInterval:
 
 
 def bounded_sweep(rows: Sequence[PreviewInstant], thrusts: Sequence[Scalar]) -> list[PreviewInterval]:
-    """Bounded solution at each instant of the preview, from its end backwards.
+    """Bounded base shift at each instant of the preview, by a backward sweep from its end.
 
     Args:
         rows: reference from now on.
@@ -220,7 +220,7 @@ def bounded_sweep(rows: Sequence[PreviewInstant], thrusts: Sequence[Scalar]) -> 
 def coming_thrusts(
     rows: Sequence[PreviewInstant], line: Sequence[PreviewInterval], y: Vec3
 ) -> tuple[tuple[Scalar, ...], ...]:
-    """Vertical acceleration of the shift from instant to instant (m/s^2), and secants of its tilt at each instant.
+    """Vertical accelerations (m/s^2) of the shifted centre of mass along the preview, and secants of the tilt.
 
     A lever l that is turned by y to the side is less high by about y^2 / 2 l.
     """
@@ -235,7 +235,7 @@ def coming_thrusts(
 
 
 def _secant(y: Vec3, per: Scalar) -> Scalar:
-    """Ratio 1 / cos of the tilt of a lever whose end is displaced horizontally, as a share ``per`` of its length."""
+    """Secant 1 / cos of the tilt of a lever whose end is displaced by ``y``; ``per``: inverse length of the lever."""
     side = y * per
     square = side.dot(side)
     least = choose(square < STEEP, square, STEEP) if isinstance(square, Taylor) else minimum(square, STEEP)
@@ -256,7 +256,7 @@ def bounded_shift(
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
     dt: Scalar,
 ) -> tuple[list[Vec3], Shift]:
-    """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
+    """First to fourth derivative of the shift of the centre of mass (m, world axes), and its state one period later.
 
     Args:
         par: constants of the law.
@@ -328,7 +328,7 @@ def bounded_shift(
 
 
 def _later(shift: Shift, rows: Sequence[PreviewInstant], dt: Scalar) -> Shift:
-    """Shift whose numbers along the preview are those of the instants of now, which go on from sample to sample."""
+    """State of the base shift, with its values along the preview interpolated at the present instants."""
     late = rows[1].time - shift.first + dt
     shares = [divide(late, then.time - now.time) for now, then in pairwise(rows[1:])]
     now, *secants = shift.secants
@@ -343,7 +343,7 @@ def _towards_next(values: Sequence[Scalar], shares: Sequence[Scalar]) -> list[Sc
 
 
 def _thrusts(rows: Sequence[PreviewInstant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:
-    """Mean specific thrust from each instant to the next, and at the last one, m/s^2; ``still`` that at rest."""
+    """Mean specific thrust (m/s^2) between instants of the preview, and at its end; ``still``: its value at rest."""
     rises = [0.5 * (now.rise + then.rise) + sink for now, then, sink in zip(rows, rows[1:], shift.coming, strict=False)]
     ups = [maximum(still + rise, floor) for rise in (*rises, rows[-1].rise)]
     secants = [*(0.5 * (a + b) for a, b in zip(shift.secants, shift.secants[1:], strict=False)), shift.secants[-1]]

@@ -41,7 +41,7 @@ class Thrust:
 
 
 ALONG_Z = RotorForce()
-"""Of rotors that push along body z alone."""
+"""Rotor force along body z alone."""
 
 
 def quasi_static(
@@ -58,7 +58,7 @@ def quasi_static(
 
 
 def planned_rate(still: DesiredAttitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
-    """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
+    """Rate (N/s, planned body axes) of the planned force f = m (p'' + g): R^T m p''' - w x R^T f.
 
     ``motion`` are p'' and p''' of the centre of mass.
     """
@@ -96,7 +96,7 @@ def thrust(
     disturbance: Sequence[Vec3],
     rotors: RotorForce = ALONG_Z,
 ) -> Thrust:
-    """Force on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives, N.
+    """Force (N) on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives.
 
     ``wanted`` is the reference of the centre of mass, value to fourth derivative, ``position`` and ``velocity`` its
     present ones; ``disturbance`` has its two known derivatives with it.
@@ -128,7 +128,7 @@ def thrust(
 
 
 APPROACH = 2.0
-"""m/s^2, rate at which a base that comes back from afar slows down."""
+"""Deceleration (m/s^2) of a base that returns from a large position error."""
 
 
 def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
@@ -148,7 +148,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
 
 
 PULL = 8.0
-"""m/s^2, the most that errors of the centre of mass ask for: without a bound 2 of 16 flights of ``hexarotor_arm6`` in
+"""Largest feedback acceleration (m/s^2) of the centre of mass. Without a bound 2 of 16 flights of ``hexarotor_arm6`` in
 turbulence of 6 m/s are lost, with it none (seeds 431 to 446)."""
 
 
@@ -160,13 +160,13 @@ def _soft_limit(pull: list[Vec3]) -> Vec3:
 
 
 ARM_TURN = 20.0
-"""rad/s^2, the most that the base turns with for the arm's motion: a swing at 2 Hz is lost without."""
+"""Largest angular acceleration (rad/s^2) of the base for the arm's motion: a swing at 2 Hz is lost without."""
 
 ATTACK, DECAY = 10.0, 0.5
-"""1/s, rates at which the size follows upwards and downwards."""
+"""Rates (1/s) at which the intensity of the arm's motion is tracked upwards and downwards."""
 
 MEAN = 1.0
-"""rad/s, filter of the mean."""
+"""Bandwidth (rad/s) of the filter for the slow mean of the centre of mass."""
 
 SMALL = 1e-9
 
@@ -180,7 +180,7 @@ class ArmMotion:
 
 
 def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Scalar, dt: Scalar) -> ArmMotion:
-    """Filter state of the arm's motion one period later; ``com``: fourth-order Taylor series of the centre of mass."""
+    """Filter state of the arm's motion one period later, from a fourth-order Taylor series of the centre of mass."""
     top = derivative(com, 4)
     size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)
     rate = where(size > memory.size, ATTACK, DECAY) * dt

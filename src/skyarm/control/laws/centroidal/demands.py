@@ -34,14 +34,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class Following:
-    """Filter states of the centre of mass's shift and of the arm's motion; empty where there is none."""
+    """Filter states of base shift and arm motion; empty where the law does not use them."""
 
     shift: Shift | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
 
 
 def first_following(par: CentroidalParameters) -> Following:
-    """Initial states of shift and arm motion."""
+    """Initial filter states of base shift and arm motion."""
     return Following(
         shift=() if par.tip.preview is None else FIRST_SHIFT,
         arm=ArmMotion(size=0.0, mean=ZERO3_DATA) if par.model.vehicle.n else (),
@@ -198,14 +198,14 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 
 LOW_THRUST = 0.8
-"""Share of the weight below which a force turns the attitude less: without, vertical sines of 0.2 m are lost at 1.25
-Hz, and a law without an accelerometer errs by 17 mm for 3 in noise at 1 Hz."""
+"""Vertical force over the weight below which its direction turns the attitude less. Without, vertical sines of 0.2 m
+are lost at 1.25 Hz, and a law without an accelerometer errs by 17 mm for 3 in noise at 1 Hz."""
 
 
 def wanted_attitude(
     par: CentroidalParameters, force: Vec3, yaw: Taylor, rotors: RotorForce, planned: Vec3 | None = None
 ) -> DesiredAttitude:
-    """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways.
+    """Desired attitude for a force (Taylor series, N, world axes), part of which the rotors may give sideways.
 
     ``planned`` is the force of the motion without errors, whose direction low thrust does not change.
     """
@@ -217,7 +217,7 @@ SHARE, WITH_STOP = 0.5, 0.75
 """Share of the distance from a joint's reference to its limit that the barrier allows, without and with a hard stop."""
 
 TURN = 2.2
-"""Largest deviation (rad) from its reference of a joint that turns without limits, by the same barrier."""
+"""Largest deviation (rad) of a revolute joint without limits from its reference, by the joint-limit barrier."""
 
 Ends = tuple[tuple[bool, bool], ...]
 """Flags of the lower and upper limit of each joint, known before compilation."""

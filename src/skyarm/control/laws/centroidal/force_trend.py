@@ -26,19 +26,19 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 STAGES = 3
-"""Of the chain that delays."""
+"""Number of first-order lags in the delay chain of force and rate."""
 
 HORIZON, FORGET = 0.25, 0.7
-"""s and 1/s, as in :class:`TrendGains`."""
+"""Prediction horizon (s) and forgetting rate (1/s) of the force trend, as in :class:`TrendGains`."""
 
 CHANCE = 0.5
-"""Slope up to which a rate is not believed: turbulence reaches it by chance."""
+"""Regression slope of past predictions up to which a force rate is not used: turbulence reaches it by chance."""
 
 AHEAD = 1.0
-"""rad/s; no force is predicted further ahead than filters of this bandwidth are late."""
+"""Least observer bandwidth (rad/s) assumed in the delay over which a force is predicted."""
 
 SLOWEST, STEEPEST = 0.1, 5.0
-"""m/s^3: changes of the force per mass that are too slow to tell, and too quick to go on."""
+"""Rates of the force per mass (m/s^3) that are too small to detect, and too large to continue."""
 
 
 @immutable
@@ -82,7 +82,7 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
 
 
 def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar) -> ForceTrend:
-    """Filter state of the force trend after one period; ``force`` is the observed one, N, world axes."""
+    """Filter state of the force trend after one period, with the observed ``force`` (N, world axes)."""
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
@@ -112,7 +112,7 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
 
 
 def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:
-    """Weights of the force rate, 0 to 1, from the accuracy of past force predictions with that rate.
+    """Weights (0 to 1) of the force rate, from the accuracy of past force predictions with that rate.
 
     The first one, for a prediction over the shift's delay, is none up to chance. The second one, for the delays of
     observer and attitude, a tenth of a second, is the slope itself, the least squares of a prediction.

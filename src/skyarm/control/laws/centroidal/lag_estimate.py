@@ -1,4 +1,4 @@
-"""Online estimate of the control loop's additional lag, of which the law predicts what is a delay.
+"""Online estimate of the control loops' additional lag; the law predicts across the part that is a delay.
 
 With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
 |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
@@ -38,44 +38,45 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 TILTS = 2
-"""Axes of the base that tell of a lag: roll and pitch, which rotors turn by thrust."""
+"""Number of base axes used for the lag estimate: roll and pitch, which rotors turn by thrust."""
 
 CANDIDATES = 9
-"""Lags in the bank: none, and eight steps."""
+"""Number of candidate lags: zero, and eight steps."""
 
 STEP = 0.005
-"""Least distance of two of them, s."""
+"""Least spacing (s) of the candidate lags."""
 
 LOW, HIGH = 20.0, 60.0
-"""Edges of the band, rad/s."""
+"""Edges (rad/s) of the frequency band in which lags are estimated."""
 
 FORGETTING, SLOWLY, OF_JOINTS, FIRST = 1.5, 0.35, 0.5, 20.0
-"""1/s, rates at which the means follow: the rotors' of a delay and where accelerations are much smaller than modelled,
-the joints', which a push from below moves as a lag does; periods that count as seen before the first one."""
+"""Filter rates (1/s) of the mean residuals, and number of periods that count as seen before the first one. The rates
+are the rotors' of a delay and where accelerations are much smaller than modelled, the joints', which a push from below
+moves as a lag does."""
 
 ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
-"""Of the scale, the residual that counts half; least scale, (rad/s^2)^2; most that one period adds, of the scale."""
+"""Residual with half weight over the scale; least scale ((rad/s^2)^2); largest growth of the scale per period."""
 
 PRIOR, SHARPNESS = 0.0075, 100.0
-"""Price of each step of lag, of a mean that lies between 0 and 1; weight of the means' relative differences."""
+"""Penalty on the mean residual (0 to 1) for each step of lag; weight of the mean residuals' relative differences."""
 
 LEAD = 0.05
-"""Most that a mean and its price lie above the least, and the highest price."""
+"""Largest excess of a penalised mean residual over the least one, and largest penalty."""
 
 PRICES = tuple(structural(min(PRIOR * j, LEAD)) for j in range(CANDIDATES))
-"""Of each lag of the bank."""
+"""Penalty of each candidate lag."""
 
 LEARNING, KNOWN = 0.3, 0.05
-"""1/s, rate at which the size of the accelerations is learned; agreement and size, before the first measurement."""
+"""Filter rate (1/s) of the accelerations' mean products; their initial value."""
 
 SMALLER, SLOW = 1.15, 1.35
-"""Times that accelerations are smaller than modelled, up to which a lag is a delay, and from which it is none."""
+"""Ratios of modelled to measured acceleration up to which a lag is all delay, and from which none of it is."""
 
 LEAST = 1e-6
-"""Agreement that the size is divided by at least."""
+"""Least mean product of measured and modelled accelerations, as a divisor."""
 
 IGNORED = 0.002
-"""Lag that changes nothing, s: what the middle of a control period and rounding leave."""
+"""Lag (s) that is ignored: what the middle of a control period and rounding leave."""
 
 
 @immutable
@@ -107,29 +108,29 @@ class LagGains(OptionalPart):
         )
 
     def delay(self, memory: LagMemory, dt: Scalar) -> Scalar:
-        """Delay of the commands across which the law predicts, s: the rotors' lag."""
+        """Command delay (s) across which the law predicts: the estimated lag of the rotor loops."""
         return self.lags(memory, dt)[0]
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Reduce the law's bandwidths for the estimated lags, and the joints' damping that the model makes up for."""
+        """Reduce the law's bandwidths and its model's joint damping for the estimated lags."""
         base, joints = self.shares(memory, dt)
         own = [link.joint.damping for link in par.model.vehicle.links]
         return at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Shares (0 to 1) of the nominal bandwidths of rotor and joint loops, for what is left of the lags."""
+        """Factors (0 to 1) on the bandwidths of rotor and joint loops, for the lags that are not predicted across."""
         base, joints = self.lags(memory, dt)
         joints = maximum(joints - base - IGNORED, 0.0)
         base = maximum(base * (1.0 - delay_share(memory)) - IGNORED, 0.0)
         return divide(self.base, self.base + base), divide(self.joints, self.joints + joints)
 
     def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Estimated lags of the rotor loops and of the joint loops, s."""
+        """Estimated lags (s) of the rotor loops and of the joint loops."""
         step = dt * self.stride
         return estimate(memory.base, step), estimate(memory.arm, step)
 
     def after(self, memory: LagMemory, step: Step, isolated: Scalar) -> LagMemory:
-        """Lag estimate one period later; held before the second measurement and where ``isolated`` is 0, in contact."""
+        """Lag estimate one period later; unchanged before the second measurement and in contact (``isolated`` 0)."""
         if self.held:
             return memory
         update, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
@@ -225,7 +226,7 @@ def stride_of(control_period: float) -> int:
 
 
 def delay_share(memory: LagMemory) -> Scalar:
-    """Share of the rotors' lag that is a delay, 0 to 1: none where accelerations are much smaller than modelled."""
+    """Share (0 to 1) of the rotors' lag that is a delay: none where accelerations are much smaller than modelled."""
     roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
     times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
@@ -245,14 +246,14 @@ def weigh(bank: Bank) -> list[Scalar]:
 
 
 def estimate(bank: Bank, step: Scalar) -> Scalar:
-    """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
+    """Estimated lag (s): likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
     # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
     above = list(accumulate(reversed(weigh(bank))))
     return step * divide(total(above[:-1]), above[-1])
 
 
 def _least(paid: Sequence[Scalar]) -> Scalar:
-    """Smallest mean residual and price of the candidate lags."""
+    """Smallest penalised mean residual of the candidate lags."""
     least = paid[0]
     for each in paid[1:]:
         least = minimum(least, each)

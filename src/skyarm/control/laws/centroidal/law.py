@@ -157,7 +157,7 @@ def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scal
 def continue_reference(
     par: CentroidalParameters, memory: CentroidalMemory, reference: Reference, lead: Scalar, dt: Scalar
 ) -> tuple[ReferenceMotion, tuple[Channel, ...], Scalar]:
-    """Reference at the instant of action, next states of its signals, and age of the held sample."""
+    """Reference when the command acts, next states of its extrapolated signals, and age of the held sample."""
     ahead = samples_ahead(reference)
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
@@ -174,7 +174,7 @@ def continue_reference(
 def gains_of_now(
     par: CentroidalParameters, memory: CentroidalMemory, measurement: Measurement, lead: Scalar, dt: Scalar
 ) -> CentroidalParameters:
-    """Constants of the law for this step: by estimated lag and noise, load, and a push from below."""
+    """Constants of the law for one step, adapted to the estimated lag, noise and load, and to a force from below."""
     if all(same(each, 0) for each in measurement.specific_force):
         par = dataclasses.replace(par, observer=dataclasses.replace(par.observer, accelerometer=None))
     for name, part in par.parts.present():
@@ -190,7 +190,7 @@ def see(
     adapted: tuple[Disturbance, Disturbance],
     dt: Scalar,
 ) -> ObserverOutput:
-    """Update of the observer by one measurement: state and disturbance at the measurement's time.
+    """Output of the disturbance observer after one measurement: state and disturbance at the measurement's time.
 
     ``adapted``: feed-forward of the period before the measurement, and that of now.
     """
@@ -218,7 +218,7 @@ def present(par: CentroidalParameters, timing: Timing, seen: ObserverOutput, dt:
 
 
 def learning(memory: CentroidalMemory, share: Scalar) -> tuple[Scalar, ...]:
-    """Flags of base and joints that may be adapted: not at limits, nor in contact, nor with commands others changed.
+    """Flags of base and joints that may be adapted: no actuator limit, no contact, command applied unchanged.
 
     A command that others changed moves the vehicle away from its plan: nothing of that is a load or friction.
     """
@@ -227,5 +227,5 @@ def learning(memory: CentroidalMemory, share: Scalar) -> tuple[Scalar, ...]:
 
 
 def no_feedforward(par: CentroidalParameters) -> Disturbance:
-    """Feed-forward of a law that adapts nothing, known before compilation."""
+    """Zero feed-forward of a law without adaptation, constant in the compiled program."""
     return Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)

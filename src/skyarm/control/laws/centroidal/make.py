@@ -51,14 +51,14 @@ from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ENTRIES = (*options.ENTRIES, *RETIRED)
-"""Names of options beside those of :func:`make_centroidal`'s signature."""
+"""Names of the options that are not in the signature of :func:`make_centroidal`."""
 
 __all__ = ["ENTRIES", "make_centroidal"]
 
 Value = TypeVar("Value")
 
 YAW_SLACK = 5.0
-"""rad/s^2, yaw acceleration against the wanted one that keeping the thrust may take, with the joints at zero."""
+"""Largest yaw acceleration error (rad/s^2) that keeping the thrust may cause, with the joints at zero."""
 
 
 def make_centroidal(
@@ -172,7 +172,7 @@ def make_centroidal(
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
-    """For each joint of a vehicle: true if it has a lower limit, true if it has an upper one."""
+    """Two flags for each joint of a vehicle: True if it has a lower limit, True if it has an upper one."""
     joints = (link.joint for link in vehicle.links)
     return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
@@ -183,7 +183,7 @@ def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
 
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
-    """Mixer of the centroidal law, in which yaw torque goes before thrust where the rotors allow such priorities."""
+    """Mixer of the centroidal law: yaw torque takes priority over thrust where the rotors allow priorities."""
     slack = YAW_SLACK * float(dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5])
     try:
         return make_mixer(vehicle, "thrust_before_yaw", sideways, slack)

@@ -1,4 +1,4 @@
-"""Online estimate of the noise of velocity and accelerometer, which sets the poles of the force's observer.
+"""Online estimate of velocity and accelerometer noise, which sets the poles of the force observer.
 
 The measured change of velocity less the model's is c_k = n_k - n_{k-1} + w_k, n the noise and w what the model lacks.
 White noise leaves -E[c_k c_{k-1}] = s^2 of its variance, what lasts longer than a period a negative number. With
@@ -28,35 +28,36 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 RATE = 2.0
-"""1/s, rate at which the variances follow."""
+"""Filter rate (1/s) of the noise variances."""
 
 GROWTH = 20.0
-"""Most that one period adds, of the variance and of the noise that costs nothing: one false reading is no noise."""
+"""Largest contribution of one period to a noise variance, over estimated and tolerated variance. One false reading is
+no noise."""
 
 VELOCITY = 0.0018
-"""m/s/Hz^0.5, noise of the velocity up to which a force found by it alone is followed at full bandwidth, by motors as
-quick as those that the gains were chosen with."""
+"""Velocity noise density (m/s/Hz^0.5) up to which the force observer keeps its full bandwidth. That is without an
+accelerometer, by motors as quick as those that the gains were chosen with."""
 
 SEEN, FELT = 0.01 * 0.005**0.5, 0.05 * 0.005**0.5
-"""m/s/Hz^0.5 and m/s^2/Hz^0.5, noises of velocity and accelerometer that its bandwidths were chosen for."""
+"""Noise densities of velocity and accelerometer (m/s/Hz^0.5, m/s^2/Hz^0.5) for which bandwidths were chosen."""
 
 MOTOR_LAG = 0.5 * (0.0125 + 0.025)
-"""s, mean time constant of the motors that the gains were chosen with."""
+"""Mean time constant (s) of the motors for which the gains were chosen."""
 
 SLOWEST, QUICKEST = 2.0, 60.0
-"""rad/s, of the pole below which velocities are believed more than the accelerometer."""
+"""Bounds (rad/s) of the bandwidth below which measured velocities outweigh the accelerometer."""
 
 
 @immutable
 class White:
-    """Estimate of one sensor's white noise: its last reading and change, and the variance, mean of the axes."""
+    """Estimate of one sensor's white noise: last residual, last change, and variance as the mean of the axes."""
 
     last: Annotated[Vec3, Unit("m/s or m/s^2", "what was left of the last reading, world axes")] = ZERO3_DATA
     change: Annotated[Vec3, Unit("m/s or m/s^2", "beyond the model in the last period, world axes")] = ZERO3_DATA
     variance: Annotated[Scalar, Unit("(m/s)^2 or (m/s^2)^2", "of the noise")] = 0.0
 
     def after(self, change: Vec3, left: Vec3, density: Scalar, dt: Scalar) -> White:
-        """Estimate after one more reading, that changed beyond the model, with what is left of it."""
+        """Noise estimate after a reading with a ``change`` beyond the model's, and the residual ``left`` of it."""
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
         variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
@@ -66,7 +67,7 @@ class White:
         )
 
     def share(self, density: Scalar, dt: Scalar) -> Scalar:
-        """Root (0 to 1) of a density of noise over the one found."""
+        """Square root (0 to 1) of a nominal noise density over the estimated one."""
         square = density * density
         return sqrt(sqrt(divide(square, maximum(self.variance * dt, square))))
 
@@ -89,11 +90,11 @@ class NoiseGains(OptionalPart):
     hears: bool
 
     def start(self, joints: int) -> NoiseMemory:
-        """Initial internal state of the noise estimate: none."""
+        """Initial internal state of the noise estimate: zero variances."""
         return NoiseMemory(accelerometer=White() if self.hears else ())
 
     def adjust_gains(self, memory: NoiseMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Reduce the bandwidths of the force's observer for the estimated noises."""
+        """Reduce the bandwidths of the force observer for the estimated noises."""
         observer, seen = par.observer, memory.velocity
         heard, noise = observer.accelerometer, memory.accelerometer
         if heard is not None and noise:
@@ -105,7 +106,7 @@ class NoiseGains(OptionalPart):
         return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
 
     def after(self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar) -> NoiseMemory:
-        """Estimates one control period later, by the velocity measured in it."""
+        """Noise estimates one control period later, from the measured velocity and the observer's output."""
         update, noise = seen.told, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
@@ -119,7 +120,7 @@ def noise_gains(vehicle: Vehicle, hears: bool) -> NoiseGains:
 
 
 def noise_share(vehicle: Vehicle) -> float:
-    """Scale of the velocity noise that costs no bandwidth: mean lag of the paper's motors over the slowest's.
+    """Factor on the tolerated velocity noise: mean lag of the reference motors over that of the vehicle's slowest ones.
 
     Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
     """

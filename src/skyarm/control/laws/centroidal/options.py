@@ -1,4 +1,4 @@
-"""Options of the centroidal law: values, ranges, fits to the vehicle, checks."""
+"""Options of the centroidal law: default values, ranges, adaptation to the vehicle, checks."""
 
 from __future__ import annotations
 
@@ -48,42 +48,42 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "lag": ((0.02, 0.012), 0.0, math.inf),
     "adaptation": (2.0, 0.0, 5.0),
 }
-"""Options with their values, and the lowest and highest one; see :class:`CentroidalParameters`."""
+"""Default value and range of each option; see :class:`CentroidalParameters`."""
 
 _NUMBERS = {**OPTIONS, **contact.OPTIONS, **tilting.OPTIONS}
 
 VALUES: LawOptions = {**GAINS, **{name: value for name, (value, *_) in _NUMBERS.items()}}
-"""Each option as it is where nothing is said. ``bandwidth`` scales all gains."""
+"""Default value of each option. ``bandwidth`` scales all gains."""
 
 RANGES: Mapping[str, tuple[float, float]] = {
     name: (low, high) for name, (value, low, high) in _NUMBERS.items() if type(value) is not bool and high < math.inf
 }
-"""Of entries that are numbers; the others are gains, at least 0."""
+"""Ranges of the options that are not gains; gains are at least 0."""
 
 ENTRIES = tuple(VALUES)
-"""Names of the options."""
+"""Names of the options of the centroidal law."""
 
 RETIRED = ("shift_bandwidth", "swing_rate", "path_rate")
-"""Entries of version 0.3, which are read once more: ``preview`` does their work."""
+"""Options of version 0.3 that are still accepted: ``preview`` replaces them."""
 
 FORMER = ("adaptive", "gusts", "robust", "stiff")
-"""Values of the option ``preset`` in versions with more than one; all of them fly the one."""
+"""Former values of the option ``preset``; all of them select the only preset that is left."""
 
 PERIODS = (1e-5, 10.0)
-"""Shortest and longest period, s, of control and of published samples."""
+"""Shortest and longest period (s) of control and of reference samples."""
 
 OLDEST = 100
-"""Control periods: the largest known delay; each one is a step of the model in the compiled law."""
+"""Largest known delay (control periods); each one is a step of the model in the compiled law."""
 
 ARM = 0.3
-"""m, length of the arm on which the gains were chosen."""
+"""Length (m) of the arm for which the gains were chosen."""
 
 SHORTEST = 0.01
-"""m, length that an arm is given at least; one whose tip sits on its first joint has none."""
+"""Least arm length (m) that gains are scaled with; an arm whose tip sits on its first joint has none."""
 
 
 def arm_length(vehicle: Vehicle) -> float:
-    """Length of the arm from its first joint to the tip, m, along its links; sliding joints are at zero."""
+    """Length (m) of the arm along its links, from its first joint to the tip; sliding joints are at zero."""
     frame = vehicle.frame()
     total, index = math.hypot(*map(float, frame.position)), frame.link
     while index != BASE and vehicle.moving[index].parent != BASE:
@@ -95,7 +95,7 @@ def arm_length(vehicle: Vehicle) -> float:
 def fit_gains(
     gains: LawOptions, given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
 ) -> dict[str, Any]:
-    """Options that go with the vehicle, but for those that were given; not all fit a tip that presses or carries."""
+    """Options scaled to the vehicle, except those that were given; fewer for a tip that presses or carries."""
     # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
     fitted: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
     if carries:
@@ -115,7 +115,7 @@ def fit_gains(
 
 
 def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> float | None:
-    """Preview, s, whose first sample is still to come for all of a reference's period; None for none.
+    """Preview (s) whose first sample lies in the future during a whole reference period; None for no preview.
 
     Args:
         gains: the law's options.
@@ -134,7 +134,7 @@ def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> flo
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Scale of the damping: root of the arm length over that of the vehicle on which it was chosen.
+    """Factor on the damping: square root of the arm length over that for which the damping was chosen.
 
     Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
@@ -143,17 +143,17 @@ def damping_share(vehicle: Vehicle) -> float:
 
 
 CARRYING = 0.75
-"""Of the accelerometer's bandwidth, of a vehicle that picks loads: a box that stands holds the tip, and the arm buckles
-under a force that is pressed on it. Of 256 flights that pick a box 15 lost it with 1."""
+"""Factor on the accelerometer's bandwidth for a vehicle that picks up loads. A box that stands holds the tip, and the
+arm buckles under a force that is pressed on it. Of 256 flights that pick a box 15 lost it with 1."""
 
 
 SLIDING = 1.6
-"""Of the tip's damping, of an arm with sliding joints between limits: of 200 wrong plants of an octocopter 45 were lost
-with 1, 9 with 1.6, 4 with 2.1, which shakes the rotors by a fifth more."""
+"""Factor on the tip's damping for an arm with sliding joints between limits. Of 200 wrong plants of an octocopter 45
+were lost with 1, 9 with 1.6, 4 with 2.1, which shakes the rotors by a fifth more."""
 
 
 def tip_damping_share(vehicle: Vehicle) -> float:
-    """Scale of the tip's damping: more for an arm with sliding joints between limits.
+    """Factor on the tip's damping: above 1 for an arm with sliding joints between limits.
 
     A load that nobody told of acts on a sliding joint in full, without a lever. It divides both gains by the inertia it
     adds, and under the observer's integrator the loop swings beyond the limits.
@@ -162,16 +162,16 @@ def tip_damping_share(vehicle: Vehicle) -> float:
 
 
 MOBILITY = 38.0
-"""Mass of the vehicle over the tip's least inertia, of the vehicle that the gains were chosen on."""
+"""Ratio of vehicle mass to least tip inertia, for the vehicle for which the gains were chosen."""
 
 LIGHTEST, QUICKEST = 1.6, 1.5
-"""Most that a light tip takes from the stiffness, and gives to the bandwidth of the joints' observer: with both, of 400
-wrong plants of a hexarotor with six joints 34 are lost, 121 without; of the octocopter 3 and 34. With
-3 for 1.6 the hexarotor loses 37 and errs by a tenth more in turbulence of 6 m/s."""
+"""Largest factors by which a light tip divides the stiffness, and multiplies the joint observer's bandwidth. With both,
+of 400 wrong plants of a hexarotor with six joints 34 are lost, 121 without; of the octocopter 3 and 34. With 3 for 1.6
+the hexarotor loses 37 and errs by a tenth more in turbulence of 6 m/s."""
 
 
 def tip_lightness(vehicle: Vehicle) -> float:
-    """Share, at least 1, by which the tip is lighter against its vehicle than that of the chosen gains.
+    """Ratio of vehicle mass to tip inertia, relative to the vehicle for which the gains were chosen; at least 1.
 
     An unknown load goes with the vehicle's mass. It divides the gains by the tip's growth in inertia, which leaves the
     loop less damped under its observer's integrator: less stiffness and a faster observer keep it damped. The tip's
@@ -190,7 +190,7 @@ def tip_lightness(vehicle: Vehicle) -> float:
 
 
 def slide_room(vehicle: Vehicle) -> float:
-    """Half of the shortest range of the sliding joints that carry the tip, m, not below the option's least.
+    """Half of the shortest range (m) of the sliding joints that carry the tip, not below the option's least.
 
     An arm cannot take back more of the base's error. A gripper's finger or another arm does not count.
     """
@@ -212,7 +212,7 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
 
 
 def without_retired(changes: LawOptions) -> dict[str, Any]:
-    """Options without those of the version before, with a warning in one line; a shift left out then stays out."""
+    """Options without those of the former version, with a one-line warning; a disabled base shift stays disabled."""
     current = {name: value for name, value in changes.items() if name not in RETIRED}
     for name in RETIRED:
         if name in changes:
@@ -225,7 +225,7 @@ def without_retired(changes: LawOptions) -> dict[str, Any]:
 
 
 def note_former(preset: Any) -> None:
-    """Warn in one line of a preset that is named, since there is one alone.
+    """Warn in one line that the option ``preset`` is obsolete, since a single preset is left.
 
     Raises:
         ControllerError: a name that no version had.
@@ -256,14 +256,14 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
 
 
 def must_be_whole(gains: LawOptions) -> None:
-    """Reject pairs of which one alone is 0."""
+    """Reject an option of two numbers of which only one is 0."""
     for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):
         if any(gains[name]) and not all(gains[name]):
             refuse(name, gains[name], f"two {unit} above 0, or twice 0")
 
 
 def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
-    """Known delay, an option of that name, as a whole number of control periods.
+    """Known delay, given in seconds by an option, as a whole number of control periods.
 
     Raises:
         ControllerError: no whole number of them, too many, or a period that is none.

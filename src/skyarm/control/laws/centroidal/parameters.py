@@ -37,24 +37,24 @@ Gains = TypeVar("Gains", bound=Dataclass)
 MODES = ("joint", "tip")
 
 FOLLOWING = 2
-"""Samples, one and two periods after the held one, from which the law takes the reference's derivatives."""
+"""Number of future reference samples, one and two periods after the held one, from which derivatives are computed."""
 
 SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
-"""Of the preview, where the law takes samples for the shift of the base: closer together where they count more."""
+"""Times of the reference samples for the base shift, as shares of the preview: denser where they count more."""
 
 
 LATEST = 0.02
-"""Delay of the commands, known and found, from which they are not, s."""
+"""Command delay (s), known and estimated, from which the joints are no longer braced."""
 
 BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
-"""Upward force over the weight from which the joints' damping grows, by how much with what exceeds it, and the most.
+"""Upward force over the weight from which the joints' damping grows, its growth with the force, and its largest factor.
 The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
 
 OWN = ("lag", "noise", "trend", "adaptation")
-"""Parts of the law itself."""
+"""Names of the optional parts that also work without contact."""
 
 BENT = 3.0
-"""Levers over ``damping`` at which half of that is left."""
+"""Joint levers over ``damping`` at which half of the bracing is left."""
 
 
 @immutable
@@ -96,7 +96,7 @@ class OptionalPart:
         return par
 
     def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
-        """Next state of an optional part, and its effect on the control step beside that of the parts before it."""
+        """Next state of an optional part, and the changes of the control step with those of this part added."""
         return memory, effect
 
     def learn(self, memory: Any, effect: Effect, demand: AccelerationDemand) -> Any:
@@ -121,7 +121,7 @@ class Parts:
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
     def touching(self) -> list[tuple[str, OptionalPart]]:
-        """Names and constants of the enabled parts that are not the law's own, of a tip in contact."""
+        """Names and constants of the enabled optional parts for a tip in contact."""
         return [(name, part) for name, part in self.present() if name not in OWN]
 
 
@@ -155,7 +155,7 @@ class CentroidalParameters:
 
     @property
     def preview(self) -> tuple[Scalar, ...]:
-        """Times after the held reference sample at which the law takes samples to come, s."""
+        """Times (s) of the future reference samples, after the held one, that the law uses."""
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
         horizon = self.tip.preview
         return following if horizon is None else (*following, *(share * horizon for share in SHARES))
@@ -163,7 +163,7 @@ class CentroidalParameters:
 
 @immutable
 class Step:
-    """One control step as its optional parts find it.
+    """Inputs of one control step, as passed to the optional parts of the centroidal law.
 
     Attributes:
         par: constants of this step. dt: s.
@@ -206,7 +206,7 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
 
 
 def with_joint_damping(par: CentroidalParameters, dampings: Sequence[Scalar]) -> CentroidalParameters:
-    """Constants of the law with other damping (N m s/rad or N s/m) of the model's joints, one number a joint."""
+    """Constants of the law with the damping (N m s/rad or N s/m) of each of its model's joints replaced."""
     vehicle = par.model.vehicle
     links = tuple(
         dataclasses.replace(link, joint=dataclasses.replace(link.joint, damping=damping))

@@ -1,4 +1,4 @@
-"""Records that the steps of the centroidal law hand on to each other; none of them is changed."""
+"""Immutable records that the stages of the centroidal law's control step exchange."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Effect:
     links: tuple[Scalar, ...] = ()
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
-        """Effect that stops adaptation where ``share`` is 0, as an external force is in the observed disturbance.
+        """Effect that stops adaptation where ``share`` is 0, while an external force is in the observed disturbance.
 
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
@@ -94,7 +94,7 @@ class Effect:
 
 
 class RotorForce:
-    """Force that rotors give at an attitude: along body z alone without a part for more directions."""
+    """Rotor force that can be achieved at an attitude; in this base class thrust along body z alone."""
 
     __slots__ = ()
 
@@ -103,7 +103,7 @@ class RotorForce:
         return force
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-        """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s.
+        """Force (N, world axes) that the rotors can give at this attitude, or its first derivative (N/s).
 
         ``force`` is the desired one, with its derivative for that of the result.
         """
@@ -116,12 +116,12 @@ class RotorForce:
         return pushed
 
     def across(self, R: Mat3, force: Vec3) -> Vec3:
-        """Components of an achievable force across body z, N, body axes: none."""
+        """Components of an achievable force across body z (N, body axes): none in this base class."""
         return ZERO3
 
 
 class RotorPart(Protocol):
-    """Constants of a part that gives rotors more directions of force."""
+    """Protocol of a part for rotors that can also push across body z."""
 
     def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> RotorForce:
         """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""

@@ -107,7 +107,7 @@ def release_normal(pressing: Pressing, goal: TipGoal, tip: Vec3, tip_velocity: V
 
 
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude) -> list[Vec3]:
-    """Base offset, with two derivatives, that keeps a point of a tilted vehicle where that of a level one would be.
+    """Base offset, with two derivatives, that keeps a point of a tilted vehicle at its place on a level vehicle.
 
     ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
     """
@@ -122,7 +122,7 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude)
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation error from R to R_d: rotation axis times the sine of the angle, in the axes that both turn into."""
+    """Rotation error from R to R_d, axis times sine of the angle, in the axes that both matrices map to."""
     total = ZERO3
     for k in range(3):
         total = total + R.column(k).cross(R_d.column(k))
@@ -198,7 +198,7 @@ def turned_joints(
     level: Posture,
     moving: bool,
 ) -> tuple[Taylor, ...]:
-    """Joint signals that orient the links on a tilted base as those on a level base."""
+    """Joint signals that orient the links on a tilted base as they are oriented on a level base."""
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
@@ -211,10 +211,10 @@ def turned_joints(
 
 
 OFF = 0.07
-"""rad, root mean square of the links' errors about their joints from which the links' orientations weigh more."""
+"""Root mean square (rad) of the links' orientation errors about their joints above which they get more weight."""
 
 MORE = 2.0
-"""Most that they weigh more."""
+"""Largest factor on the weight of the link orientations."""
 
 
 def plan_weight(vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[Vec3]) -> Scalar:

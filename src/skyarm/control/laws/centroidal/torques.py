@@ -19,10 +19,10 @@ LAG_INVERSION = 0.1
 nearly four times as much, for 7 % of the error."""
 
 TRIM_RATE = 3.0
-"""1/s, correction of the rotors' mean squared speeds."""
+"""Correction rate (1/s) of the rotors' mean squared speeds."""
 
 TRIM = 0.1
-"""Bound of the trim as a share of a rotor's largest squared speed: more than the lag of motors takes."""
+"""Bound of the rotor trim as a share of a rotor's largest squared speed: more than the motor lag takes."""
 
 
 def needed(

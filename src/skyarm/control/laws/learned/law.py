@@ -46,7 +46,7 @@ SCHEMA = 1
 FILE = "hummingbird_arm2.json"
 
 SEEN = 0.2
-"""Share by which masses vary in training."""
+"""Relative variation of masses in the training of the network."""
 
 
 @immutable
@@ -93,7 +93,7 @@ def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> 
 
 
 Training: TypeAlias = dict[str, Any]
-"""Record of a network's training, as its file has it."""
+"""Training record of a network, as stored in its file."""
 
 
 def read_network(text: str) -> tuple[Network, Training]:
@@ -125,7 +125,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: Training) -> str:
-    """Text on how a vehicle differs from that of a network's training; empty if alike or unknown."""
+    """Text that lists how a vehicle differs from the one of a network's training; empty if alike or unknown."""
     recorded = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
@@ -149,7 +149,7 @@ def _numbers(values: Iterable[float]) -> tuple[float, ...]:
 
 
 HISTORY = 15.0
-"""rad/s, of the filters: fast against gusts of some tenths of a second, slow against noise of 1 cm/s."""
+"""Bandwidth (rad/s) of the input filters: fast for gusts of some tenths of a second, slow for noise of 1 cm/s."""
 
 
 @immutable
@@ -332,4 +332,4 @@ make_learned_controller = law_maker(
     memory=first_memory,
     rate_error="rotors_sim",
 )
-"""Maker for a vehicle of the network's training; () is the shipped network."""
+"""Maker of the learned law's controllers; ``network`` = () selects the shipped network."""

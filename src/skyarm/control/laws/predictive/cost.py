@@ -51,7 +51,7 @@ class ContactGoal:
 
 
 def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: tuple[Scalar, ...]) -> Vec3:
-    """Tip acceleration, m/s^2, world axes, from base accelerations (world and base axes) and joint accelerations."""
+    """Tip acceleration (m/s^2, world axes) from base accelerations (world and base axes) and joint accelerations."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
     w = state.rate
@@ -59,7 +59,7 @@ def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, jo
 
 
 def tip_velocity(model: Model, state: State) -> Vec3:
-    """Velocity of the tip, m/s, world axes."""
+    """Velocity of the tip (m/s, world axes)."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates), 1).tip
     p, v = derivative(tip, 0), derivative(tip, 1)
     return state.velocity + state.quaternion.rotation().apply(v + state.rate.cross(p))

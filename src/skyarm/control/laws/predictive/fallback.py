@@ -31,31 +31,32 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
 WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
-"""Errors in m, m/s, m, rad or m that a flight may have for a moment."""
+"""Errors of a flight (m, m/s, m, and rad or m) that are acceptable for a moment."""
 
 TIMES = 10.0
-"""Most that a plan may cost, as a multiple of these errors' cost; plans that lead nowhere cost 1e5 and more."""
+"""Largest cost of an acceptable plan, over that of the errors :data:`WORST`. Plans that lead nowhere cost 1e5 and
+more."""
 
 GOOD = 10
-"""Plans to be trusted in a row before one is flown again."""
+"""Number of acceptable plans in a row before plans are flown again."""
 
 REST = (0.3, 5.0)
-"""s: the computed torque law flies this long at least, at first and after many hand-overs."""
+"""Least time (s) under the substitute law, computed torque, at first and after many hand-overs."""
 
 FLOOR = 0.4
-"""Share of its weight that the vehicle carries at least while no plan is trusted."""
+"""Smallest vertical force of the substitute law over the vehicle's weight."""
 
 LEAN = 0.7
-"""Tangent of the largest tilt that it asks for then: 35 degrees."""
+"""Tangent of the substitute law's largest tilt: 35 degrees."""
 
 TURN = 0.5
-"""rad: a nose further from its yaw is turned as if it were so far."""
+"""Largest heading error (rad) of the substitute law; a larger one is clipped."""
 
 SMALL = 1e-9
-"""m/s^2: what is less has no direction."""
+"""Horizontal specific force (m/s^2) below which its direction is undefined."""
 
 FORGIVEN = 3.0
-"""s of trusted plans after which a hand-over counts as the first."""
+"""Time (s) of flight by plans after which a further hand-over counts as the first."""
 
 
 @immutable(kw_only=False)
@@ -79,7 +80,7 @@ class Trust:
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Largest cost of an acceptable plan: :data:`TIMES` that of constant errors :data:`WORST`."""
+    """Largest cost of an acceptable plan: :data:`TIMES` the cost of constant errors :data:`WORST`."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode == "tool":
@@ -115,7 +116,7 @@ def after_period(trust: Trust, dt: float) -> Trust:
 
 
 SPENT = 1e-9
-"""s: a rest that is over and waits for good plans."""
+"""Remaining waiting time (s) that counts as over, while acceptable plans are awaited."""
 
 
 class Stabiliser:

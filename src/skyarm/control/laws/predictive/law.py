@@ -96,10 +96,10 @@ class PredictiveParameters:
 
 
 EngineKey = tuple[Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None]
-"""Constants that an engine is made of, the control period, and the gains of contact where a reference requests it."""
+"""Cache key of the compiled functions of predictive control: constants, control period, and gains of contact."""
 
 KEPT = 16
-"""Engines whose machine code is stored."""
+"""Largest number of compiled predictive controllers in the cache."""
 
 
 @immutable(kw_only=False)
@@ -283,7 +283,7 @@ def _command(engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, d
 WEIGHTS, BANDWIDTHS = Weights(), Bandwidths()
 
 THRESHOLDS = (0.3, 0.1)
-"""N along the normal, above which a tip touches and below which it is lost, where nobody says others."""
+"""Default thresholds (N) of the force along the normal for contact of the tip and for its loss."""
 
 
 def make_predictive_controller(
@@ -331,16 +331,16 @@ def make_predictive_controller(
 
 
 LONGEST_ERROR = 0.15
-"""m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
+"""Largest base position error (m) in the cost; a larger one is clipped, so that a step does not saturate everything."""
 
 WIDEST_ERROR = 1.5
-"""rad or m: the same for a joint."""
+"""Largest joint error (rad or m) in the cost; a larger one is clipped."""
 
 WIDEST_TURN = 1.0
-"""rad: the same for the heading, whose cost is of the sine."""
+"""Largest heading error (rad) in the cost, which takes its sine; a larger one is clipped."""
 
 BEARABLE = 0.8
-"""Share of a drive's limit that a disturbance is foreseen to take at most; the rest moves the arm."""
+"""Largest predicted disturbance of a joint as a share of its drive's limit; the rest moves the arm."""
 
 
 def problem_at(

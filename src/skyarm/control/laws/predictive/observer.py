@@ -42,7 +42,7 @@ class Estimate:
 
 @immutable
 class Bandwidths:
-    """Bandwidths of the observer, rad/s: linear, angular and joint motion."""
+    """Bandwidths (rad/s) of the predictive law's observer: linear, angular and joint motion."""
 
     linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 25.0
     angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 30.0
@@ -164,19 +164,19 @@ class ObserverState:
 
 
 LONGEST = 12
-"""Control periods: no longer delay is looked for."""
+"""Longest command delay (control periods) that is considered."""
 
 MEMORY = 0.5
-"""s: time over which differences count."""
+"""Time constant (s) over which past differences of rotor speeds are averaged."""
 
 LEAST = 10
-"""Measurements before anything is believed."""
+"""Number of measurements before the command delay is estimated."""
 
 CLEAR = 0.25
-"""Share of the believed delay's mean square at which another one is believed instead."""
+"""Ratio of mean squared differences below which another command delay replaces the estimated one."""
 
 NOTICED = 0.5
-"""rad/s: root mean square below which the believed delay is good enough."""
+"""Root mean square difference of rotor speeds (rad/s) below which the estimated command delay is not changed."""
 
 
 @immutable(kw_only=False)

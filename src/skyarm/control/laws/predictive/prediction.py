@@ -118,7 +118,7 @@ def integrate_stage(
     dt: Scalar,
     dry_rates: tuple[Scalar, ...] | None = None,
 ) -> State:
-    """State after a stage of ``dt`` seconds at constant joint accelerations, those of the initial efforts.
+    """State after ``dt`` seconds at constant joint accelerations, computed from the initial joint efforts.
 
     A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
     light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
@@ -146,7 +146,7 @@ def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], 
 
 
 def euler_step(state: State, rate: State, dt: Scalar) -> State:
-    """State plus dt times its rate, number by number."""
+    """State plus ``dt`` times its time derivative, component by component."""
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 

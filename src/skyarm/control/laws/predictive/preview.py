@@ -27,19 +27,19 @@ from skyarm.reference.preview import samples
 from skyarm.vehicle.vehicle_records import Vehicle
 
 JUMP = 0.02
-"""m or rad between a sample and what the last one foretold, beyond which the motion is taken for a new one."""
+"""Difference (m or rad) between a reference sample and its prediction above which a new motion begins."""
 
 KEPT = 0.2
-"""s: time over which samples count in the estimate of how fast a signal swings."""
+"""Time constant (s) of the estimate of each signal's oscillation frequency."""
 
 TINY = 1e-12
-"""(m/s^2)^2: a signal that has accelerated less has no frequency."""
+"""Sum of squared accelerations ((m/s^2)^2) below which a signal has no oscillation frequency."""
 
 SLOW = 1e-3
-"""rad: a swing over a smaller angle is a constant jerk to all digits that count."""
+"""Phase (rad) of an oscillation below which a constant jerk is exact to all digits that count."""
 
 SETTLED = 2
-"""Samples in a row that were foretold before the change of the jerk says anything."""
+"""Number of predicted samples in a row after which the change of the jerk is used."""
 
 
 @immutable(kw_only=False)

@@ -66,7 +66,7 @@ class Compiled(Generic[Result]):
 
 
 NUDGE = 1e-5
-"""Of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
+"""Step of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
 
 
 def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, StageInputs, Disturbance, StageGoal]:
@@ -253,10 +253,10 @@ class Rollouts:
 
 
 SMALLEST_WEIGHT = 1e-9
-"""Added to the inputs' second derivatives: an input that nothing weighs stays where it is."""
+"""Number added to the inputs' second derivatives: an input without a cost stays unchanged."""
 
 HOLD = 1e8
-"""Weight of a held input against its own second derivative."""
+"""Weight of an input that is fixed at its limit, over its own second derivative."""
 
 
 @immutable(kw_only=False)
@@ -333,20 +333,21 @@ def rollout(problem: Linear, feedback: Policy, first: Array, low: Array, high: A
 
 
 PASSES = 3
-"""Times that inputs at their limits are fixed and the rest solved again."""
+"""Number of passes in which inputs at their limits are fixed and the others solved again."""
 
 SHARES = np.array([1.0, 0.7, 0.45, 0.25, 0.12, 0.05, 0.02, 0.0])
-"""Of the feed-forward step: all are tried at once, the cheapest motion is taken. At 0 the old motion is followed."""
+"""Step sizes of the line search, as shares of the feed-forward step: all are tried at once, the cheapest motion is
+taken. At 0 the old motion is followed."""
 
 DAMPING = (1e-3, 1e3)
-"""Least and largest Levenberg-Marquardt damping, as shares of the inputs' own second derivatives; below it is none."""
+"""Least and largest Levenberg-Marquardt damping, as shares of the inputs' own second derivatives. Below it is none."""
 
 GROWTH = 8.0
-"""Damping grows by this factor after a step cut by more than half, and shrinks by it after a whole one."""
+"""Factor by which damping grows after a step cut by more than half, and shrinks after an uncut one."""
 
 
 class NoPlanError(Exception):
-    """No motion with a finite cost was found."""
+    """Error: no motion with a finite cost was found."""
 
 
 @immutable(kw_only=False)

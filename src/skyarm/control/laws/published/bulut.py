@@ -31,10 +31,10 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 STEEPEST = 0.6
-"""rad: the small-angle inversion is cut here; 0.6 rad asks for 0.68 g sideways."""
+"""Largest roll and pitch (rad) of the small-angle inversion; 0.6 rad asks for 0.68 g sideways."""
 
 FLATTEST = 0.3
-"""Least cosine of the tilt by which the thrust is divided."""
+"""Least cosine of the tilt, a divisor of the thrust."""
 
 
 def bulut_computed_torque(
@@ -55,7 +55,7 @@ def bulut_computed_torque(
 
 
 def _angular(par: Parameters, measurement: Measurement, reference: Reference, specific: Vec3) -> Vec3:
-    """Desired angular acceleration by computed torque on the Euler angles, base axes, rad/s^2."""
+    """Desired angular acceleration (rad/s^2, base axes) by computed torque on the Euler angles."""
     phi, theta, psi = euler_angles(measurement.quaternion.rotation())
     c, s = cos(psi), sin(psi)
     per_gravity = divide(1.0, par.model.gravity)
@@ -81,4 +81,5 @@ make_bulut = law_maker(
     margin=_margin,
     limit=SINGULAR_PITCH,
 )
-"""Maker for any arm; gains of the attitude on the Euler angles, joint gains on acceleration."""
+"""Maker of the computed torque law after Bulut et al. 2019, for any arm. Gains of the attitude act on the Euler angles,
+joint gains on acceleration."""

@@ -70,4 +70,5 @@ def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec
 
 
 make_guo = law_maker("guo2023", guo_center_of_inertia)
-"""Maker for any arm; gains of the centre of mass, of the attitude on the base's own inertia."""
+"""Maker of the centre-of-inertia law after Guo et al. 2023, for any arm. Gains of the centre of mass, of the attitude
+on the base's own inertia."""

@@ -45,7 +45,7 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 NYQUIST_SHARE = 0.45
-"""Largest cut-off frequency times the period: the bilinear transform folds at one half."""
+"""Largest product of cut-off frequency (Hz) and period (s): the bilinear transform folds at one half."""
 
 
 @immutable
@@ -193,4 +193,4 @@ def first_memory(par: IndiParameters) -> IndiMemory:
 
 
 make_indi = law_maker("indi", indi, IndiParameters, memory=first_memory)
-"""Maker for any arm."""
+"""Maker of the INDI law, for any arm."""

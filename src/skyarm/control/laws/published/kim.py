@@ -184,4 +184,5 @@ def first_memory(par: SlidingParameters) -> SlidingMemory:
 
 
 make_kim = law_maker("kim2013", kim_sliding_mode, SlidingParameters, memory=first_memory)
-"""Maker for any arm; gains of the PD law with the same linear part."""
+"""Maker of the adaptive sliding mode law after Kim et al. 2013, for any arm. Gains of the PD law with the same linear
+part."""

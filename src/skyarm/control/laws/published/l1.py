@@ -151,7 +151,7 @@ def l1_adaptive(
 
 
 def _predictor_rates(par: L1Parameters) -> tuple[Scalar, ...]:
-    """Decay rate a of each velocity channel of the state predictor, 1/s."""
+    """Decay rate a (1/s) of each velocity channel of the state predictor."""
     linear, angular, joints = par.predictor
     return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
 
@@ -242,4 +242,4 @@ def first_memory(par: L1Parameters) -> L1Memory:
 
 
 make_l1 = law_maker("l1_adaptive", l1_adaptive, L1Parameters, constants=limits, memory=first_memory)
-"""Maker for any arm."""
+"""Maker of the L1 adaptive law, for any arm."""

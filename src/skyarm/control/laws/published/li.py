@@ -54,4 +54,4 @@ def li_feedforward(
 
 
 make_li = law_maker("li2024", li_feedforward)
-"""Maker for any arm."""
+"""Maker of the feed-forward law after Li et al. 2024, for any arm."""

@@ -1,1 +1,4 @@
-"""Parts of the centroidal law for a tip that touches: pressing, giving way, carrying; the law itself imports none."""
+"""Optional contact parts of the centroidal law: force control, admittance, load estimate.
+
+The law itself imports none of them.
+"""

@@ -39,10 +39,10 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LIGHTEST, HEAVIEST = 0.01, 1000.0
-"""kg, of the virtual body."""
+"""Least and largest mass (kg) of the admittance's virtual body."""
 
 FASTEST = 50.0
-"""rad/s, of the virtual body: no loop of an arm follows a faster one."""
+"""Largest bandwidth (rad/s) of the admittance's virtual body: no loop of an arm follows a faster one."""
 
 
 @immutable
@@ -96,7 +96,7 @@ def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar
 
 
 def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
-    """World-axes vector from components along given unit vectors."""
+    """Vector in world axes from its components along given unit vectors."""
     if not axes:
         return Vec3(*values)
     first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
@@ -155,7 +155,7 @@ class AdmittanceGains(OptionalPart):
         return memory, effect.isolating(self.force_cleared(memory))
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
-        """Flag of 1 if no external force has counted for a while, else 0."""
+        """Flag of 1 if no external force at the tip has been detected for a while, else 0."""
         return where(memory.quiet > self.rest, 1.0, 0.0)
 
 

@@ -61,7 +61,7 @@ class Interaction(InteractionGains, OptionalPart):
         return first if self.tolerances is None else dataclasses.replace(first, scale=first_scale(joints))
 
     def adjust_gains(self, memory: InteractionMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Reduce the accelerometer's bandwidth as the tip presses: a surface answers the base's motion through it."""
+        """Reduce the accelerometer's bandwidth while the tip presses, since the surface reacts to the base's motion."""
         heard = par.observer.accelerometer
         if heard is None:
             return par
@@ -113,7 +113,7 @@ class Interaction(InteractionGains, OptionalPart):
     def _at_scale(
         self, memory: InteractionMemory, step: Step, at: TipLevers, desired: DesiredContact
     ) -> tuple[Disturbance, InteractionMemory]:
-        """Observed disturbance of joints with the right torque scale, and the memory with what was learned of it."""
+        """Observed disturbance corrected for joint torque scales, and next state with their updated estimate."""
         seen, scale, by = disturbance(step.seen.observed), memory.scale, self.tolerances
         if not scale or by is None:
             return seen, memory
@@ -139,18 +139,18 @@ PRESSING = 0.5
 presses 7 N with a bent elbow stand still for a quarter of the time, with 0.5 they never do."""
 
 SETTLED = 0.15
-"""s of a flight, after which the lag is estimated until the first contact: a touch holds what is found until then, and
-loses the loop where it is too little. Before, the observers answer the start."""
+"""Time (s) from the start of a flight after which the lag is estimated until the first contact. A touch holds what is
+found until then, and loses the loop where it is too little. Before, the observers answer the start."""
 
 SLIDES = 0.01
-"""m/s along the surface, from which on friction is at its cone and cannot be let go."""
+"""Reference speed (m/s) along the surface from which friction is at its cone and cannot be released."""
 
 MOVES = 0.001
-"""m/s along the surface, below which the reference stands: friction may hold the tip off it."""
+"""Speed (m/s) along the surface below which the reference counts as at rest: friction may hold the tip off it."""
 
 
 def motion_share(gains: InteractionGains, share: Scalar, across: Vec3, dt: Scalar) -> Scalar:
-    """Share (0 stands, 1 slides) of a motion along the surface one period later, from its reference velocity, m/s."""
+    """Sliding flag, ramped between 0 (rest) and 1 (sliding), from the reference velocity (m/s) along the surface."""
     square: Scalar = across.dot(across)
     step = where(square > MOVES * MOVES, divide(dt, gains.starting), -divide(dt, gains.rise))
     return where(square > SLIDES * SLIDES, 1.0, clip(share + step, 0.0, 1.0))
@@ -169,7 +169,7 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
 
 
 def with_slow_wind(given: Disturbance, pressing: Pressing, beside: Vec3, slow: Vec3) -> Disturbance:
-    """Disturbance whose force beside the contact's is the slowly filtered one along the normal, while the tip presses.
+    """Disturbance whose force without the contact's is slowly filtered along the normal while the tip presses.
 
     The inertia of geared motors couples the tip to the base: joints that answered each error of the observed force
     would press with it.
@@ -191,10 +191,10 @@ def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylo
 
 
 SLOW = 0.02
-"""m/s: speeds below which a direction of sliding is little known."""
+"""Speed (m/s) below which the direction of sliding is uncertain."""
 
 STEEPEST = 0.4
-"""Of each component of the lean: 20 degrees and more of a surface that was told as level."""
+"""Largest component of the estimated tilt of a surface normal: 20 degrees and more for a nominally level surface."""
 
 
 def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:

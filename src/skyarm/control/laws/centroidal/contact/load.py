@@ -34,7 +34,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 UP = Vec3(0, 0, 1)
 
 VAGUE = 1e6
-"""Prior standard deviation, kg, of an unknown mass: without gravity nothing tells of it, and none is found."""
+"""Prior standard deviation (kg) of an unknown mass: without gravity no measurement depends on it, and it stays zero."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Hang:
     tip: Mat3
 
     def weight(self, mass: Scalar, place: Vec3 = ZERO3) -> Disturbance:
-        """Weight of a mass (kg) at a place (m from the tip, axes of the tip)."""
+        """Disturbance by the weight of a mass (kg) at a position ``place`` (m from the tip, axes of the tip)."""
         lever = self.tip.apply(place) * mul(mass, self.lift)
         parts = mass, lever.y, neg(lever.x)
         torque = ZERO3
@@ -105,7 +105,7 @@ def learn_load(
     bandwidth: Scalar,
     dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
-    """Load estimate one period later, and the support force under the load that is to stay uncompensated.
+    """Load estimate one period later, and the force of a support under the load, which is not to be compensated.
 
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
@@ -206,7 +206,7 @@ class LoadGains(OptionalPart):
         return load, dataclasses.replace(effect, unknown=unknown, force=force, links=calm)
 
     def unknown_shares(self, vehicle: Vehicle, joints: Sequence[Scalar], mass: Scalar) -> list[Scalar]:
-        """Share, 0 to 1, of the inertia about each joint that a held load has and the model lacks.
+        """Share (0 to 1) of a held load's inertia about each joint that the model lacks.
 
         With a load of mass m and radius of gyration r at a lever l from the joint, the inertia is m (l^2 + r^2), of
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
@@ -244,7 +244,7 @@ def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
 
 
 def _last_lever(vehicle: Vehicle) -> Vec3:
-    """Lever (m) of the tip about the last axis that turns it; a metre without one."""
+    """Lever (m) of the tip about the last revolute joint of its arm; a vertical metre without one."""
     free = vehicle.with_free_followers
     index = free.frame().link
     while index != BASE and not free.links[index].joint.turns:

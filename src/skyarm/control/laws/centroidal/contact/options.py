@@ -1,4 +1,4 @@
-"""Options of a tip that touches, and the parts that they make."""
+"""Contact options of the centroidal law, and its contact parts made from them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "force_sensor": (False, 0.0, 1.0),
     "load": (0.0, 0.0, 1e3),
 }
-"""Options with their values, and the lowest and highest one; all of them are left out."""
+"""Default value and range of each contact option; the defaults disable contact control."""
 
 
 def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
@@ -36,7 +36,7 @@ def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
 def contact_parts(
     gains: LawOptions, admittance: LawOptions | None, vehicle: Vehicle, *, leads: bool, lead: float
 ) -> dict[str, OptionalPart]:
-    """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
+    """Contact parts of the centroidal law by name; ``leads``: it controls a tip, ``lead``: lag of its observer (s)."""
     parts: dict[str, OptionalPart] = {}
     if any(gains["interaction"]):
         parts["interaction"] = _interaction(gains, vehicle, leads=leads)

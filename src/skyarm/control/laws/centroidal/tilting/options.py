@@ -1,4 +1,4 @@
-"""Options of rotors that push sideways, and the part that they make."""
+"""Sideways-force options of the centroidal law, and its part made from them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "sideways": (0.0, 0.0, 1.0),
     "attitude": ((0.0, 0.0), -1.0, 1.0),
 }
-"""Options with their values, and the lowest and highest one; both are left out."""
+"""Default value and range of each sideways-force option; the defaults disable sideways force."""
 
 
 def sideways_part(gains: LawOptions) -> SidewaysGains | None:
-    """Constants of sideways force from the law's options; None without it.
+    """Constants of the sideways force from the law's options; None if the law has no sideways force.
 
     Raises:
         ControllerError: an attitude without it.

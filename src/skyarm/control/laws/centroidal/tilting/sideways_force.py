@@ -25,13 +25,13 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 LEAST = 0.4
-"""Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust
+"""Least available squared speed of a rotor, as a share of that in hover. Less lets the base swing far over when thrust
 goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
 
 
 @immutable
 class SidewaysGains:
-    """Constants of the rotors' sideways force; ``attitude`` is the roll and pitch held meanwhile, None for level."""
+    """Constants of the rotors' sideways force; ``attitude``: roll and pitch held by sideways force, None for level."""
 
     share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
@@ -57,19 +57,19 @@ class RotorReach:
 
 @immutable(kw_only=False)
 class SidewaysForce(RotorForce):
-    """Force of rotors that push across body z, too, as far as they have room."""
+    """Achievable force of rotors that can also push across body z, within their speed limits."""
 
     gains: SidewaysGains
     reach: RotorReach
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
-        """Part of a desired force (series, N, world axes) that sets the attitude: what is not given sideways."""
+        """Part of a desired force (series, N, world axes) that sets the attitude, minus what is given sideways."""
         angles = self.gains.attitude
         axis = None if angles is None else thrust_axis(angles, yaw.truncate(2))
         return leaning(self.reach, force, self.gains.share, axis)
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-        """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s."""
+        """Force (N, world axes) that the rotors can give at this attitude, or its first derivative (N/s)."""
         order, series = len(force) - 1, vector_series(force)
         turning = [[R.column(k), R.apply(w.cross(axis))] for k, axis in enumerate((E_X, E_Y, E_Z))]
         axes = [vector_series(each[: order + 1]) for each in turning]
@@ -80,7 +80,7 @@ class SidewaysForce(RotorForce):
         return derivative(axes[0] * x + axes[1] * y + axes[2] * z, order)
 
     def across(self, R: Mat3, force: Vec3) -> Vec3:
-        """Components of an achievable force across body z, N, body axes."""
+        """Components of an achievable force across body z (N, body axes)."""
         inside = R.apply_T(force)
         return Vec3(inside.x, inside.y, 0)
 
@@ -95,7 +95,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> RotorReach:
 
 
 def gauge(reach: RotorReach, force: Vec3) -> Taylor:
-    """Sum of eighth powers of each rotor's used margin under a sideways force (Taylor series, body axes)."""
+    """Sum of the eighth powers of each rotor's used share of its margin under a sideways force (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, change = force.z * row.z, force.x * row.x + force.y * row.y
