@@ -177,7 +177,9 @@ def _table(rows: _Rows, origin: int) -> RawTable:
     received = np.array(rows.received)
     stamps = received
     if {"header.stamp.sec", "header.stamp.nanosec"} <= set(columns):
-        stated = columns["header.stamp.sec"].astype(int) * SECOND + columns["header.stamp.nanosec"].astype(int)
+        # a message without a stamp has NaN here
+        seconds, rest = (np.nan_to_num(columns[f"header.stamp.{part}"]).astype(int) for part in ("sec", "nanosec"))
+        stated = seconds * SECOND + rest
         stamps = np.where(stated == 0, received, stated)
     return RawTable(columns=columns, time=(stamps - origin) * NANO, received=(received - origin) * NANO)
 

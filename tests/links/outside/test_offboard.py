@@ -341,3 +341,27 @@ def test_a_flight_holds_no_port_after_its_end(scenario):
         link.close()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", port))
+
+
+class LateJoints(NoJoints):
+    """Joint port whose first reading comes some reads after the autopilot's first heartbeat."""
+
+    def __init__(self, link, reads):
+        self.link, self.left = link, reads
+
+    def read(self):
+        self.left -= self.link.has_autopilot
+        return super().read() if self.left < 0 else None
+
+
+@pytest.mark.parametrize(("reads", "silent"), [(5, "--link: the autopilot's estimator"), (10**9, "--joints: the arm")])
+def test_the_silent_one_of_estimator_and_arm_is_named(scenario, reads, silent):
+    """The arm is not blamed for an estimator that says nothing after the arm's first reading came late."""
+    port = free_port()
+    link = OffboardLink(f"mavlink://127.0.0.1:{port}")
+    try:
+        flight = OffboardFlight(scenario(1.0), link, LateJoints(link, reads), SETTINGS)
+        with StandIn(port, hover=0.37, nan_at=-np.inf), pytest.raises(OffboardError, match=f"^{silent} sent nothing"):
+            flight.run()
+    finally:
+        link.close()

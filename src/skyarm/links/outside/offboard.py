@@ -260,10 +260,10 @@ class OffboardFlight:
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
                 link.request_estimates(min(max(self._rate, 100), 250))
-            return link.state is not None and self._joints is not None
+            return link.state is not None
 
-        silent = "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
-        self._until(settings.patience, has_state, f"{silent} sent nothing")
+        self._until(settings.patience, lambda: self._joints is not None, "--joints: the arm sent nothing")
+        self._until(settings.patience, has_state, "--link: the autopilot's estimator sent nothing")
         loop = self._loop_settings()
         self._law = OutsideLaw(self._scenario.controller, loop, self._reference(0))
 
