@@ -15,6 +15,7 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.rosbag import _Rows, _table
 from skyarm.studies.identify.measured_motion import joints_in_order
 from support.logs import flown
 
@@ -189,6 +190,16 @@ def test_the_fastest_of_several_topics_is_taken_and_said(tmp_path: Path) -> None
     assert set(flight["gyro"].values[:, 0]) == {2.0}
     np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.01, atol=1e-8)  # a header without stamp
     assert "gyro: there is /imu/data, /imu/raw; the fastest is taken" in " ".join(flight.notes)
+
+
+def test_a_message_without_a_stamp_has_its_time_of_arrival() -> None:
+    stamped, arrived = ("header.stamp.sec", "header.stamp.nanosec", "x"), START + np.arange(3) * 10**8
+    numbers = {
+        stamped: [(0, np.array([2.0, 5e8, 1.0])), (2, np.array([3.0, 0.0, 1.0]))],
+        ("x",): [(1, np.array([1.0]))],
+    }
+    table = _table(_Rows(received=arrived.tolist(), numbers=numbers), 0)
+    np.testing.assert_allclose(table.time, [2.5, 1e-9 * arrived[1], 3.0])
 
 
 def test_joints_are_told_by_their_names_in_whatever_order_messages_give_them(tmp_path: Path) -> None:
