@@ -80,6 +80,23 @@ def test_each_guard_hears_its_own_sensors(engine):
     assert [row[0] - case[0] for row, case in zip(found, CASES, strict=True)] == [float(each) for each in wanted]
 
 
+UNMET = {"error": 0.01, "force": 2.0, "force_below": 0.5, "distance": 0.3, "closed": "a", "open": "b"}
+"""Conditions of a guard that do not hold 2 cm off the goal under 1 N, on the spot, with ``a`` open and ``b`` closed."""
+CONDITIONS = [each.name for each in dataclasses.fields(Guard) if each.default is None] + ["closed", "open"]
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_every_condition_that_a_guard_may_have_is_evaluated(name):
+    """A condition that ``Waits`` forgot would hold at once, and its phase would end."""
+    waits, spot = waits_of(GUARDS), Vec3(0.0, 0.0, 1.0)
+    force = Vec3(*OUT)
+    closed = tuple(float(each == "b") for each in waits.switches)
+    seen = Seen(tip=spot, goal=spot + Vec3(0.02, 0.0, 0.0), push=(), force=force, felt=force, switches=closed)
+    guard = Guard(at=0.1, direction=OUT)
+    assert waits._holds(guard, seen, tuple(spot)) == 1.0
+    assert waits._holds(dataclasses.replace(guard, **{name: UNMET[name]}), seen, tuple(spot)) == 0.0
+
+
 def test_what_the_wrist_reads_is_turned_into_the_world():
     waits = waits_of(GUARDS[:1])
     turned = Quaternion(math.cos(0.4), 0.0, math.sin(0.4), 0.0)
