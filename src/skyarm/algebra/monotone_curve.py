@@ -57,7 +57,7 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
 
 
 def _cubic(t: Scalar, rise: Scalar, before: Scalar, after: Scalar) -> Scalar:
-    """Hermite cubic in t from 0 to ``rise``, with given slopes at both ends."""
+    """Cubic Hermite polynomial in t on [0, 1], from 0 to ``rise``, with given slopes at both ends."""
     return t * (before + t * ((3.0 * rise - 2.0 * before - after) + t * (before + after - 2.0 * rise)))
 
 

@@ -92,11 +92,11 @@ class Floats:
 
     @property
     def kind(self) -> str:
-        """Name of the C type."""
+        """Name of the C floating-point type: double or float."""
         return "float" if self.single else "double"
 
     def function(self, name: str) -> str:
-        """Name of a function of math.h for this type."""
+        """Name of a math.h function for the floating-point type, such as sin or sinf."""
         return f"{name}f" if self.single else name
 
     def literal(self, value: float) -> str:

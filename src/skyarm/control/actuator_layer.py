@@ -47,7 +47,7 @@ FOLLOWING = 120.0
 
 @immutable
 class JointMotion:
-    """Observed motion of a joint: position, rate, and the acceleration that the model lacks (a contact's, a load's).
+    """Observed motion of a joint: position, rate, and unmodelled acceleration, as from a contact or a load.
 
     Extended state observer of the rate, both poles at exp(-w dt) (Gao 2003), and a first-order filter of the position:
     a stiff servo would turn the encoder's noise into torque.
@@ -58,7 +58,7 @@ class JointMotion:
     unmodelled: Annotated[Scalar, Unit("rad/s^2 or m/s^2", "beyond the model's")] = 0.0
 
     def correct(self, position: Scalar, rate: Scalar, started: Scalar, dt: Scalar) -> JointMotion:
-        """Joint motion corrected by a measurement of position and rate; the measurement itself before ``started``."""
+        """Joint motion corrected by measured position and rate; equal to them at the first measurement."""
         fast, slow = double_pole(OBSERVING, dt)
         error, share = where(started, rate - self.rate, 0.0), low_pass_share(FOLLOWING, dt)
         return JointMotion(
@@ -96,7 +96,7 @@ def has_tables(model: Model) -> bool:
 
 
 def plain_model(model: Model) -> Model:
-    """Model with k_f W^2 (speed W) in place of each rotor's thrust table, and a speed limit of equal thrust."""
+    """Model whose rotors have thrust k_f W^2 (speed W) instead of thrust tables, and speed limits of equal thrust."""
     if not has_tables(model):
         return model
     rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
@@ -166,7 +166,7 @@ def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tre
 
 
 def with_consequences(controller: Controller, changed: Collection[Place], control_period: float) -> Controller:
-    """Controller with its mixer and joint drive states recomputed after numbers of its model were replaced.
+    """Controller whose mixer and joint drive states are recomputed after a change of its model's parameters.
 
     Args:
         controller: controller with the replaced numbers.
@@ -228,7 +228,7 @@ def _setpoints(
     model: Model,
     dt: Scalar,
 ) -> tuple[ActuatorMemory, tuple[Scalar, ...]]:
-    """Next states of joint drives and observers, and setpoints that give the desired mean efforts over a period."""
+    """Next states of joint drives and joint observers, and servo setpoints for the desired mean joint torques."""
     setpoints, drives, ahead = [], [], []
     angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
     rows = zip(

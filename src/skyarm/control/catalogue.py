@@ -324,7 +324,7 @@ def must_be_named(name: Any, others: str = "") -> str:
 
 
 def no_option(law: str, options: Sequence[str], option: str) -> str:
-    """Error text for an option that a law does not have, or has no more."""
+    """Error text for an option that a control law does not have, or no longer has."""
     if gone := present_names("option").get(f"{law}.{option}"):
         return f"is gone; {gone}"
     return (

@@ -62,7 +62,7 @@ class Controller:
             require_fields(self.memory, "controller.memory", (Vehicle,))
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error if an autopilot flies the base or the law cannot be traced; ``what`` needs a law that can.
+        """Raise an error, naming the feature ``what``, if an autopilot flies the base or the law cannot be traced.
 
         Raises:
             ControllerError: the law cannot be traced, or a program of its own flies the base.
@@ -72,7 +72,7 @@ class Controller:
         self.require_traceable(what)
 
     def require_traceable(self, what: str) -> None:
-        """Raise an error if the control law cannot be traced.
+        """Raise an error, naming the feature ``what``, if the control law cannot be traced.
 
         Raises:
             ControllerError: the law cannot be traced.
@@ -101,7 +101,7 @@ def innermost(record: Any) -> Any:
 
 
 def with_innermost(record: Any, own: Tree) -> Any:
-    """Replace the constants (or internal state) of the innermost control law inside the layers of ``record``."""
+    """Replace the constants (or internal state) of the control law inside all layers such as safety or servos."""
     inner = getattr(record, "inner", None)
     return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
@@ -139,7 +139,7 @@ def part_of(record: Tree, name: str) -> Any:
 
 
 def preview_leads(par: Dataclass) -> tuple[Scalar, ...]:
-    """Times (s) of the future reference samples, after the held one, that a law inside any layers uses."""
+    """Lead times (s) of the future reference samples that a law, inside any layers, uses; empty without a preview."""
     return getattr(innermost(par), "preview", ())
 
 

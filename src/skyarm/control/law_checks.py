@@ -217,7 +217,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
 
 
 def _is_number(value: Any) -> bool:
-    """True if a value is a float or a traced scalar, not an int, which would be a constant of the program."""
+    """True if a value is a float or a symbolic scalar; an int would become a constant of the compiled program."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))

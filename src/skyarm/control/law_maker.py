@@ -58,7 +58,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
 
 
 def fitting_mixer(model: Model, policy: str) -> Mixer:
-    """Mixer (control allocation) for a model's rotors, with the given policy at the rotor speed limits.
+    """Control allocation for a model's rotors, which treats speed limits by ``policy``, such as clip or priority.
 
     Raises:
         ControllerError: unknown policy.

@@ -1,4 +1,4 @@
-"""Layer for tilting rotors, which the inner law commands as two fixed rotors each; it handles the servo lag."""
+"""Layer for tilting rotors around a law for pairs of fixed rotors, with compensation of the tilt servos' lag."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _motor_lag(rotor: Rotor) -> Scalar:
 
 
 def _lagging_angles(vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar) -> list[Scalar]:
-    """Angles of tilt servos one period later, if they had the lag of their rotors' motors."""
+    """Tilt servo angles one control period later, computed with the motor lag of the rotors as servo lag."""
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))

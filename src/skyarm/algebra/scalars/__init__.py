@@ -1,4 +1,4 @@
-"""Elementary functions over any scalar type: float, NumPy array, JAX array, CasADi SX, tracer node.
+"""Elementary functions over any scalar type: float, NumPy array, JAX array, CasADi SX, symbolic value.
 
 Laws of plant and control use these functions and + - * / only, so that one source runs on every engine.
 Two rules hold everywhere:

@@ -1,4 +1,4 @@
-"""Scalar arithmetic in which integer constants 0, 1 and -1 fold away.
+"""Scalar arithmetic that simplifies operations with the integer constants 0, 1 and -1.
 
 Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
 changes the value of a program, whatever engine runs it.
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 
 class Scalar(Protocol):
-    """Protocol of scalars: float, NumPy array, JAX array, CasADi SX or traced value; an int is a constant."""
+    """Interface (typing.Protocol) of scalars: floats, arrays of NumPy or JAX, symbolic values; an int is a constant."""
 
     def __add__(self, other: Any, /) -> Scalar: ...
     def __radd__(self, other: Any, /) -> Scalar: ...

@@ -13,7 +13,7 @@ EXTRA_OPTIONS = (
 
 
 def configure_extra_options() -> bool:
-    """Add the CPU options to ``XLA_FLAGS`` unless set already; False if JAX already runs on a CPU without them."""
+    """Add CPU options of XLA to ``XLA_FLAGS``; False if JAX already runs on a CPU without these options."""
     present = os.environ.get("XLA_FLAGS", "").split()
     if any(flag.split("=")[0] == EXTRA_OPTIONS.split("=", maxsplit=1)[0] for flag in present):
         return True

@@ -67,7 +67,7 @@ def host_width(*, single: bool = False) -> int:
 
 
 class Kernel:
-    """Machine code of a traced loop that steps many SIMD lanes at once.
+    """Machine code of a traced loop that advances many simulations (SIMD lanes) at once.
 
     Args:
         loop: the program. lanes: vector shape; the processor's own if left out.
@@ -104,7 +104,7 @@ class Kernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all SIMD lanes through all rows of the input array; returns the final states and the log.
+        """Advance all simulations (SIMD lanes) through all rows of the input array; returns final states and log.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
         are only read.

@@ -38,17 +38,17 @@ class Lanes:
 
     @property
     def vector(self) -> str:
-        """LLVM type of a vector."""
+        """LLVM type of a SIMD vector of floats."""
         return f"<{self.width} x {self.scalar}>"
 
     @property
     def mask(self) -> str:
-        """LLVM type of a vector of conditions."""
+        """LLVM type of a SIMD vector of truth values (i1)."""
         return f"<{self.width} x i1>"
 
     @property
     def integer(self) -> str:
-        """LLVM type of a vector of integers as wide as the floats."""
+        """LLVM type of a SIMD vector of integers with as many bits as the floats."""
         return f"<{self.width} x i{32 if self.single else 64}>"
 
     @property
@@ -58,22 +58,22 @@ class Lanes:
 
     @property
     def bytes(self) -> int:
-        """Size of one lane in bytes."""
+        """Size (bytes) of one element of a SIMD vector."""
         return 4 if self.single else 8
 
     def constant(self, value: float) -> str:
-        """LLVM constant with one number in every SIMD lane, rounded to single precision if needed."""
+        """LLVM constant with the same number in every SIMD lane, rounded to single precision if needed."""
         if self.single:
             value = to_single(value)
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return self.splat(f"{self.scalar} 0x{bits:016X}")
 
     def splat(self, lane: str) -> str:
-        """LLVM constant with one typed value in every lane."""
+        """LLVM constant with the same typed value in every SIMD lane."""
         return f"<{', '.join([lane] * self.width)}>"
 
     def integers(self, value: int) -> str:
-        """LLVM constant with one integer in every lane."""
+        """LLVM constant with the same integer in every SIMD lane."""
         return self.splat(f"i{32 if self.single else 64} {value}")
 
 

@@ -122,7 +122,7 @@ class SharedSteps:
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
     def run(self, start: int, workers: Workers | None = None, *, whole: bool = False) -> None:
-        """Step all blocks of SIMD lanes through all rows of inputs, on the given worker threads.
+        """Advance all blocks of SIMD lanes through all rows of the input array, on the given worker threads.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.

@@ -85,7 +85,7 @@ WRITTEN_OUT = 6000
 
 
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` ``rounds`` times, at most ``count``; ``rounds`` may be traced and differ between SIMD lanes.
+    """Apply ``function`` ``rounds`` times, at most ``count``; ``rounds`` may be symbolic and differ between SIMD lanes.
 
     Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
     have. Where nothing can be skipped, ``count`` rounds are made.
@@ -105,7 +105,7 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
 
 
 def repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
-    """Apply ``function`` ``count`` times in succession, starting from ``record``.
+    """Apply ``function`` ``count`` times in succession, starting from the nested dataclass ``record``.
 
     It is a loop in a traced program that may have loops; ``until`` as of :meth:`Graph.repeat`.
 

@@ -45,7 +45,7 @@ class Program:
         self.flat = python_function(self.lowered)
 
     def __call__(self, *records: Tree) -> Any:
-        """Evaluate the program on dataclasses of floats that have the structure of the traced examples."""
+        """Evaluate the program on dataclasses of floats with the same structure as the examples given to the tracer."""
         different = mismatch(self._examples, records, "arguments")
         if different:
             raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
@@ -168,7 +168,7 @@ def python_function(program: Lowered) -> Flat:
 
 @immutable(kw_only=False)
 class Loop:
-    """Traced program of one step: from state, parameters and an input row to the next state and logged values.
+    """Traced program of one simulation step: from state, parameters and inputs to next state and logged values.
 
     Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
 

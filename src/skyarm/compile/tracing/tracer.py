@@ -161,7 +161,7 @@ def is_condition(node: Node) -> bool:
 
 
 class Graph:
-    """Graph of all symbolic values of a traced program, in order of creation.
+    """All symbolic values of a traced program as a graph, in order of creation.
 
     Args:
         loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop; else it is written out.
@@ -188,7 +188,7 @@ class Graph:
         return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
 
     def lift(self, value: Scalar) -> Node:
-        """Convert any scalar to a symbolic value of this graph."""
+        """Convert any scalar to a symbolic value of the traced program."""
         if isinstance(value, Node):
             if value.graph is not self:
                 raise TypeError("a value of another trace reached this one: pass it as an argument")

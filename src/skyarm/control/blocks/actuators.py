@@ -38,7 +38,7 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
 
 
 class ModelHolder(Protocol):
-    """Protocol of a law's constants that contain the controller's model."""
+    """Interface (typing.Protocol) of any constants of a control law that contain the controller's model."""
 
     @property
     def model(self) -> Model:

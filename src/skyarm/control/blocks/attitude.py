@@ -90,7 +90,7 @@ class DesiredAttitude:
 
 
 def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
-    """Force (Taylor series, N) limited to a vertical part of at least ``floor`` and a tilt angle of atan(``tilt``)."""
+    """Force (Taylor series, N) with a vertical part of at least ``floor`` and a tilt of at most atan(``tilt``)."""
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)
@@ -124,7 +124,7 @@ def upright(force: Vec3, weight: Scalar, start: Scalar, along: Vec3 | None = Non
 
 
 def _quartic(t: Taylor) -> Taylor:
-    """Series of g(t) = t^3 - t^4 / 2, by the derivatives of g."""
+    """Polynomial t^3 - t^4 / 2 of a Taylor series t, as a Taylor series."""
     x, v, *rest = t.c
     square = x * x
     slope = square * (3.0 - 2.0 * x)

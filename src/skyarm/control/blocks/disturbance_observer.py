@@ -66,7 +66,7 @@ class AccelerometerGains:
 
 @immutable
 class Felt:
-    """Translation estimates of the observer: base velocity, accelerometer bias and change of the external force.
+    """Observer estimates of base velocity, accelerometer bias and change of the unknown force in one period.
 
     Attributes:
         velocity: velocity of the base origin, world axes, m/s.
@@ -180,7 +180,7 @@ def observe(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[Observed, Told]:
-    """Update of the disturbance observer by one measurement: next state, and its corrections of the model.
+    """Update of the disturbance observer by one measurement: next state, and corrections of the predicted motion.
 
     Args:
         model: the controller's model.
@@ -264,7 +264,7 @@ def observe_uncompensated(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Observed:
-    """Update of the disturbance observer with its own last disturbance estimate in the model: next observer state."""
+    """Next state of the disturbance observer, whose last estimate is the only disturbance in its prediction."""
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
     before = dataclasses.replace(memory, rotor_speeds=speeds)
     done = actuation(model, before.rotor_speeds, acted, dt)
@@ -289,7 +289,7 @@ def unmodelled_thrust(
 
 @immutable
 class Amid:
-    """Model state in the middle of a period, and the disturbance estimated before the measurement at its end.
+    """Vehicle state in the middle of a control period, and the disturbance estimated at the beginning of the period.
 
     Attributes:
         R: R_WB. rate, joint_rates: estimates at the period's beginning. joints: rad or m.
@@ -312,7 +312,7 @@ class Amid:
 
 @immutable
 class Told:
-    """Corrections of the observer's model by one measurement, with the model state in the period before it.
+    """Corrections of the observer's prediction by one measurement, and the vehicle state half a period earlier.
 
     Attributes:
         amid: state, and the disturbance estimated before the measurement.
@@ -410,7 +410,7 @@ class Observed:
         )
 
     def without(self, known: Disturbance) -> Observed:
-        """Observer state whose estimated disturbance is reduced by a part that is fed forward from now on."""
+        """Observer state minus a part of the estimated disturbance that the feed-forward compensates from now on."""
         less = disturbance(self) - known
         return dataclasses.replace(
             self,

@@ -1,4 +1,4 @@
-"""Extrapolation of sampled and held reference signals to the present, with derivatives up to the fourth.
+"""Extrapolation of reference signals from their last samples to the present, with derivatives up to the fourth.
 
 With a preview, rate and acceleration of the held sample and of the next one, T later, and the acceleration at 2 T fix a
 rate of fourth order, so that jerk and snap have hardly a step at a sample. Without one they are extrapolated:
@@ -35,7 +35,7 @@ def extrapolate(
     ahead: Sequence[Sequence[Sample]] = (),
     late: Scalar = 0,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Reference signals at present or later, next states of the signals, and age of the held sample.
+    """Extrapolated reference signals, next states of the extrapolators, and age (s) of the last reference sample.
 
     Args:
         channels: states of the signals, one period earlier.
@@ -66,13 +66,13 @@ def extrapolate(
 
 
 def _hold(channel: Channel, sample: Sample) -> Channel:
-    """Extrapolator state of a reference signal with a preview: the sample that is held now."""
+    """Extrapolator state that stores the current sample of a reference signal whose next samples are known."""
     value, rate, acceleration = (data(c) for c in sample)
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
 def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: Scalar, period: Scalar) -> Channel:
-    """State of one signal's extrapolator after comparison with the reference sample now held.
+    """State of a reference signal's extrapolator, updated with the current sample.
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
@@ -90,7 +90,7 @@ def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: 
 
 
 def _is_jump(before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period: Scalar) -> Any:
-    """True if rate and acceleration of two samples in a row are not those of one smooth motion."""
+    """True if rates and accelerations of two successive samples do not fit one smooth motion."""
     (v0, a0), (v1, a1) = before, after
     missed = absolute(v1 - v0 - (0.5 * period) * (a1 + a0))
     size = absolute(a1) + absolute(a0)
@@ -98,7 +98,7 @@ def _is_jump(before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period
 
 
 def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, period: Scalar) -> Taylor:
-    """Fourth-order Taylor series of a reference signal between its held sample and the next one.
+    """Fourth-order Taylor series of a reference signal, interpolated between its last sample and the next one.
 
     The rate is the cubic of both samples' rates and accelerations plus k t^2 (t - T)^2, whose slope at 2 T is 12 k T^3.
     Values of the samples do not enter the derivatives, which single precision would spoil.

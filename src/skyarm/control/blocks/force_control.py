@@ -182,7 +182,7 @@ def touches(
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, pressed: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """Ramp (0 to 1) of the commanded contact force: up in contact, down as slowly in a release, else down fast."""
+    """Ramp (0 to 1) of the commanded contact force: slow rise in contact, slow release, fast fall without contact."""
     down = dt / where(touching > 0.5, gains.rise, gains.fall)
     return clip(share + where(pressed > 0.5, dt / gains.rise, -down), 0.0, 1.0)
 

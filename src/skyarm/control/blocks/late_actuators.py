@@ -1,4 +1,4 @@
-"""History of the modelled actuators, from which actuation under commands with a varying delay is read.
+"""History of modelled rotor speeds and joint efforts, to be read at the varying delay of the commands.
 
 The motors' lag has no clock of its own: motors that get commands L seconds late turn as those without a delay turned L
 seconds ago. So the model's motors run without the delay, and their past is read at the delay's age, which may vary.
@@ -26,7 +26,7 @@ SHORTEST = 1e-9
 
 @immutable
 class Past:
-    """History of modelled actuation without delay, one row per control period, oldest first.
+    """History of rotor speeds and joint efforts modelled without delay, one row per control period, oldest first.
 
     Ages are at most the number of rows less one.
     """
@@ -36,7 +36,7 @@ class Past:
     efforts: Annotated[Rows, Unit("N m or N", "of the joints")]
 
     def after(self, model: Model, command: Command, dt: Scalar) -> Past:
-        """Actuation history after one more period of a held command."""
+        """History of rotor speeds and joint efforts after one more control period under a constant command."""
         rotors = zip(model.vehicle.rotors, self.speeds[-1], command.rotor_speeds, strict=True)
         speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
         rows = (squares, speeds, command.efforts)
@@ -47,7 +47,7 @@ class Past:
         return Past(squares=squares, speeds=speeds, efforts=efforts)
 
     def period(self, age: Scalar) -> Actuation:
-        """Actuation in the period that ended ``age`` periods ago."""
+        """Modelled rotor speeds and joint efforts in the control period that ended ``age`` periods ago."""
         parts = self._since(age)
         # what acted since a period earlier is the same of the command after it
         shares = [sub(older, since) for older, since in zip((1.0, *parts[:-1]), parts, strict=True)]
@@ -57,7 +57,7 @@ class Past:
         )
 
     def since(self, age: Scalar) -> Actuation:
-        """Mean actuation in the last ``age`` periods, with the rotor speeds at their end."""
+        """Means of squared rotor speeds and joint efforts over the last ``age`` periods, and present rotor speeds."""
         inverse, shares, now = divide(1.0, maximum(age, SHORTEST)), self._since(age)[:-1], self.speeds[-1]
         squares, efforts = (
             tuple(mul(each, inverse) for each in _sums(rows[1:], shares)) for rows in (self.squares, self.efforts)
@@ -92,5 +92,5 @@ def first_past(standing: Command, periods: int) -> Past:
 
 
 def _sums(rows: Rows, shares: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Weighted sum of the rows of an actuation history; the first weight belongs to the newest row."""
+    """Weighted sum of past actuator values, stored oldest first; the weights are ordered newest first."""
     return tuple(inner_product(shares, column) for column in zip(*rows[::-1], strict=True))

@@ -175,7 +175,7 @@ def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: S
 
 @immutable
 class Actuation:
-    """Modelled actuation over some time: rotor speeds and joint efforts.
+    """Modelled rotor speeds and joint efforts over a time interval.
 
     Attributes:
         squares: mean squared rotor speeds, (rad/s)^2. amid, speeds: rotor speeds amid that time and at its end, rad/s.
@@ -189,7 +189,7 @@ class Actuation:
 
 
 def actuation(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> Actuation:
-    """Actuation in a period of a held command, from rotor speeds at its beginning, by Simpson's rule."""
+    """Modelled rotor speeds and joint efforts over one period of a constant command; mean squares by Simpson's rule."""
     half = motor_speeds(model, speeds, command, 0.5 * dt)
     after = motor_speeds(model, speeds, command, dt)
     squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(speeds, half, after, strict=True)]
@@ -204,7 +204,7 @@ def predict_across(
     h: Scalar,
     sideways: bool,
 ) -> State:
-    """Vehicle state ``h`` seconds later by one midpoint step; ``h`` may be traced."""
+    """Vehicle state ``h`` seconds later by one midpoint step; ``h`` may be a symbolic value."""
     drift = 0.5 * h
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
@@ -214,7 +214,7 @@ def predict_across(
 
 
 def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: tuple[Scalar, ...], h: Scalar) -> State:
-    """Vehicle state after ``h`` seconds of constant accelerations: world, body, joints; and its rotor speeds."""
+    """Vehicle state after ``h`` seconds of constant accelerations of base and joints, with given rotor speeds."""
     linear, angular, qdd = moved
     velocity, rate = x.velocity + linear * h, x.rate + angular * h
     rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))

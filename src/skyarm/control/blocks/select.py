@@ -1,4 +1,4 @@
-"""Selection between two values, vectors or tuples by a condition that may be traced."""
+"""Selection between two vectors or tuples by a condition, which may be a symbolic value."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ Term = TypeVar("Term", Scalar, Vec3)
 
 @immutable
 class ForceErrors:
-    """Torque and effort errors that weigh as much as an error of 1 N on the base in the tip force estimate."""
+    """Errors of base torque and joint efforts that count as much as 1 N of base force in the tip force estimate."""
 
     turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
@@ -111,14 +111,14 @@ class LeastSquares:
         self.b: list[Scalar] = [0] * n
 
     def require(self, columns: Sequence[Term], value: Term, weight: Scalar) -> None:
-        """Add the term weight |columns x - value|^2, of numbers or vectors."""
+        """Add ``weight`` |columns x - value|^2 to a least-squares cost, for a scalar or vector ``value``."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, value)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 
     def prefer(self, values: Iterable[Scalar], weight: Scalar, first: int = 0) -> None:
-        """Add the term weight |x - values|^2 for consecutive unknowns, the first with index ``first``."""
+        """Add ``weight`` |x - values|^2 to a least-squares cost, for consecutive unknowns x from index ``first``."""
         for i, value in enumerate(values, first):
             self.A[i][i] = add(self.A[i][i], weight)
             self.b[i] = add(self.b[i], mul(weight, value))

@@ -62,7 +62,7 @@ class TorqueScale:
     deviation: Annotated[Scalar, Unit("N", "of the tip's force along the normal")] = 0.0
 
     def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> tuple[Scalar, ...]:
-        """Gain of each joint's torque scale estimate on the sum of disturbance times torque, 1 / (N^2 m^2 s)."""
+        """Ratio of each joint's torque scale error to the integral of disturbance times torque, 1 / (N^2 m^2 s)."""
         prior = by.torques * by.torques
         both = prior + by.masses * by.masses
         rows = zip(self.squares, at.vehicle.links, strict=True)

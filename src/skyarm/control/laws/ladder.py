@@ -133,7 +133,7 @@ def stepped_computed_torque(
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
 ) -> tuple[Reference, tuple[Channel, ...], Scalar]:
-    """Reference extrapolated to the present, extrapolator states, and age of the held sample."""
+    """Reference extrapolated to the present, extrapolator states, and age (s) of the last reference sample."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
     series, channels, age = extrapolate(

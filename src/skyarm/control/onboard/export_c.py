@@ -379,7 +379,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
 
 
 def _preview_lines(controller: Controller) -> list[str]:
-    """Comment lines that give instants and order of the samples to come of the reference."""
+    """Comment lines in the C file on the times and order of the future reference samples."""
     leads = ", ".join(f"{float(lead):.4g}" for lead in preview_leads(controller.par))
     if not leads:
         return []

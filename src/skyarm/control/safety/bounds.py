@@ -94,7 +94,7 @@ def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True if the vector ``v`` is longer than ``shortened``."""
+    """True if the vector ``v`` is longer than its copy ``shortened``, so that a limit was active."""
     return shortened.norm() < v.norm()
 
 

@@ -1,4 +1,4 @@
-"""Limits of the safety layer, default limits for a controller, and the stiffness of a law found by test steps."""
+"""Limits of the safety layer, default limits for a controller, and identification of a law's stiffness in hover."""
 
 from __future__ import annotations
 

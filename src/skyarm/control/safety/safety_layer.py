@@ -295,7 +295,7 @@ def _limits(controller: Controller, limits: Any) -> Limits:
 
 
 def _layer(controller: Controller) -> Law:
-    """Step function of a law inside the safety layer, as a picklable partial."""
+    """Step function of a law inside the safety layer, as a picklable functools.partial."""
     step = _traced_law if controller.compiled else _called_law
     return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
 

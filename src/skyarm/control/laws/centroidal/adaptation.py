@@ -119,7 +119,7 @@ class JointLearned:
         return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
 
     def residual(self, observed: Scalar, mass: Scalar) -> Scalar:
-        """Joint effort that adapted load and damping do not explain; ``observed`` is the observer's estimate."""
+        """Joint disturbance ``observed`` by the observer minus the part that adapted load and damping explain."""
         late = self.twice
         return add(sub(add(observed, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
 
@@ -146,7 +146,7 @@ class Learned:
     tip_velocity: Annotated[Vec3, Unit("m/s", "of the last measurement, world axes")]
 
     def at_measurement(self) -> Disturbance:
-        """Feed-forward of the period before the measurement."""
+        """Disturbance that the feed-forward compensated in the control period before the last measurement."""
         return self.earlier[-1] if self.earlier else self.feedforward
 
 
@@ -168,13 +168,13 @@ class AdaptationGains(OptionalPart):
     delay_periods: int
 
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Add the learned damping to that of the model's joints, up to a bound."""
+        """Add the learned joint damping, up to a bound, to the joint damping of the law's model."""
         own = [link.joint.damping for link in par.model.vehicle.links]
         pairs = zip(own, self.split_damping(memory.joints)[0], strict=True)
         return with_joint_damping(par, [add(damping, more) for damping, more in pairs])
 
     def split_damping(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
-        """Adapted damping of each joint in two parts: that in the model's joint, and the rest, which is fed forward."""
+        """Split of each joint's adapted damping: the part added to the model, and the rest, for feed-forward."""
         inside = [minimum(joint.damping, most) for joint, most in zip(joints, self.modelled, strict=True)]
         return inside, [sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)]
 
@@ -192,7 +192,7 @@ class AdaptationGains(OptionalPart):
 
 
 def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods: int) -> AdaptationGains | None:
-    """Constants of the adaptation, from rate (1/s) and bound (kg) of the tip mass; None without joints."""
+    """Constants of load and friction adaptation, from rate (1/s) and bound (kg) of tip mass; None without joints."""
     if not vehicle.n:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest
@@ -212,7 +212,7 @@ def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods:
 def adapt(
     gains: AdaptationGains, step: Step, learned: Learned, planned: Planned, free: Sequence[Scalar]
 ) -> tuple[Learned, Disturbance]:
-    """Adapted tip mass, joint friction and feed-forward one period later, and the disturbance that they now compensate.
+    """Next adaptation state (tip mass, joint friction, feed-forward), and the disturbance newly compensated by it.
 
     ``free``: of each joint, 1 where it may be adapted; 0 leaves its damping and keeps it out of the mass.
     """
@@ -227,7 +227,7 @@ def adapt(
     turned = [q.derivative(1) for q in planned.joints]
 
     def feedforward(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
-        """Feed-forward of a tip mass and joint dampings in the planned motion."""
+        """Disturbance that a tip mass and joint dampings cause in the planned motion."""
         rows = zip(unit.efforts, dampings, turned, strict=True)
         efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)

@@ -55,7 +55,7 @@ TINY = 1e-9
 
 @immutable
 class Shift:
-    """State of the base shift: shift of the centre of mass, and its vertical acceleration found one period before.
+    """State of the base shift: centre-of-mass shift, and the vertical acceleration that it caused one period before.
 
     Attributes:
         coming: mean vertical acceleration from each instant of the preview to the next, m/s^2.
@@ -158,7 +158,7 @@ def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
 
 
 def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
-    """Heights (m) of the centre of mass above the tip at the preview's samples; two of them are approximated.
+    """Heights (m) of the centre of mass above the tip at the five previewed reference samples, two approximated.
 
     A posture costs as much as the rest of the work for a sample, and those two count less than the others.
     """
@@ -168,7 +168,7 @@ def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list
 
 @immutable(kw_only=False)
 class PreviewInterval:
-    """Bounded base shift over one interval of the preview: y' = -b y + v at its start, and the motion to its end.
+    """Bounded base shift y over a preview interval: y' = -b y + v at the start, and coefficients of y at the end.
 
     Attributes:
         b: 1/s. v: m/s. time: time from the first to the second one, s.
@@ -343,7 +343,7 @@ def _towards_next(values: Sequence[Scalar], shares: Sequence[Scalar]) -> list[Sc
 
 
 def _thrusts(rows: Sequence[PreviewInstant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:
-    """Mean specific thrust (m/s^2) between instants of the preview, and at its end; ``still``: its value at rest."""
+    """Mean thrust per mass (m/s^2) between preview instants, and at the last one; ``still``: value in hover."""
     rises = [0.5 * (now.rise + then.rise) + sink for now, then, sink in zip(rows, rows[1:], shift.coming, strict=False)]
     ups = [maximum(still + rise, floor) for rise in (*rises, rows[-1].rise)]
     secants = [*(0.5 * (a + b) for a, b in zip(shift.secants, shift.secants[1:], strict=False)), shift.secants[-1]]

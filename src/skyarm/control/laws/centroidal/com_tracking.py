@@ -68,7 +68,7 @@ def planned_rate(still: DesiredAttitude, motion: Sequence[Vec3], mass: Scalar, g
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: DesiredAttitude, moving: bool) -> list[Vec3]:
-    """Reference of the centre of mass, with four derivatives, from the base's reference and the offset h.
+    """Reference of the centre of mass, with four derivatives, from the base reference and the centre's offset ``h``.
 
     ``moving`` differentiates R_q too, in velocity and acceleration.
     """
@@ -173,7 +173,7 @@ SMALL = 1e-9
 
 @immutable
 class ArmMotion:
-    """Filter state of the arm's motion: intensity, and slow mean of the centre of mass."""
+    """Filter state of the arm's motion: angular acceleration required of the base, slow mean of the centre of mass."""
 
     size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]

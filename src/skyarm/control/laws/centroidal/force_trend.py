@@ -43,7 +43,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 @immutable
 class TrendGains(OptionalPart):
-    """Constants of the force trend: tracking filter of force and rate, and evidence for the rate's weight."""
+    """Constants of the force trend: filter of force and force rate, and weight of the rate from past predictions."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
@@ -145,7 +145,7 @@ class Foreseen:
 
 
 def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect, slow: Vec3, adapted: Vec3) -> Foreseen:
-    """Disturbance forecast over the delays of observer and filter; no rate while a force acts on the tip.
+    """Disturbance predicted ahead by observer and filter delay; the force rate is not used while the tip is in contact.
 
     ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the feed-forward, N, world axes.
     """

@@ -1,4 +1,4 @@
-"""Online estimate of the control loops' additional lag; the law predicts across the part that is a delay.
+"""Online estimate of unmodelled lag in the control loops; the part that is a delay is compensated by prediction.
 
 With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
 |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
@@ -81,7 +81,7 @@ IGNORED = 0.002
 
 @immutable
 class LagGains(OptionalPart):
-    """Constants of the lag estimate: lags that halve the bandwidths of rotor and joint loops, spacing of candidates."""
+    """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths, and spacing of candidate lags."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
@@ -108,7 +108,7 @@ class LagGains(OptionalPart):
         )
 
     def delay(self, memory: LagMemory, dt: Scalar) -> Scalar:
-        """Command delay (s) across which the law predicts: the estimated lag of the rotor loops."""
+        """Command delay (s) that the law compensates by prediction: the estimated lag of the rotor loops."""
         return self.lags(memory, dt)[0]
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
@@ -118,7 +118,7 @@ class LagGains(OptionalPart):
         return at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Factors (0 to 1) on the bandwidths of rotor and joint loops, for the lags that are not predicted across."""
+        """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that prediction does not compensate."""
         base, joints = self.lags(memory, dt)
         joints = maximum(joints - base - IGNORED, 0.0)
         base = maximum(base * (1.0 - delay_share(memory)) - IGNORED, 0.0)

@@ -146,7 +146,7 @@ def centroidal(
 
 
 def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scalar) -> Timing:
-    """Delay of the command by the estimated lag, and modelled actuation before the measurement."""
+    """Delay of this step's command, and modelled rotor speeds and joint efforts before the measurement."""
     lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
     late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
@@ -157,7 +157,7 @@ def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scal
 def continue_reference(
     par: CentroidalParameters, memory: CentroidalMemory, reference: Reference, lead: Scalar, dt: Scalar
 ) -> tuple[ReferenceMotion, tuple[Channel, ...], Scalar]:
-    """Reference when the command acts, next states of its extrapolated signals, and age of the held sample."""
+    """Reference when the command acts, next states of the extrapolators, and age (s) of the last reference sample."""
     ahead = samples_ahead(reference)
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
@@ -174,7 +174,7 @@ def continue_reference(
 def gains_of_now(
     par: CentroidalParameters, memory: CentroidalMemory, measurement: Measurement, lead: Scalar, dt: Scalar
 ) -> CentroidalParameters:
-    """Constants of the law for one step, adapted to the estimated lag, noise and load, and to a force from below."""
+    """Constants of the law for one step, adapted to estimated lag, noise and load, and to an observed upward force."""
     if all(same(each, 0) for each in measurement.specific_force):
         par = dataclasses.replace(par, observer=dataclasses.replace(par.observer, accelerometer=None))
     for name, part in par.parts.present():

@@ -57,7 +57,7 @@ class White:
     variance: Annotated[Scalar, Unit("(m/s)^2 or (m/s^2)^2", "of the noise")] = 0.0
 
     def after(self, change: Vec3, left: Vec3, density: Scalar, dt: Scalar) -> White:
-        """Noise estimate after a reading with a ``change`` beyond the model's, and the residual ``left`` of it."""
+        """Noise estimate updated by a sensor reading: its unmodelled ``change``, and the residual ``left``."""
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
         variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
@@ -67,7 +67,7 @@ class White:
         )
 
     def share(self, density: Scalar, dt: Scalar) -> Scalar:
-        """Square root (0 to 1) of a nominal noise density over the estimated one."""
+        """Square root of the ratio of a nominal to the estimated noise density, at most 1."""
         square = density * density
         return sqrt(sqrt(divide(square, maximum(self.variance * dt, square))))
 
@@ -120,7 +120,7 @@ def noise_gains(vehicle: Vehicle, hears: bool) -> NoiseGains:
 
 
 def noise_share(vehicle: Vehicle) -> float:
-    """Factor on the tolerated velocity noise: mean lag of the reference motors over that of the vehicle's slowest ones.
+    """Factor (0 to 1) on the tolerated velocity noise: nominal motor time constant over that of the slowest motor.
 
     Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
     """

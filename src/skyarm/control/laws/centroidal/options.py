@@ -95,7 +95,7 @@ def arm_length(vehicle: Vehicle) -> float:
 def fit_gains(
     gains: LawOptions, given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
 ) -> dict[str, Any]:
-    """Options scaled to the vehicle, except those that were given; fewer for a tip that presses or carries."""
+    """Default options scaled to the vehicle, except those that the user gave; fewer for contact or carried loads."""
     # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
     fitted: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
     if carries:
@@ -115,7 +115,7 @@ def fit_gains(
 
 
 def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> float | None:
-    """Preview (s) whose first sample lies in the future during a whole reference period; None for no preview.
+    """Length (s) of the reference preview, at least such that its first sample is always in the future; None for none.
 
     Args:
         gains: the law's options.
@@ -134,7 +134,7 @@ def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> flo
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Factor on the damping: square root of the arm length over that for which the damping was chosen.
+    """Factor on the options ``damping`` and ``preview``: square root of the arm length over a nominal length.
 
     Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
@@ -190,7 +190,7 @@ def tip_lightness(vehicle: Vehicle) -> float:
 
 
 def slide_room(vehicle: Vehicle) -> float:
-    """Half of the shortest range (m) of the sliding joints that carry the tip, not below the option's least.
+    """Half of the shortest range (m) of the sliding joints between base and tip, at least the option's lower bound.
 
     An arm cannot take back more of the base's error. A gripper's finger or another arm does not count.
     """
@@ -225,7 +225,7 @@ def without_retired(changes: LawOptions) -> dict[str, Any]:
 
 
 def note_former(preset: Any) -> None:
-    """Warn in one line that the option ``preset`` is obsolete, since a single preset is left.
+    """Warn in one line that the option ``preset`` is obsolete, since only one preset remains.
 
     Raises:
         ControllerError: a name that no version had.

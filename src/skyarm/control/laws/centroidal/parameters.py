@@ -1,4 +1,4 @@
-"""Constants of the centroidal law: its core, and the base class of its optional parts.
+"""Constants of the centroidal law, and the base class of its optional parts.
 
 A part is a record of constants with any of the functions of :class:`Part`; its memory is its own record, which the law
 keeps. A part that is left out is not in the law's program at all. Nothing that a part is given is changed.
@@ -59,7 +59,7 @@ BENT = 3.0
 
 @immutable
 class CenterGains:
-    """Bounds of the desired force on the centre of mass; ``sideways`` is None where rotors give it along z alone."""
+    """Bounds of the desired force on the centre of mass; ``sideways``: constants of sideways rotor force, or None."""
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
@@ -96,7 +96,7 @@ class OptionalPart:
         return par
 
     def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
-        """Next state of an optional part, and the changes of the control step with those of this part added."""
+        """Next state of an optional part, and the control step's reference and disturbance as changed by the part."""
         return memory, effect
 
     def learn(self, memory: Any, effect: Effect, demand: AccelerationDemand) -> Any:
@@ -121,7 +121,7 @@ class Parts:
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
     def touching(self) -> list[tuple[str, OptionalPart]]:
-        """Names and constants of the enabled optional parts for a tip in contact."""
+        """Names and constants of the enabled parts for contact, load and admittance."""
         return [(name, part) for name, part in self.present() if name not in OWN]
 
 
@@ -155,7 +155,7 @@ class CentroidalParameters:
 
     @property
     def preview(self) -> tuple[Scalar, ...]:
-        """Times (s) of the future reference samples, after the held one, that the law uses."""
+        """Lead times (s) of the future reference samples that the law uses; empty without a preview."""
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
         horizon = self.tip.preview
         return following if horizon is None else (*following, *(share * horizon for share in SHARES))
@@ -183,7 +183,7 @@ class Step:
 
     @property
     def holds(self) -> tuple[Scalar, ...]:
-        """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
+        """Grasp flag of reference or gripper, above 0.5 while the tip holds a load; empty without a flag."""
         return self.reference.load or self.measurement.holds
 
 

@@ -20,7 +20,7 @@ from skyarm.reference.preview import Sample
 
 @immutable
 class Timing:
-    """Delay of the command of this step, and the actuation before the measurement.
+    """Delay of the command of this step, and modelled rotor speeds and joint efforts before the measurement.
 
     Attributes:
         late: estimated delay of the commands, s. lead: the same with the commands' known delay.
@@ -50,7 +50,7 @@ class ReferenceMotion:
 
 @immutable
 class ObserverOutput:
-    """Observer output: state, model accelerations and disturbance at the measurement's time.
+    """Observer output: state and disturbance at the measurement's time, and corrections of the prediction.
 
     Attributes:
         observed: observer state at the measurement's time. told: its correction of the model by that measurement.
@@ -65,7 +65,7 @@ class ObserverOutput:
 
 @immutable
 class Effect:
-    """Change of a control step by a tip in contact: reference, compensated disturbance, adaptation.
+    """Changes of a control step due to tip contact: shifted reference, compensated disturbance, stopped adaptation.
 
     Attributes:
         signals: shifted signals of the reference. unknown: compensated disturbance.
@@ -85,7 +85,7 @@ class Effect:
     links: tuple[Scalar, ...] = ()
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
-        """Effect that stops adaptation where ``share`` is 0, while an external force is in the observed disturbance.
+        """Changes of a control step, with adaptation also stopped where ``share`` is 0 because of an external force.
 
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
@@ -99,7 +99,7 @@ class RotorForce:
     __slots__ = ()
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
-        """Part of a desired force (series, N, world axes) that sets the attitude: all of it."""
+        """Part of a desired force (series, N, world axes) along which the vehicle tilts: the whole in this class."""
         return force
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
@@ -121,7 +121,7 @@ class RotorForce:
 
 
 class RotorPart(Protocol):
-    """Protocol of a part for rotors that can also push across body z."""
+    """Interface (typing.Protocol) of the constants for rotors that can also push across body z."""
 
     def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> RotorForce:
         """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""

@@ -80,7 +80,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
 
 
 def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
-    """Tip reference moved with the base error, as far as that exceeds the arm's reach.
+    """Tip reference that moves along with base errors larger than ``reach``; smaller errors hardly move it.
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
     """
@@ -138,7 +138,7 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
 def joints_of_turns(
     vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint motion that gives each link its rotation (base axes), by regularised least squares."""
+    """Joint motion that gives each link a desired rotation (base axes), by regularised least squares."""
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
         problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
@@ -163,7 +163,7 @@ def link_turning(
 def level_joints(
     vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]
 ) -> tuple[Scalar, ...]:
-    """Joint correction, by one Newton step, that orients the links of a tilted base as those of a level base."""
+    """Joint correction, by one Newton step, that orients the links on a tilted base as planned for a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
@@ -198,7 +198,7 @@ def turned_joints(
     level: Posture,
     moving: bool,
 ) -> tuple[Taylor, ...]:
-    """Joint signals that orient the links on a tilted base as they are oriented on a level base."""
+    """Joint signals that give the links on a tilted base the orientations planned for a level base."""
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
@@ -218,7 +218,7 @@ MORE = 2.0
 
 
 def plan_weight(vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[Vec3]) -> Scalar:
-    """Weight of the link orientations over their nominal one, by the links' errors about their own joints.
+    """Factor on the nominal weight of the link orientations, larger for large errors of the links about their joints.
 
     Where the tip has no lever along the stretched arm a late elbow bends to the other side of it. The tip is then in
     place and holds the arm there: its Jacobian points the other way. Links far off their plan turn back first.

@@ -125,7 +125,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: Training) -> str:
-    """Text that lists how a vehicle differs from the one of a network's training; empty if alike or unknown."""
+    """Differences between a vehicle and the one that a network was trained on, as text; empty if equal or unknown."""
     recorded = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)

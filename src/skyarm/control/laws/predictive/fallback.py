@@ -61,7 +61,7 @@ FORGIVEN = 3.0
 
 @immutable(kw_only=False)
 class Trust:
-    """Acceptance history of plans, which decides whether plans or the substitute law fly the vehicle.
+    """Acceptance history of motion plans, which decides whether plans or the substitute law control the vehicle.
 
     Attributes:
         good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.

@@ -98,7 +98,7 @@ def observe(
 
 
 class Observation:
-    """Compiled extended state observer, and prediction over commands that no measurement shows yet.
+    """Compiled extended state observer, and prediction over the commands sent since the last measurement.
 
     Args:
         model: the controller's. bandwidths: poles of the observer. dt: control period, s.

@@ -44,7 +44,7 @@ SETTLED = 2
 
 @immutable(kw_only=False)
 class SampledReference:
-    """Held reference sample of [x, y, z, yaw, joints ...], with jerks and oscillation statistics.
+    """Last reference sample of [x, y, z, yaw, joints ...], with age, jerks and oscillation statistics.
 
     Attributes:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
@@ -94,7 +94,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def update_sample(reference: Reference, before: SampledReference | None, dt: float) -> SampledReference:
-    """Held reference sample after ``dt`` seconds, with jerks from two successive samples' accelerations.
+    """Last reference sample and its age after ``dt`` seconds, with jerks from two successive samples' accelerations.
 
     A sample has come when it differs; one that came where none was predicted starts with no jerk.
     """

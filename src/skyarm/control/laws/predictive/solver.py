@@ -146,7 +146,7 @@ class CompiledStages:
         return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
 
     def _slopes(self, values: Array) -> Array:
-        """Central-difference derivatives, an array (stages, values, state and input components)."""
+        """Central-difference derivatives by state and input components, an array (stages, values, components)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
         return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))

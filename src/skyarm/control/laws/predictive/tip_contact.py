@@ -43,7 +43,7 @@ against its own push, and the arm of six joints swings up.
 
 @immutable
 class ContactState:
-    """Contact in one period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
+    """Tip contact in one control period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
 
     Attributes:
         normal: (3,) out of the surface, world axes.

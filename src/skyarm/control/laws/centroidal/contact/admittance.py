@@ -148,7 +148,7 @@ class AdmittanceGains(OptionalPart):
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
     def affect(self, memory: AdmittanceMemory, step: Step, effect: Effect) -> tuple[AdmittanceMemory, Effect]:
-        """Shift the reference by the virtual body; stop adaptation during an external force and shortly after it."""
+        """Shift the reference by the admittance offset; stop adaptation during and shortly after an external force."""
         vehicle, reading, observed = step.par.model.vehicle, step.measurement.tip_force, step.seen.observed
         memory, signals = shift_reference(self, memory, vehicle, observed, effect.signals, reading, step.dt)
         effect = dataclasses.replace(effect, signals=signals, external=memory.detected)

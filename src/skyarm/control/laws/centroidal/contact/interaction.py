@@ -51,7 +51,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Interaction(InteractionGains, OptionalPart):
-    """Contact force control as an optional part of the centroidal law; ``geared`` joints have an armature."""
+    """Contact force control as an optional part of the centroidal law; ``geared``: a joint has armature inertia."""
 
     geared: bool = False
 
@@ -169,7 +169,7 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
 
 
 def with_slow_wind(given: Disturbance, pressing: Pressing, beside: Vec3, slow: Vec3) -> Disturbance:
-    """Disturbance whose force without the contact's is slowly filtered along the normal while the tip presses.
+    """Disturbance whose non-contact force is slowly filtered along the surface normal while the tip presses.
 
     The inertia of geared motors couples the tip to the base: joints that answered each error of the observed force
     would press with it.

@@ -81,7 +81,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
 
 
 def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
-    """Tip load beyond the model that best explains a disturbance: mass (kg) and horizontal torque (N m)."""
+    """Unmodelled tip load that best explains a disturbance: mass (kg) and horizontal torque (N m)."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
@@ -244,7 +244,7 @@ def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
 
 
 def _last_lever(vehicle: Vehicle) -> Vec3:
-    """Lever (m) of the tip about the last revolute joint of its arm; a vertical metre without one."""
+    """Lever (m) from the last revolute joint of an arm to the tip; 1 m along z without a revolute joint."""
     free = vehicle.with_free_followers
     index = free.frame().link
     while index != BASE and not free.links[index].joint.turns:

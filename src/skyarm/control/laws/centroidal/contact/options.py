@@ -1,4 +1,4 @@
-"""Contact options of the centroidal law, and its contact parts made from them."""
+"""Options of the centroidal law for contact, load and admittance, and the parts made from these options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
 def contact_parts(
     gains: LawOptions, admittance: LawOptions | None, vehicle: Vehicle, *, leads: bool, lead: float
 ) -> dict[str, OptionalPart]:
-    """Contact parts of the centroidal law by name; ``leads``: it controls a tip, ``lead``: lag of its observer (s)."""
+    """Parts of the centroidal law for contact force control, admittance and load estimate, by name."""
     parts: dict[str, OptionalPart] = {}
     if any(gains["interaction"]):
         parts["interaction"] = _interaction(gains, vehicle, leads=leads)

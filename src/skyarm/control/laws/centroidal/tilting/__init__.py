@@ -1,1 +1,1 @@
-"""Part of the centroidal law for rotors that push sideways; the law itself does not import it."""
+"""Optional sideways force of the centroidal law, for rotors that can push across body z."""

@@ -1,4 +1,4 @@
-"""Sideways-force options of the centroidal law, and its part made from them."""
+"""Sideways-force options of the centroidal law, and the constants made from these options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sideways force: the part given by the rotors across the thrust axis, and the rest given by tilting.
+"""Division of a sideways force between rotors that push across body z and tilting of the vehicle.
 
 A force F at the common centre of mass r_c of a vehicle that does not turn is the wrench (r_c x F, F) about the base
 origin; each rotor's squared speed is linear in it. With b_i of the vertical part, c_i of the rest and room_i the
@@ -63,7 +63,7 @@ class SidewaysForce(RotorForce):
     reach: RotorReach
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
-        """Part of a desired force (series, N, world axes) that sets the attitude, minus what is given sideways."""
+        """Part of a desired force (series, N, world axes) along which the vehicle tilts; the rest is given sideways."""
         angles = self.gains.attitude
         axis = None if angles is None else thrust_axis(angles, yaw.truncate(2))
         return leaning(self.reach, force, self.gains.share, axis)
@@ -95,7 +95,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> RotorReach:
 
 
 def gauge(reach: RotorReach, force: Vec3) -> Taylor:
-    """Sum of the eighth powers of each rotor's used share of its margin under a sideways force (Taylor series)."""
+    """Sum over the rotors of (used share of the speed margin)^8 under a sideways force (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, change = force.z * row.z, force.x * row.x + force.y * row.y
@@ -110,7 +110,7 @@ def gauge(reach: RotorReach, force: Vec3) -> Taylor:
 
 
 def leaning(reach: RotorReach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
-    """Force that sets the attitude: the desired force (Taylor series, N) less the part given sideways.
+    """Force (Taylor series, N) along which the vehicle tilts: the desired force minus its sideways part.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
     reference is rough where its acceleration bends.
@@ -134,7 +134,7 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
 
 
 def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
-    """Squared rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
+    """Squared share of rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, size = vertical * row.z, row.x * row.x + row.y * row.y
