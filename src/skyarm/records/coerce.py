@@ -93,7 +93,7 @@ def _is_scalar(value: object) -> TypeGuard[Scalar]:
 
 
 def coefficient(field: str, value: object) -> Scalar:
-    """Convert a scalar coefficient; an integer 0 stays one, which removes the effect from compiled code."""
+    """Convert a scalar coefficient; an integer 0 is left as it is and removes the effect from compiled code."""
     return 0 if absent(value) else number(field, value)
 
 
@@ -161,7 +161,7 @@ def word_of(words: Iterable[str]) -> Rule:
 
 
 def fold_zeros(record: object, *names: str) -> None:
-    """Make exact zeros in fields of a frozen dataclass under construction constants of compiled code."""
+    """Turn exact zeros in fields of a frozen dataclass under construction into constants of compiled code."""
     for name in names:
         value = getattr(record, name)
         if isinstance(value, Vec3):

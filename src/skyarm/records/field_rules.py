@@ -96,7 +96,7 @@ def rules(kind: type) -> Mapping[str, Rule]:
 
 @memoize
 def defaults(kind: type) -> Mapping[str, object]:
-    """Default of each field of a dataclass; ``dataclasses.MISSING`` without one, or where a function makes it."""
+    """Default of each field of a dataclass; ``dataclasses.MISSING`` for none and for a default factory."""
     return {field.name: field.default for field in declarations(kind)}
 
 

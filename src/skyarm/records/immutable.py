@@ -19,7 +19,7 @@ def memoize(function: F) -> F:
 
 @memoize
 def declarations(kind: type) -> tuple[Field[object], ...]:
-    """Fields of a dataclass with their defaults and metadata; none of any other type."""
+    """Fields of a dataclass with their defaults and metadata; empty for any other type."""
     return fields(kind) if is_dataclass(kind) else ()
 
 

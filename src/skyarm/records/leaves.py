@@ -19,7 +19,7 @@ Record = TypeVar("Record")
 
 
 class Dataclass(Protocol):
-    """Protocol of the instances of any dataclass."""
+    """Static type (typing.Protocol) of an instance of any dataclass."""
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 

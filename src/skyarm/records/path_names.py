@@ -43,7 +43,7 @@ Names: TypeAlias = Mapping[str, Denoted]
 
 
 class Viewed(Protocol):
-    """Protocol of a record with computed values, each of which follows from several of its fields."""
+    """Interface (typing.Protocol) of a record with values that are computed from several of its fields."""
 
     def number_of_view(self, name: str) -> float:
         """Return a computed value of the record by its name."""
@@ -83,7 +83,7 @@ def _name(item: object) -> str | None:
 
 
 def below(head: Place, names: Names) -> dict[str, Denoted]:
-    """Names of the parameters inside a part of a record, with field paths that start from the whole record."""
+    """Names of the parameters inside a nested record, with field paths that start from the outer record."""
 
     def from_head(inner: Denoted) -> Denoted:
         if isinstance(inner, NumberView):

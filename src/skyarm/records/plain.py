@@ -22,7 +22,7 @@ Plain: TypeAlias = bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
 class Named(Protocol):
-    """Protocol of an object with a name, such as a class or function."""
+    """Interface (typing.Protocol) of an object with a name, such as a class or function."""
 
     @property
     def __name__(self) -> str: ...

@@ -57,7 +57,7 @@ class Unit:
 
     @property
     def largest(self) -> float:
-        """Largest magnitude of a number whose field states no bound; infinite without a unit."""
+        """Largest allowed magnitude of a number whose field states no bound; infinite without a unit."""
         if self.infinite or not self.unit:
             return math.inf
         return LIMITS.get(self.unit, LARGEST)

@@ -72,17 +72,17 @@ class Slot(NamedTuple):
 
     @property
     def table(self) -> str:
-        """Path of the table that holds all items of the key."""
+        """Path of a key's entry in a file; for a key of list items, path of the table that holds the items."""
         return self.path.removesuffix(f".{EACH}")
 
     @property
     def field(self) -> Place:
-        """Path of the field that declares the key, from the top of the record."""
+        """Path, from the outermost record, of the field that declares a key of a file."""
         return self.place[: len(self.place) - len(self.word.inside)]
 
     @property
     def record(self) -> Place:
-        """Path of the field that holds all items of the key, from the top of the record."""
+        """Path, from the outermost record, of the field that holds a key's value or, for list items, the whole list."""
         return self.place[: self.place.index(EACH)] if EACH in self.place else self.place
 
 

@@ -23,7 +23,7 @@ def motion_names(x: Signal, y: Signal, z: Signal) -> Names:
 
 
 def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
-    """Terms of the sum ((0 + a) + b) ... that a list of motions makes, with field paths; None for any other signal."""
+    """Terms, with field paths, of a sum signal that was made from a list of motions; None for any other signal."""
     match signal:
         case Constant(value=int() | float() as value) if value == 0.0:
             return []

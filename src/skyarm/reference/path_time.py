@@ -52,7 +52,7 @@ class PathTime:
 
     @property
     def duration(self) -> float:
-        """Planned duration of the time-scaled reference, s."""
+        """Planned duration (s) of the time-scaled reference."""
         return float(self.step) * (len(self.points) - FEWEST + 1)
 
     def derivatives(self, t: Scalar) -> Derivatives:

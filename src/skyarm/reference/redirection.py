@@ -97,7 +97,7 @@ def quintic(
 def shortest_duration(
     begins: Sequence[tuple[float, float, float]], goals: Sequence[float], speed: float, acceleration: float
 ) -> float:
-    """Shortest common duration, s, of quintic motions to rest within a speed and an acceleration.
+    """Shortest common duration (s) of quintic motions to rest within a speed and an acceleration limit.
 
     Where the motions begin so fast that no duration meets both limits, that which exceeds them least.
 

@@ -195,7 +195,7 @@ class Windowed(Signal):
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the window's limits and the inner signal's parameters; a sine moves along."""
+        """Names, in parameter paths, of window limits and inner parameters; ``start`` also shifts an inner sine."""
         below_it = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
             below_it["start"] = (("start",), ("signal", "delay"))
@@ -244,7 +244,7 @@ class Sum(Signal):
     signals: tuple[Signal, ...]
 
     def path_names(self) -> Names:
-        """Names, in parameter paths, of the terms by index, and of the field that holds them."""
+        """Names, in parameter paths, of a sum's terms by index, and of the field that holds the terms."""
         return {str(i): (("signals", str(i)),) for i in range(len(self.signals))} | {"signals": (("signals",),)}
 
     def derivatives(self, t: Scalar) -> Derivatives:

@@ -245,7 +245,7 @@ class TaskBuilder:
         return self._pressed == len(self.setting.phases) - 1
 
     def press(self, begin: float, end: float) -> None:
-        """Request the task's contact force between two planned times, s.
+        """Request the task's contact force between two planned times (s).
 
         The force of the phase before holds until then.
         """

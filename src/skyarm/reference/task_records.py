@@ -111,7 +111,7 @@ class JointMove:
 
 @immutable
 class Setting:
-    """Flight data that reference tables need, and lists of events, conditions and moves found in them.
+    """Flight data for reading reference tables, and lists of the task events, conditions and moves read from them.
 
     Attributes:
         vehicle: vehicle of the plant; None where a reference is read on its own.

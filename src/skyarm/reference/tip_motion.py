@@ -181,7 +181,7 @@ class TipPush:
         return grip if self.pivot is None else (*grip, *self.pivot, *_unit(self.axis))
 
     def across(self, away: Array, t: Scalar, tip: Array) -> Array:
-        """Tip position error (..., 3), m, without the component along the contact normal, at times t (...), s."""
+        """Tip position error (m), shape (..., 3), at times t (s), without the component along the contact normal."""
         counted = counted_error(Vec3(*away.T), self.at(t), Vec3(*tip.T))
         return np.stack(np.broadcast_arrays(*map(np.asarray, counted)), axis=-1).astype(float)
 

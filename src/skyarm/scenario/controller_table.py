@@ -230,7 +230,7 @@ def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loade
 
 
 def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: str = "") -> str:
-    """Name that a [controller] table gives under a key; an unknown one raises an error, which ends in a hint."""
+    """Read a name from a key of a [controller] table; an unknown name raises an error that ends in ``hint``."""
     name = fields.take(word)
     if not isinstance(name, str) or name not in names:
         raise ValueError(f"{fields.at(word)} = {shown(name)}: {must_be_one_of(names, name, 'skyarm show')}{hint}")
@@ -302,7 +302,7 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
 
 
 def _read(fields: Fields, word: str, usual: object, annotation: object, unit: Unit) -> object:
-    """Read one option of a control law; the table of an option that is a record becomes that record.
+    """Read one option of a control law from a [controller] table; an option that is a table becomes a dataclass.
 
     Numbers that the table does not state are those of the record that the option is where it is left out.
     """

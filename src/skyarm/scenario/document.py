@@ -41,7 +41,7 @@ OF_SCENARIO = ("initial", "reference.governor")
 
 
 def slot_of(path: str) -> Slot:
-    """Declared key of a scenario file at a given key path."""
+    """Declaration of the scenario-file key at a given key path."""
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
@@ -96,14 +96,14 @@ class Document:
         self._vehicles = dict[str, Vehicle]()
 
     def table(self, path: str) -> Fields:
-        """Reader of the table at a path; all keys of a table share one reader."""
+        """Reader of the table at a path of a scenario file, shared by all keys of the table."""
         if path not in self._tables:
             within, _, name = path.rpartition(".")
             self._tables[path] = self.table(within).inner(name)
         return self._tables[path]
 
     def word(self, path: str) -> Any:
-        """Value of a key, read at its first use; the default of its scenario field if the file leaves it out."""
+        """Value of a scenario-file key, read at its first use; the field's default if the file leaves the key out."""
         if path not in self._words:
             slot = slot_of(path)
             entry = self.entry(slot)
@@ -111,7 +111,7 @@ class Document:
         return self._words[path]
 
     def entry(self, slot: Slot) -> object:
-        """Entry of a key in the scenario file, without nested keys that have scenario fields of their own."""
+        """Entry of a key in the scenario file, without nested keys that are read into scenario fields of their own."""
         within, _, name = slot.table.rpartition(".")
         if slot.path in self.replaced:
             self.table(within).take(name, None)
@@ -126,7 +126,7 @@ class Document:
         return {each: inner for each, inner in entry.items() if _is_word(slot.table, each, inner) is named}
 
     def vehicle(self, path: str) -> Vehicle:
-        """Vehicle that [plant] or [model] names, without the table's payload and joint values; each is loaded once."""
+        """Vehicle that [plant] or [model] names, loaded once, without the table's payload and joint values."""
         named = self.table(path).take("vehicle")
         if not isinstance(named, str) or named not in self._vehicles:
             self._vehicles[str(named)] = readers.vehicle(named, f"{path}.vehicle", self.folder)
@@ -139,7 +139,7 @@ class Document:
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
     def fields(self, within: str = "") -> dict[Place, Any]:
-        """Values of the scenario fields below a key path; those of :data:`OF_SCENARIO` have their defaults."""
+        """Values of the scenario fields below a key path; those in :data:`OF_SCENARIO` are given their defaults."""
         slots_below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
         return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in slots_below}
 
@@ -154,7 +154,7 @@ class Document:
 
 
 class PartDocument(Document):
-    """One section of a scenario file, such as its reference, in addition to a scenario that has all others.
+    """Reader of one section of a scenario file, such as [reference]; other values come from an existing scenario.
 
     Args:
         path: path of the part.
@@ -170,11 +170,11 @@ class PartDocument(Document):
         self._path, self._scenario = path, scenario
 
     def word(self, path: str) -> Any:
-        """Value of a key, read from the section if the key lies in it, else taken from the scenario."""
+        """Value of a key: read from the new section if the key lies in it, else taken from the existing scenario."""
         return super().word(path) if is_below(path, self._path) else part(self._scenario, slot_of(path).record)
 
     def planned_fields(self) -> dict[Place, object]:
-        """Scenario fields that the section fills; a new reference is time-scaled as its path governor requests."""
+        """Scenario fields, with values, that a new section sets; a new reference is time-scaled if requested."""
         fields = self.fields(self._path)
         planned = self.plan_time(replace_at(self._scenario, fields))
         return {field: part(planned, field) for field in fields}
@@ -185,6 +185,6 @@ PATHS = frozenset(slot.path for slot in slots(Scenario))
 
 
 def _is_word(table: str, name: str, entry: object) -> bool:
-    """True if an entry of a table is a key with a scenario field of its own."""
+    """True if a key inside a table of a scenario file is read into a scenario field of its own."""
     at = f"{table}.{name}"
     return not PATHS.isdisjoint((at, f"{at}.{EACH}")) or (isinstance(entry, dict) and f"{table}.{EACH}" in PATHS)

@@ -98,13 +98,13 @@ class GrammarRow(NamedTuple):
 
 
 def grammar() -> tuple[GrammarRow, ...]:
-    """Keys of a scenario file in the order of their fields; keys of registered kinds follow the key of their list."""
+    """List the keys of a scenario file in field order; keys of registered classes follow the key that holds them."""
     of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
     return (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
 
 
 def _of_numbers() -> Iterator[GrammarRow]:
-    """Keys of a scenario file that no field of a scenario holds."""
+    """Keys of a scenario file that correspond to no field of the scenario dataclass."""
     yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
     yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
 
@@ -284,7 +284,7 @@ def _is_list(slot: Slot) -> bool:
 
 
 def _records_in(annotation: object) -> tuple[type, ...]:
-    """Dataclasses that a field's type holds and a file writes as tables; a vehicle has a file of its own."""
+    """Dataclasses within a field's type that a file writes as tables; none for a vehicle, which has its own file."""
     options = typing.get_args(annotation)
     if options:
         return tuple(record for each in options for record in _records_in(each))

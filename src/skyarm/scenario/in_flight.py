@@ -34,7 +34,7 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 
 @cache
 def whole_parts() -> dict[str, Slot]:
-    """Paths of sections that a scheduled change replaces as a whole, each with its key in a scenario file."""
+    """Paths of sections that a scheduled change may replace as a whole, each with the declaration of its file key."""
     by_path = dict[str, Slot]()
     for slot in slots(Scenario):
         if slot.word.whole:
@@ -62,7 +62,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
-    """Scenario fields, by path, that follow from a new table for a section of a scenario file, such as the wind."""
+    """New values of scenario fields, by path, if a section of the scenario file, such as the wind, is replaced."""
     slot = whole_parts()[path]
     document = PartDocument(slot.path, value, scenario)
     if path == LAW:
@@ -100,7 +100,7 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """Overrides in a canonical order, independent of the order of changes wherever it has no effect.
+        """Overrides in a canonical order, which depends on the order of the changes only where that has an effect.
 
         Args:
             scenario: scenario at the beginning of the flight.
@@ -133,7 +133,7 @@ class Overrides:
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
-        """Scenario with replaced whole sections, but without replaced single parameters or scheduled changes."""
+        """Scenario with overrides of whole sections applied; single parameters and scheduled changes are left out."""
         scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
@@ -154,7 +154,7 @@ def is_part(path: str, value: object) -> bool:
 
 
 def _replaces(part: str, path: str) -> bool:
-    """True if replacing a section also replaces what a parameter path leads to."""
+    """True if replacing a section of a scenario also replaces the parameter at a given path."""
     return is_below(path, part) or (part == LAW and path.startswith("controller."))
 
 

@@ -159,7 +159,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
 def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
-    """Record with some fields replaced first, and then some values that follow from several fields."""
+    """Copy of a record with some fields replaced first, then some values that are computed from several fields."""
     changed: Record = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
         viewed: Viewed = part(changed, place)

@@ -238,7 +238,7 @@ class PathLimits:
         return shares
 
     def _shift(self, motion: MotionSamples, settled: Callable[[Array], Array]) -> Array:
-        """Extra acceleration (m/s^2) of a base that tilts with its tip where a level base has it, shape (3, K)."""
+        """Extra base acceleration (m/s^2), shape (3, K), that keeps the tip on its path although the base tilts."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         tip = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
         arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in tip])

@@ -125,7 +125,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
 
 
 def _first_rate(square: Array) -> float:
-    """Largest initial path speed ds/dt that is feasible for the first two control points.
+    """Largest initial path speed ds/dt that the speed bounds allow over the first two spacings of control points.
 
     Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
     """

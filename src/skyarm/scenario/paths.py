@@ -39,7 +39,7 @@ class Target:
 
     @property
     def names(self) -> tuple[Place, ...]:
-        """Identifiers of the number; two parameter paths with a common identifier denote the same number."""
+        """Identifiers of the number at a parameter path; two paths with a common identifier denote the same number."""
         return self.places if self.view is None else ((*self.places[0], f"view of {self.view.name}"),)
 
 
@@ -89,14 +89,14 @@ def path_of(scenario: Scenario, place: Place) -> str:
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
-    """Innermost key of a scenario file that contains a field, and the item of a list in which the field lies."""
+    """Innermost scenario-file key that contains a field, and the item of the key's list in which the field lies."""
     inside = [slot for slot in slots(Scenario) if matches(place[: len(slot.place)], slot.place)]
     slot = max(inside, key=lambda each: len(each.place))
     return slot, next((a for a, b in zip(place, slot.place, strict=False) if b == EACH), "")
 
 
 def matches(place: Sequence[str], pattern: Place) -> bool:
-    """True if a field path equals that of a key, in which ``*`` matches every item of a list."""
+    """True if a field path matches that of a scenario-file key, in which ``*`` matches any item of a list."""
     return len(place) == len(pattern) and all(b in (a, EACH) for a, b in zip(place, pattern, strict=True))
 
 
@@ -117,7 +117,7 @@ def variable_words() -> dict[str, Place]:
 
 @cache
 def delay_words() -> dict[str, tuple[Place, str]]:
-    """Parameters that vary only if another field is stated: path -> record, and name of the other field."""
+    """Parameters that may vary only if another field is stated: path -> record, and name of that other field."""
     return {
         f"{slot.path}.{name}": (slot.place, other)
         for slot in slots(Scenario)

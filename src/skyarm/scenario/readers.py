@@ -48,7 +48,7 @@ LAW = "controller.law"
 
 
 class ScenarioWords(Protocol):
-    """Source of the scenario's other values, for the reader of one section of its file.
+    """Interface (typing.Protocol) by which the reader of one scenario-file section gets the values of other sections.
 
     Attributes:
         folder: folder where paths of files begin.
@@ -68,7 +68,7 @@ class ScenarioWords(Protocol):
         ...
 
     def vehicle(self, path: str) -> Vehicle:
-        """Vehicle that the table at a path names, without the changes that the table's other keys make."""
+        """Vehicle that the table at a key path names, without the payload and joint values that the table states."""
         ...
 
 
@@ -238,7 +238,7 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
 
 
 def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
-    """Read [[changes]] with the contents of files that they name, since they are applied in flight without a folder."""
+    """Read [[changes]] of a scenario file, with sample files read in and paths of gains files made absolute."""
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
     return tuple(
         dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))

@@ -88,7 +88,7 @@ def save_scenario(
 def tables_of(
     scenario: Scenario, tables: Mapping[str, Entry], folder: PathLike = "", controller: str | None = None
 ) -> Tables:
-    """Tables from which a scenario is read, derived from the tables of another scenario.
+    """Tables of a scenario file for a scenario, derived from the tables of the scenario that it was made from.
 
     Args:
         scenario: scenario to write.
@@ -115,7 +115,7 @@ def tables_of(
 
 
 def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
-    """Tables from which a scenario is read, derived from given tables that have its control law.
+    """Tables of a scenario file for a scenario, derived from given tables that already have its control law.
 
     Raises:
         ScenarioError: one line: they are read as another one.
@@ -158,7 +158,7 @@ def law_entry(name: str) -> Tables:
 
 
 def _under_law(tables: Tables, name: str, folder: PathLike) -> Tables:
-    """Tables of a scenario with another control law in the same layers, and without scheduled changes."""
+    """Tables of a scenario file with another control law in the same layers, and without scheduled changes."""
     if is_gains_file(name):
         entry = {"tuned": os.path.relpath(Path(name).resolve(), Path(folder).resolve())}
     else:
@@ -168,20 +168,20 @@ def _under_law(tables: Tables, name: str, folder: PathLike) -> Tables:
 
 
 def _until_end(scenario: Scenario) -> Scenario:
-    """Scenario without windows and changes that lie beyond its end."""
+    """Scenario without metric windows and scheduled changes that lie beyond its end."""
     coming = tuple(each for each in scenario.changes if each.tick(scenario.rates.control) < scenario.steps)
     return dataclasses.replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
 
 
 def _tables_of(base: PathLike | Mapping[str, Entry]) -> tuple[Tables, Path]:
-    """Tables of the scenario that another one was made from, and the folder that relative paths in them start from."""
+    """Tables of a base scenario, given or read from its file, and the folder from which their relative paths start."""
     if isinstance(base, Mapping):
         return dict(base), Path()
     return read_named(file_name(base, "base"), "scenario", LIBRARY)
 
 
 def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
-    """Tables with relative file paths converted to start from another folder; absolute paths stay."""
+    """Scenario-file tables with relative file paths converted to start from another folder; absolute paths stay."""
 
     def from_new(path: str) -> str:
         if os.path.isabs(path):
@@ -202,7 +202,7 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
 
 
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
-    """Tables with new entries for sections whose differences cannot be written as numbers by path."""
+    """Scenario-file tables with new entries for sections whose differences cannot be written as numbers by path."""
     document = tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
@@ -224,7 +224,7 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
 
 
 def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
-    """Entry of payloads without pick and drop times that the original tables leave to the phases of a task."""
+    """Entry of payloads in a scenario file, without pick and drop times that the phases of a task determine."""
     by_name = {each.get("name", str(i)): each for i, each in enumerate(stated)}
     return [
         {
@@ -237,7 +237,7 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
 
 
 def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
-    """Tables with those scheduled changes of a scenario that do not follow from its payloads."""
+    """Scenario-file tables with the scheduled changes of a scenario, except those that follow from its payloads."""
     bare = {name: each for name, each in tables.items() if name != "changes"}
     derived = scenario_from(bare, folder).changes
     if _alike(derived, scenario.changes):
@@ -273,14 +273,14 @@ def _entry(slot: Slot, value: Any) -> Any:
 
 
 def _with_entry(tables: Tables, path: list[str], entry: Entry) -> Tables:
-    """Tables with the entry at a path replaced."""
+    """Copy of scenario-file tables with the entry at a key path replaced."""
     first, *rest = path
     inner = tables.get(first, {})
     return tables | {first: _with_entry(inner if isinstance(inner, dict) else {}, rest, entry) if rest else entry}
 
 
 def _without_entry(tables: Tables, path: list[str]) -> Tables:
-    """Tables without the entry at a path."""
+    """Copy of scenario-file tables without the entry at a key path."""
     first, *rest = path
     if rest and isinstance(tables.get(first), dict):
         return tables | {first: _without_entry(tables[first], rest)}
@@ -288,7 +288,7 @@ def _without_entry(tables: Tables, path: list[str]) -> Tables:
 
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
-    """Numbers by path that turn one scenario into another; dependent numbers are left out unless they are needed."""
+    """Numbers by parameter path that turn one scenario into another; dependent ones are left out unless needed."""
     ours, theirs = list(walk(begun)), list(walk(scenario))
     if [place for place, _ in ours] != [place for place, _ in theirs]:
         return {}  # of another structure, which numbers do not mend

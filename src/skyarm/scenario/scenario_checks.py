@@ -99,7 +99,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
 
 
 def touches(each: Rule, changed: Collection[Place]) -> bool:
-    """True if a consistency check reads one of the given fields, or something inside or around it."""
+    """True if a consistency check reads any given scenario field, a part of one, or a record that contains one."""
     return any(
         place[: len(read)] == read[: len(place)]
         for word in each.reads
@@ -110,7 +110,7 @@ def touches(each: Rule, changed: Collection[Place]) -> bool:
 
 @cache
 def read_places(word: str) -> tuple[Place, ...]:
-    """Fields of a scenario that a key path of its file denotes or leads to."""
+    """Fields of a scenario that a key path of its file denotes, or that lie below the path."""
     places = []
     for slot in slots(Scenario):
         if is_below(word, slot.table):
@@ -345,7 +345,7 @@ def surroundings_fit(scenario: Scenario) -> None:
 
 
 def _fields_of_users(slot: Slot, scenario: Scenario) -> None:
-    """Check the numbers of components, since user-defined classes may lack checks of their own."""
+    """Check the numbers of models, such as forces, since user-defined classes may lack checks of their own."""
     require_fields(part(scenario, slot.record), slot.table)
 
 
@@ -404,7 +404,7 @@ def require_flight(scenario: object) -> None:
 
 
 def require_start_outside(scenario: Scenario) -> None:
-    """Raise an error if the vehicle starts inside a surface, or so deep that contact would throw it.
+    """Raise an error if the vehicle starts inside a surface, or with an excessive contact force.
 
     Raises:
         ValueError: one line.

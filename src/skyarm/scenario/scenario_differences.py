@@ -38,7 +38,7 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
 
 
 def _leaves(data: Plain, words: Words) -> Iterator[tuple[Words, Plain]]:
-    """Field names and value of each number, text or flag in a scenario's plain data."""
+    """Field path and value of each number, text or flag in a scenario's plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
         yield words, data
@@ -57,7 +57,7 @@ def _has_choice(words: Words) -> bool:
 
 
 def _is_list(slot: Slot) -> bool:
-    """True if a field is a list whose items are each of the kind that its key declares."""
+    """True if a scenario-file key holds a list of records, and not a single record."""
     return EACH not in slot.place and get_origin(slot.type) is tuple
 
 

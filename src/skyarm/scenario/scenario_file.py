@@ -168,7 +168,7 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
 
 
 def _by_path(given: Mapping[str, object]) -> dict[str, object]:
-    """Values that replace those of a scenario file, by key path and without the law; ``plant`` means ``plant.kind``."""
+    """Replacement values by key path of a scenario file, without the law; ``plant`` means ``plant.kind``."""
     return {"plant.kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
 
 

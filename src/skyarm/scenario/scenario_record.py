@@ -110,7 +110,7 @@ class Delays:
 
     @property
     def apart(self) -> bool:
-        """True if rotors and joints have different command delays."""
+        """True if rotor or joint commands have a delay of their own in addition to the common command delay."""
         return any(not concrete(value) or value != 0 for value in (self.rotors, self.joints))
 
     @property
@@ -365,7 +365,7 @@ def words_as_keywords(kind: type[Record]) -> type[Record]:
 
 
 def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object]:
-    """Sort keywords such as ``wind`` into the groups that have them as fields.
+    """Sort keyword arguments, such as ``wind``, into the groups of fields, such as ``environment``, that have them.
 
     Raises:
         TypeError: a field is missing, or there is no such field or word.
@@ -444,7 +444,7 @@ class Scenario:
         return dataclasses.replace(self, changes=changes, agent=dataclasses.replace(self.agent, controller=controller))
 
     def with_controller(self, controller: Controller) -> Scenario:
-        """Scenario with another law; scheduled changes of it stay (:meth:`under` leaves them out)."""
+        """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
         return dataclasses.replace(self, agent=dataclasses.replace(self.agent, controller=controller))
 
     def with_plant(self, plant: Truth) -> Scenario:
@@ -452,15 +452,15 @@ class Scenario:
         return dataclasses.replace(self, agent=dataclasses.replace(self.agent, plant=plant))
 
     def with_reference(self, reference: Trajectory) -> Scenario:
-        """Scenario with another desired motion."""
+        """Copy of the scenario with another reference trajectory."""
         return dataclasses.replace(self, agent=dataclasses.replace(self.agent, reference=reference))
 
     def with_delays(self, delays: Delays) -> Scenario:
-        """Scenario with other dead times of the loop."""
+        """Copy of the scenario with other delays of measurements and commands."""
         return dataclasses.replace(self, agent=dataclasses.replace(self.agent, delays=delays))
 
     def with_initial(self, initial: State) -> Scenario:
-        """Scenario with another state at t = 0."""
+        """Copy of the scenario with another initial state of the vehicle."""
         return dataclasses.replace(self, agent=dataclasses.replace(self.agent, initial=initial))
 
     def with_kind(self, kind: str) -> Scenario:
@@ -469,22 +469,22 @@ class Scenario:
 
     @property
     def kind(self) -> str:
-        """Kind of simulator."""
+        """Kind of simulator, such as "rigid_body" or "mujoco"."""
         return self.solver.kind
 
     @property
     def integrator(self) -> str:
-        """Integrator of the physics."""
+        """Integrator of the equations of motion: "rk4", "euler" or "rk4_staged"."""
         return self.solver.integrator
 
     @property
     def wind(self) -> AnyComponent:
-        """Wind."""
+        """Wind model of the scenario."""
         return self.environment.wind
 
     @property
     def air(self) -> tuple[AnyComponent, ...]:
-        """Further models of the air's motion."""
+        """Models of air motion in addition to the wind."""
         return self.environment.air
 
     @property
@@ -499,12 +499,12 @@ class Scenario:
 
     @property
     def world(self) -> Contact | None:
-        """Surfaces and the vehicle's points that touch them; None for free flight."""
+        """Contact model: surfaces and the vehicle's points that touch them; None for free flight."""
         return self.environment.world
 
     @property
     def plant(self) -> Truth:
-        """True vehicle and gravity."""
+        """Vehicle and gravity that are simulated, as opposed to the control law's model of them."""
         return self.agent.plant
 
     @property
@@ -514,12 +514,12 @@ class Scenario:
 
     @property
     def reference(self) -> Trajectory:
-        """Desired motion."""
+        """Reference trajectory: desired motion of the vehicle over time."""
         return self.agent.reference
 
     @property
     def tracking_start(self) -> Scalar:
-        """Time when the law begins to track, s."""
+        """Time (s) at which the control law begins to track the reference."""
         return self.agent.tracking_start
 
     @property
@@ -529,12 +529,12 @@ class Scenario:
 
     @property
     def noise(self) -> SensorNoise:
-        """Noise of the full state."""
+        """Noise of the full-state measurement."""
         return self.agent.noise
 
     @property
     def sensors(self) -> tuple[NamedSensor, ...]:
-        """Sensors in addition to the full state."""
+        """Sensors in addition to the full-state sensor."""
         return self.agent.sensors
 
     @property
@@ -544,27 +544,27 @@ class Scenario:
 
     @property
     def drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints that the scenario assigns."""
+        """Joint drives that the scenario assigns, in place of the vehicle's drives for the same joints."""
         return self.agent.drives
 
     @property
     def delays(self) -> Delays:
-        """Dead times of the loop."""
+        """Delays of measurements and commands in the control loop."""
         return self.agent.delays
 
     @property
     def initial(self) -> State | None:
-        """State at t = 0; None for hover trim."""
+        """Stated initial state of the vehicle; None for hover trim."""
         return self.agent.initial
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Losses of single actuators."""
+        """Faults of single actuators."""
         return self.agent.faults
 
     @property
     def payloads(self) -> tuple[TimedPayload, ...]:
-        """Loads that are picked up and set down in flight."""
+        """Payloads that are picked up and set down in flight."""
         return self.agent.payloads
 
     @property
@@ -642,7 +642,7 @@ class Scenario:
 
 
 def with_words(scenario: Scenario, **words: Any) -> Scenario:
-    """Replace fields of a scenario or of its groups, such as ``wind``, by keywords that type checkers do not know."""
+    """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
     return dataclasses.replace(scenario, **words)
 
 

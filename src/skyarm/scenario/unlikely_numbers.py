@@ -197,7 +197,7 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _gyration(body: Body, moment: float) -> float:
-    """Radius of gyration of a body, m, from its moment of inertia."""
+    """Radius of gyration (m) of a body, from its mass and moment of inertia."""
     mass = float(body.mass)
     return math.sqrt(max(moment, 0.0) / mass) if mass > 0.0 else (math.inf if moment > 0.0 else 0.0)
 

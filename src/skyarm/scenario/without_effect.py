@@ -125,7 +125,7 @@ def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -
 
 
 def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> tuple[set[str], bool]:
-    """Axes along which an environment model moves the air, and a flag for other effects, at instants of the reference.
+    """Axes along which an environment model moves the air, and True if it has other effects, along the reference.
 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
     at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
@@ -154,7 +154,7 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
 
 
 class _Readings(UserDict[str, object]):
-    """Sensor readings by name, which record the names that are looked up."""
+    """Dictionary of sensor readings by name, which records the names that are looked up."""
 
     read: set[str]
 

@@ -169,7 +169,7 @@ class Batch:
     def _fly_legs(
         self, columns: list[Array], seed: int, episodes: Array, threads: int
     ) -> tuple[list[tuple[LoopState, tuple[Array, ...]]], list[tuple[Logged, Array]]]:
-        """Simulate all intervals between scheduled changes; return loop state and metric sums at each end, and logs."""
+        """Simulate a batch from change to change; return final states and metric sums per interval, and all logs."""
         last: tuple[Leg, Array] | None = None
         ends, log = list[tuple[LoopState, tuple[Array, ...]]](), list[tuple[Logged, Array]]()
         for leg in self._legs:

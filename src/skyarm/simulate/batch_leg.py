@@ -78,7 +78,7 @@ class Feed:
     def read(
         self, varied: Scenario, fed: FeedRow, ticks: Scalar
     ) -> tuple[GivenRow, tuple[MetricGoal, ...], dict[str, Scalar]]:
-        """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
+        """Decode the closed-loop inputs of a period: reference, desired positions, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
@@ -151,7 +151,7 @@ OF_CHANGES = "changes."
 
 @dataclass(frozen=True, kw_only=True)
 class LegOptions:
-    """Settings that all intervals of a batch between scheduled changes share.
+    """Settings common to all intervals between the scheduled changes of a batch of flights.
 
     Attributes:
         paths: varied numbers. lanes: vector shape. stiffest: scenario that fixes the integration steps; None for
@@ -176,7 +176,7 @@ CodeKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tupl
 
 
 class LegCode(NamedTuple):
-    """Compiled code of a batch between two scheduled changes, the key by which it is reused, and its step counts."""
+    """Compiled code of a batch between two scheduled changes, with its cache key and its integration step counts."""
 
     kernel: Kernel
     logged: Logged | tuple[()]
@@ -267,7 +267,7 @@ class Leg:
         return LegCode(kernel, program.result[1], key, substeps)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
-        """Parameter values in this interval by parameter path, one array entry per flight."""
+        """Parameter values of a batch between two scheduled changes, by parameter path, one array entry per flight."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
         return own | {path: given[source] for path, source in self._swept.items()}
@@ -280,7 +280,7 @@ class Leg:
         return np.stack(every) if every else np.zeros((0, lanes))
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
-        """Initial loop states and metric sums, one column per flight; from the previous interval's end if any."""
+        """Initial loop states and metric sums, one column per flight; carried over from a previous interval, if any."""
         fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]

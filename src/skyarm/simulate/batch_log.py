@@ -89,7 +89,7 @@ def _by_episode(example: Logged, rows: Array) -> Logged:
 
 
 def _concatenate(records: Sequence[Record | None], shapes: Sequence[tuple[int, ...]]) -> Record:
-    """Join logged segments along time; segments with other fields than the last one become NaN."""
+    """Join logged segments along time; a segment whose fields differ from those of the last one becomes NaN."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []
     for each, shape in zip(records, shapes, strict=True):

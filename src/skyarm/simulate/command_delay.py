@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
-    """Command delay as whole control periods (None if the queue length sets them) and a remainder (s)."""
+    """Command delay as a number of whole control periods (None: given by the queue length) and a remainder (s)."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics

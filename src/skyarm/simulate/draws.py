@@ -25,7 +25,7 @@ STARTS = (2**32 - 1, 2**32 - 2)
 
 @immutable(kw_only=False)
 class Draws:
-    """Random channel and count of random numbers for each sensor and each wind, force or contact model.
+    """Random-number stream and count per control period of each sensor and each wind, force or contact model.
 
     Attributes:
         sensors, components: (channel, count) of each.
@@ -36,7 +36,7 @@ class Draws:
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
-        """List the random channels in use, as pairs of channel number and random numbers per control period."""
+        """List the random-number streams in use, as pairs of stream number and random numbers per control period."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
     def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Scalar, ...]], list[tuple[Scalar, ...]]]:
@@ -47,7 +47,7 @@ class Draws:
 
 
 def draw_plan(scenario: Scenario) -> Draws:
-    """Assign a random channel and a count of random numbers to each sensor and each wind, force or contact model.
+    """Assign a random-number stream and a count per control period to each sensor and wind, force or contact model.
 
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
@@ -65,12 +65,12 @@ def draw_plan(scenario: Scenario) -> Draws:
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    """List the random channels of a control period as pairs of channel number and count of random numbers."""
+    """List the random-number streams of a scenario, as pairs of stream number and random numbers per control period."""
     return draw_plan(scenario).channels
 
 
 def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array]:
-    """Uniform random numbers for the initial states of wind, force and contact models, shape (..., 2 count)."""
+    """Uniform random numbers for the initial states of wind, force and contact models, one array for each model."""
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     draws = []
     for channel, count in draw_plan(scenario).components:
@@ -80,5 +80,5 @@ def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array
 
 
 def _channel(kind: str, name: str) -> int:
-    """Random channel number of a named sensor or model, as a hash above the numbers of the built-in channels."""
+    """Index of the random-number stream of a named sensor or model: a hash, larger than the built-in indices."""
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

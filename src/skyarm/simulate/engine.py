@@ -192,11 +192,11 @@ class _PythonSteps:
         self.command: tuple[float, ...] = ()
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set the table of input rows and the table that logged samples are written to."""
+        """Set the table of closed-loop inputs, one row per control period, and the table for the logged samples."""
         self._rows, self._log = rows, log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Evaluate the control periods of input rows ``begin`` to ``end``, or up to a termination."""
+        """Evaluate control periods ``begin`` to ``end`` of the input table, or up to a termination of the flight."""
         now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
         steps = np.arange(start + begin, start + end)
         draws = [uniforms(*self._keys, channel, steps, many) for channel, many in self._loop.uniforms]

@@ -89,7 +89,7 @@ def readings_waiting(scenario: Scenario, index: int) -> int:
 
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Surroundings:
-    """Wind, contacts, faults and drives around the plant in the first control period, as a template for tracing."""
+    """Example of wind, contacts, faults and drives around the plant in the first control period, for tracing."""
     return Stages(scenario).surroundings(first.components, first.agent.drives, 0.0)
 
 

@@ -83,20 +83,20 @@ class EpisodeInputs:
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
-        """Time along the reference at each control instant, s, shape (steps,); empty without time scaling."""
+        """Time along the reference (s) at each control instant, shape (steps,); empty without time scaling."""
         path = self.scenario.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> GivenRow:
-        """Template of the closed-loop inputs at one control instant, for tracing."""
+        """Closed-loop inputs at one control instant with zeros as numbers, from which a program is traced."""
         if self.waits.guards:
             return InputRow(time=0.0, reference=())
         return self._whole_row
 
     @property
     def _whole_row(self) -> InputRow[Reference]:
-        """Template of the closed-loop inputs at one control instant, including the reference, for tracing."""
+        """Closed-loop inputs at one instant, reference included, with zeros as numbers, to trace a program from."""
         scaled = structure_of(self.told_reference)
         return InputRow(time=0.0, reference=self.reference_example, told=scaled, path_time=0.0 if scaled else ())
 
@@ -144,7 +144,7 @@ class EpisodeInputs:
 
     @cached_property
     def reference_example(self) -> Reference:
-        """Template of the reference at one instant, with zeros as numbers, for tracing."""
+        """Reference at one instant with zeros as numbers, from which a program is traced."""
         return structure_of(self.held_reference)
 
 
@@ -175,7 +175,7 @@ def _motion(scenario: Scenario) -> Program:
 
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
-    """Evaluate a traced reference program at an array of times (s), with further inputs if it has any."""
+    """Evaluate a traced reference program at an array of times (s), given the program's further inputs, if any."""
     reference: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
     return reference
 

@@ -72,20 +72,20 @@ class LaneLoop:
         return evaluate(self._start, columns, len(episodes))
 
     def program(self, step: Callable[..., tuple[Tree, Tree]], carry: Tree, parameters: Tree, fed: Tree = ()) -> Loop:
-        """Trace one control period of a batch into a program for machine code; all arguments are templates."""
+        """Trace one control period of a batch into a program for machine code, from placeholder arguments."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
 def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
-    """Closed-loop inputs at a given count of control periods: time, and the reference if no task phase waits."""
+    """Closed-loop inputs after a number of control periods: time, and the reference unless its task phases wait."""
     if scenario.reference.guards:
         return InputRow(time=ticks / float(scenario.rates.control), reference=())
     return held_row(scenario, ticks)
 
 
 def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
-    """Time and held reference at a given count of control periods, for a reference without phases that wait."""
+    """Time and held reference after a number of control periods, for a reference whose task phases do not wait."""
     time = ticks / float(scenario.rates.control)
     return InputRow(time=time, reference=held_reference(scenario, ticks).dense())
 

@@ -317,7 +317,7 @@ def _limits_step(kind: type) -> bool:
 def _stable_step(
     record: AnyComponent | Drive, numbers: Mapping[Place, float], named: Mapping[str, float], euler: bool
 ) -> float | None:
-    """Longest stable integration step (s) of an air model, force or drive with changed parameters; None for any."""
+    """Longest stable integration step (s) of an air model, force or drive with new parameters; None if unlimited."""
     try:
         other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)

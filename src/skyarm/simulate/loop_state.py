@@ -34,7 +34,7 @@ class SensorState:
 
 @immutable
 class PathClock:
-    """State of the clock of a waiting reference between two control periods; times in control periods.
+    """State of the clock of a reference that waits for conditions (guards); times are counts of control periods.
 
     Attributes:
         place: current path time. held: path time of the held sample.

@@ -65,7 +65,7 @@ ANSWERING: list[bool] = []
 def try_elsewhere(
     scenario: Scenario, models: Sequence[tuple[object, object]], compare: Callable[[Found], None]
 ) -> None:
-    """Compare the fingerprints of user-defined models with those from another process if one of them is of a plugin.
+    """Compare the traces of user-defined models with those of another process if a plugin defines any of the models.
 
     Models that differ in the values of their numbers alone are tried once in a process and those that it starts. A
     warning is where no other process can be had, it gives no answer, or the scenario cannot travel there.
@@ -134,7 +134,7 @@ def _lend_file(name: object, folder: Path) -> None:
 
 
 def answer(fingerprints: Callable[..., Found]) -> Found | str:
-    """Trace the models of a scenario from standard input; return fingerprints, or why a plugin cannot be loaded."""
+    """Read a scenario from standard input and trace its models; return their fingerprints, or a plugin's load error."""
     ANSWERING.append(True)
     luggage_there, scenario = pickle.loads(sys.stdin.buffer.read())
     try:

@@ -23,7 +23,7 @@ Body = TypeVar("Body")
 
 
 class PlantSteps(Protocol[Body]):
-    """Protocol of a plant model within one control period, over any scalar type."""
+    """Interface (typing.Protocol) of plant models within one control period, over any scalar type."""
 
     def specific_force(self, state: Body, command: Command, around: Surroundings) -> Vec3:
         """Accelerometer reading at the base origin, base axes, m/s^2."""

@@ -40,7 +40,7 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 
 
 class Substeps:
-    """Number of integration steps per interval (s), with a list of the intervals compiled into a program."""
+    """Number of integration steps in an interval (s); records the intervals that are compiled into a program."""
 
     def __init__(self, plant: RigidBodyPlant) -> None:
         self._plant, self._traced = plant, dict[float, Steps]()

@@ -227,7 +227,7 @@ class Waits:
         return self.terms(clock.guard).end / self._rate
 
     def path_time(self, clock: PathClock) -> Scalar:
-        """Time along the reference, s, by the reference clock."""
+        """Path time (s) of the reference, by the reference clock."""
         return clock.place / self._rate
 
     def phase(self, path_time: Scalar) -> Scalar:
@@ -266,7 +266,7 @@ class Waits:
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
     def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
-        """State of the reference clock one control period later: evaluates the guard, then advances or waits."""
+        """Evaluate a task phase's condition (guard); return the reference clock a period later, advanced or waiting."""
         n, now = clock.guard, self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
         begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
@@ -328,7 +328,7 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
-    """True in one of every ``every`` control periods, by the count of periods."""
+    """True in every ``every``-th control period; ``ticks`` is the number of the period."""
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh

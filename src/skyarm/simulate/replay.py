@@ -38,12 +38,12 @@ Numbers: TypeAlias = Mapping[str, Scalar]
 
 @immutable
 class Unexplained(Component[tuple[Vec3, Vec3]]):
-    """Unexplained force (N) and torque (N m) on the base about its origin, base axes, as a force model."""
+    """Residual force (N) and torque (N m) on the base about its origin, base axes, unexplained by the plant model."""
 
     def wrenches(
         self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
-        """Unexplained force and torque on the base in world axes."""
+        """Residual force and torque on the base, unexplained by the plant model, in world axes."""
         force, torque = (motion.rotation.apply(each) for each in memory)
         return [Wrench(force_W=force, torque_W=torque)]
 
@@ -145,7 +145,7 @@ class CommandReplay:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
-        """Make flights simulated side by side, all at rest at the origin, with the usual vehicle parameters."""
+        """Make flights simulated side by side, all at rest at the origin, with the default vehicle parameters."""
         return ReplayedFlights(self._kernel, self._carry, self._inputs, lanes, threads)
 
 
@@ -185,7 +185,7 @@ class ReplayedFlights:
 
 
 def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
-    """Row views of an array that holds the scalars of a dataclass, by field name, and the count of these rows."""
+    """Views of the array rows that hold each field of a dataclass, by field name, and the total number of rows."""
     views, first = dict[str, Array](), 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))

@@ -154,7 +154,7 @@ class Session:
     """Whether :meth:`step` takes commands; without them the program is shorter."""
 
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
-        """Make a session of the class that the scenario's controller needs: an autopilot has its own."""
+        """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
         autopilot = autopilot_of(scenario.controller)
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()

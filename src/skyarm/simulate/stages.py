@@ -285,7 +285,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
 
 
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
-    """External wrench at a sensor's frame, in its axes, by all loads on the sensor's link and on the links beyond.
+    """External wrench at a sensor's frame, in the sensor's axes, by all loads on the sensor's link and links beyond.
 
     Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
     nothing can push, because sensors keep them in their memories.

@@ -11,12 +11,12 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def tool_of(vehicle: Vehicle, state: State) -> Vec3:
-    """Tip position, world axes, m; position of the base origin if the vehicle has no tip."""
+    """Tip position (m), world axes; position of the base origin if the vehicle has no tip."""
     return tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
 def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> Vec3:
-    """Tip position, world axes, m, from base position, attitude and joint positions."""
+    """Tip position (m), world axes, from base position, attitude and joint positions."""
     if not vehicle.end_effector:
         return position
     tip = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), joints).p

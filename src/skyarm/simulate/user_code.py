@@ -105,7 +105,7 @@ class UserPart:
     def require_numbers(
         self, method: str, label: str, result: object, example: object = None, also: type = int
     ) -> None:
-        """Raise an error if a method's result has an entry that is no number, or another structure than an example."""
+        """Raise an error if a method's result contains a non-number or differs in structure from an example."""
         numbers = dict(named_parts(result, label))
         expected = numbers if example is None else dict(named_parts(example, label))
         if list(numbers) != list(expected):
@@ -117,7 +117,7 @@ class UserPart:
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
     def pair(self, result: object, what: str, kind: type = object) -> tuple[Tree, Any]:
-        """Return the result of a step, a pair of memory and value; raise an error if it is no such pair."""
+        """Return the result of a model's step if it is a pair (internal state, output); else raise an error."""
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], kind):
             raise self.refusal(f"returns {kind_of(result)}: must return (memory, {what})")
         return result
@@ -167,7 +167,7 @@ Check = Callable[[Scenario, UserPart], Fingerprint]
 
 
 def _as_constructed(record: Any) -> Any:
-    """Copy of a record as it was constructed, without values that it has stored in itself since."""
+    """Copy of a record as its constructor made it, without values that it stored in itself later."""
     if type(record) is tuple:
         return tuple(map(_as_constructed, record))
     try:
@@ -219,7 +219,7 @@ def has_own(scenario: Scenario) -> bool:
 
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
-    """Trace each user-defined model of a scenario on its own; ``anew``: as newly constructed, with errors recorded."""
+    """Trace each user-defined model of a scenario separately; ``anew``: as newly constructed, with errors recorded."""
     texts = []
     for part, check in _parts(scenario):
         try:
@@ -341,7 +341,7 @@ def _check_value(
     also: type = int,
     given: Callable[[Scalar, State], tuple[Tree, ...]] = lambda time, _: (time,),
 ) -> Fingerprint:
-    """Check a user-defined method without internal state by one call, whose result must have an example's structure.
+    """Check a user-defined stateless method by one call; the result must have the structure of an example.
 
     Args:
         scenario: scenario with the model.

@@ -32,7 +32,7 @@ def file_name(value: object, field: str) -> str:
 
 
 def unreadable(path: Path) -> str:
-    """Reason why no file can be read at a path; empty if one can, which is then an input of the running command."""
+    """Reason why no file can be read at a path; empty if one can, which is recorded as input of the running command."""
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
         status = os.stat(path)

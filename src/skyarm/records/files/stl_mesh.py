@@ -39,7 +39,7 @@ METRES: Scale = (1.0, 1.0, 1.0)
 
 
 def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
-    """Read the triangle corners (F, 3, 3) of an STL file, m.
+    """Read the triangle corners (m) of an STL file, shape (F, 3, 3).
 
     Args:
         path: path of the file.

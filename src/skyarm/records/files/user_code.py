@@ -114,7 +114,7 @@ def place_of(thing: object) -> str:
 
 
 def require_result(function: object, value: Result, fine: bool, allowed: str) -> Result:
-    """Return the result of a user-defined function that is not traced; raise an error if it is not allowed.
+    """Return the result of a user-defined function that is not traced; raise an error unless the result is allowed.
 
     Args:
         function: user's function, or one of the library's in its place.
