@@ -79,7 +79,7 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
-    """Check the thrust margin in level hover with each payload, in the arm poses of the reference while it is carried.
+    """Check the thrust margin in level hover with each payload, in the arm poses commanded while it is carried.
 
     Of several loads each question is answered for the worst, of equal ones for the heaviest.
     """

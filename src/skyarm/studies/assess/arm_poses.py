@@ -53,11 +53,11 @@ class Allocation:
         return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
 
     def squared_speeds(self, efforts: Array) -> Array:
-        """Squared rotor speeds (rotors, poses) for torque and thrust, first four rows of ``efforts``; not limited."""
+        """Squared rotor speeds (rotors, poses), not limited, for base torque and thrust: ``efforts[:4]``."""
         return self.inverse @ efforts[:WRENCH]
 
     def headroom(self, squared: Array, change: Array) -> Array:
-        """Multiples (rotors, poses) of a change of squared rotor speeds that bring each rotor to a limit; inf if none.
+        """Factor (rotors, poses) on a change of squared rotor speeds at which each rotor reaches a limit; inf if never.
 
         Args:
             squared: (rotors, poses) squared speeds, (rad/s)^2.
@@ -268,7 +268,7 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
-    """One coordinate of randomly shifted Sobol points; plain random numbers beyond the table's 21 dimensions."""
+    """Samples (count,) in [0, 1) for one joint: coordinate of shifted Sobol points; beyond 21 joints, random."""
     from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol  # brings the sweeps along
 
     if dimension >= DIMENSIONS:

@@ -42,7 +42,7 @@ FOLLOWS = {
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Check results in which each alarm that follows from another one is downgraded to a note that names its cause.
+    """Downgrade each alarm that follows from another alarm to a note that names the other one as its cause.
 
     A fault is so stated once; what follows from no other alarm stays one. An alarm causes none that is more severe,
     but numbers in other units do, and then are as severe themselves.

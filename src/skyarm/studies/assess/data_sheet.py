@@ -1,4 +1,4 @@
-"""Data sheet of a vehicle: mass, hover, reach, static efforts and its records, as plain data and as tables."""
+"""Data sheet of a vehicle as plain data and as tables: mass, hover, reach, static efforts, joints, rotors, battery."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ APART = ("name", "tilt")
 
 
 def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
-    """Make tables of the records of one dataclass: a column per field that differs, then the fields equal in all."""
+    """Make tables of similar vehicle parts, such as rotors: a column per differing field, then the equal fields."""
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
     shared: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""Result of one feasibility check: value, limit, severity and the parameter of the file that it concerns."""
+"""Result of one feasibility check: value, limit, severity, and name of the parameter concerned."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ BEHIND_A_FIELD = re.compile(r": | of | reaches ")
 
 
 def finding_of_line(line: str, question: str, level: str) -> Finding:
-    """Convert a one-line warning to a check result: its parameter, and the hint at its end as the remedy."""
+    """Make a check result from a one-line warning, which names a parameter and ends with a hint at the remedy."""
     head, equals, _ = line.partition(" = ")
     field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
     # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon

@@ -30,7 +30,7 @@ OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
 
 @immutable(kw_only=False)
 class Load:
-    """Payload that the vehicle holds for part of the flight; a slung one counts as a point mass at its frame.
+    """Payload carried for part of a flight; one on a sling counts as a point mass at its attachment frame.
 
     Attributes:
         name: name of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
@@ -116,7 +116,7 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
-    """Positions (3, K) of a vehicle frame at K times if the reference is tracked exactly, base level, m, world axes."""
+    """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
     reference, vehicle = reference_at(scenario, time), scenario.plant.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(

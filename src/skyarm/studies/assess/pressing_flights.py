@@ -176,13 +176,13 @@ def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:
 
 
 def base_recoil(scenario: Scenario, force: float) -> float:
-    """Distance (m) that the base is pushed back while the contact force builds up, before it tilts against it."""
+    """Distance (m) by which a rising contact force pushes back the base before the base tilts against the force."""
     rise = float(part_of(scenario.controller.par, "interaction").rise)
     return 0.5 * rise * rise * force / float(scenario.plant.vehicle.mass)
 
 
 def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
-    """Distance (m) by which the arm can still extend: its full length less the present one, first joint to tip."""
+    """Distance (m) by which an arm can still extend: its full length less the distance from first joint to tip."""
     poses, index = link_poses(vehicle, joints), vehicle.frame().link
     places = [frame_pose(vehicle, vehicle.frame(), joints).p]
     while index != BASE:

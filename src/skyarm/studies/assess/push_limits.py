@@ -69,7 +69,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 
 def push_on_level_base(at: Reference) -> Array:
-    """Contact force of the surface on the tip, N, axes of the level base."""
+    """Contact force (N) of the surface on the tip, in the axes of a level base."""
     force, _, *normal = (float(c) for c in at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
@@ -136,7 +136,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def _guards(scenario: Scenario, speed: float) -> list[Finding]:
-    """Warnings of reference guards whose level force would push a standing object faster than the approach (m/s)."""
+    """Warnings for guards (contact conditions) of a reference whose horizontal force would push an object too fast."""
     findings, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
     friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
     for i, guard in enumerate(scenario.reference.guards):
@@ -173,7 +173,7 @@ def _error(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[float, float]:
-    """Errors (N) of a contact force estimated from joint torques: of a common torque scale error, and standard error.
+    """Errors (N) of a contact force estimated from joint torques: due to a common torque scale, and standard error.
 
     Args:
         scenario: vehicle, gravity and law.

@@ -29,7 +29,7 @@ SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite]] = {
 
 @immutable
 class ComparisonResults:
-    """Results of a comparison.
+    """Results of a comparison of control laws on a scenario or on a suite of trials.
 
     Attributes:
         folder: folder of its files. document: content of its JSON file.
@@ -54,7 +54,7 @@ def compare(
     progress: Progress | None = None,
     **options: Any,
 ) -> ComparisonResults:
-    """Compare laws on a scenario or a suite, as ``skyarm compare`` does; the same call resumes an interrupted one.
+    """Compare laws on a scenario or a suite, as ``skyarm compare`` does; a repeated call resumes a stopped comparison.
 
     Args:
         what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite".

@@ -1,4 +1,4 @@
-"""Comparison of controllers on the cases of Barakou et al. 2026 and harder ones, up to perturbed plants; its tables."""
+"""Comparison of controllers on the cases of Barakou et al. 2026 and harder ones, with tables of the results."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def value(summaries: Record, column: ReportColumn, entrant: str) -> float | None
 
 
 def title_of(laws: Sequence[str]) -> str:
-    """Title of a comparison of these controllers; for two of them "A against B"."""
+    """Title of a comparison of controllers, such as "A against B" for two of them."""
     if len(laws) == 2:
         return f"{laws[0]} against {laws[1]}"
     if set(ENTRANTS) <= set(laws):

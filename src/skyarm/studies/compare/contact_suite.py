@@ -1,4 +1,4 @@
-"""Benchmark of contact tasks, each with many perturbed surfaces, objects, winds and rotor thrusts; its tables."""
+"""Benchmark of contact tasks with randomly perturbed surfaces, objects, winds and rotor thrusts; tables of results."""
 
 from __future__ import annotations
 

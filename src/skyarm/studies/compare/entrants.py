@@ -99,7 +99,7 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
 
 
 def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> tuple[str, ...]:
-    """Check names of control laws against the registered laws and a suite's ``own`` names.
+    """Check control law names against the registered laws and the additional names ``own`` of a benchmark.
 
     Raises:
         ValueError: one line with the field: a name that is none, or two names of one law.
@@ -113,7 +113,7 @@ def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> 
 
 
 def _entrant(row: dict[str, Any]) -> Entrant:
-    """Create a controller's comparison entry from its table of the TOML library file."""
+    """Create the comparison entry of a controller from its table in the shipped TOML file of controllers."""
     options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))

@@ -156,12 +156,12 @@ class Envelope(Suite[AxisFlights]):
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
     def setting_of_axis(self, name: str) -> Setting:
-        """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
+        """Hover scenario for a difficulty axis: of the envelope's vehicle, or of a vehicle that the axis prescribes."""
         return setting_of(AXES[name].vehicle or self.vehicle, self.setting.duration, self.plant)
 
     @property
     def flyable_axes(self) -> tuple[str, ...]:
-        """Names of the difficulty axes that the vehicle can fly; those with their own vehicle only for the paper's."""
+        """Names of flyable difficulty axes; those that prescribe a vehicle only for that of Barakou et al. 2026."""
         servos = bool(self.setting.truth.drives)
         return tuple(
             name

@@ -134,7 +134,7 @@ class EnvelopeAxis:
 
 
 def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
-    """Sine signal that fades in from rest; parameter paths reach the sine through ``signal``."""
+    """Sine signal that fades in from rest; paths to the sine's parameters contain ``signal``."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
 
@@ -179,7 +179,7 @@ def slow_circle_with_onset(setting: Setting) -> Scenario:
 
 
 def figure(setting: Setting) -> Scenario:
-    """Envelope trial: Lissajous figure in space while the joints swing faster; frequencies are set by the axis."""
+    """Envelope trial: Lissajous figure in space while the joints swing faster; the axis value sets the frequencies."""
     height = setting.hover.reference.z
     base = {axis: sine_from_rest(size * setting.climb, times, phase) for axis, (size, times, phase) in FIGURE.items()}
     size, times, phase = FIGURE_ARM
@@ -231,7 +231,7 @@ def turning_wind(setting: Setting) -> Scenario:
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
-    """Envelope trial: hover in turbulent wind along x with given mean, m/s, standard deviation half the mean."""
+    """Envelope trial: hover in turbulent wind along x with given mean (m/s), standard deviation half the mean."""
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
@@ -292,12 +292,12 @@ def widen(spread: Spread, times: float) -> Spread:
 
 
 def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to parameters by path: all get the axis value times a factor."""
+    """Function from a difficulty value to several parameters by path, each equal to the value times a factor."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
 def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to parameters by path: the axis value as frequency of several sine references."""
+    """Function from a difficulty value to the frequencies of several reference sines, by parameter path."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 

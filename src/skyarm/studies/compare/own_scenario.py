@@ -49,7 +49,7 @@ class GivenFlights(CellFlights):
     given: Scenario | PathLike
 
     def scenario(self) -> Scenario:
-        """Scenario of the user with this controller in place of its own."""
+        """Scenario of the user, in which the compared controller replaces the scenario's own controller."""
         law = None if self.entrant.name == OWN else self.entrant.law
         return dataclasses.replace(as_scenario(self.given, law).with_kind(self.plant), seed=self.seed)
 

@@ -29,7 +29,7 @@ GROUND = False
 
 
 def library_rows(name: str) -> Iterator[dict[str, Any]]:
-    """Yield the entries of a library file of the comparisons, such as its controllers, with lists as tuples."""
+    """Yield the tables of a TOML file shipped with the comparison, such as one per controller, with lists as tuples."""
     file = resources.files("skyarm.studies.compare") / "library" / f"{name}.toml"
     (rows,) = tomllib.loads(file.read_text("utf-8")).values()
     for row in rows:
@@ -65,7 +65,7 @@ class Case:
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
-    """Wind force of a scenario; a zero force if its wind model is of another kind."""
+    """Wind of a scenario if it is modelled as a force, otherwise a wind of zero force."""
     return scenario.wind if isinstance(scenario.wind, ForceWind) else ForceWind()
 
 
@@ -121,7 +121,7 @@ class Condition:
     spread: Spread | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """Scenario of a case under this condition."""
+        """Apply the sensor noise and the delays of a comparison's condition to the scenario of a case."""
         # a spread has a delay of its own, from none at all
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:

@@ -59,7 +59,7 @@ class Executor(Protocol):
         """Wait for a submitted call to finish; returns its work item and result."""
 
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Shut down, after waiting for running calls or abandoning them; returns the results not collected yet."""
+        """Shut down the executor after waiting for running calls or abandoning them; returns uncollected results."""
 
 
 class Here:
@@ -165,7 +165,7 @@ class Crew:
             yield self._collect(self._executor)
 
     def _begin(self, work: Work, on: str) -> Iterator[tuple[Work, bytes]]:
-        """Submit a work item once the executor has room; yields the work items that finish until then."""
+        """Submit a work item as soon as the executor has room, and yield the work items that finish meanwhile."""
         if self._executor is None:
             self._executor = _executor(on, self.workers)
         while self._executor.flying >= self._executor.slots:
@@ -181,7 +181,7 @@ class Crew:
         return work, content
 
     def rows(self, works: Iterable[Work]) -> list[Rows]:
-        """Result rows of several work items in order; on threads, those of one program and seed run as one batch."""
+        """Result rows of several work items, in order; threads run items of equal program and seed as one batch."""
         every = list(works)
         here = self.on == LOCAL
         flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))

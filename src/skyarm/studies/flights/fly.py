@@ -33,7 +33,7 @@ def fly(work: Work, threads: int = 1) -> Rows:
 
 
 def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
-    """Simulate work items of one program and seed as one batch, with the same results as each by itself."""
+    """Simulate work items of equal compiled program and seed as one batch; results are as in separate ones."""
     first, ends = works[0], np.cumsum([work.count for work in works])[:-1]
     if first.alone:
         return [{**_leading_columns(first), **_one_by_one(first)}]

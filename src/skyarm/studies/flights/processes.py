@@ -41,7 +41,7 @@ class Processes:
 
     @property
     def flying(self) -> int:
-        """Number of calls under way."""
+        """Number of submitted function calls whose results are not collected yet."""
         return len(self._flying)
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
@@ -144,7 +144,7 @@ def serve(parents: bytes, tried: Iterable[str] = ()) -> None:
 
 
 def equip(parents: bytes, tried: Iterable[str]) -> list[RegistryError]:
-    """Load the plugins of the calling process; returns errors, which every call of that process then raises."""
+    """Load the parent's plugins in a worker; returns the errors, which every call in this worker then raises."""
     TRIED.update(tried)
     try:
         unload(parents)

@@ -96,7 +96,7 @@ class Ray:
 
     @property
     def flying(self) -> int:
-        """Number of calls under way."""
+        """Number of submitted function calls whose results are not collected yet."""
         return len(self._flying)
 
     def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:

@@ -340,7 +340,7 @@ class Store:
         self.written.add(path.name)
 
     def _keep_only(self, label: str, path: Path) -> None:
-        """Remove the files of a label that a new one replaces: in a study's folder all others, else damaged ones."""
+        """Remove older result files of a label after a new one: in a study's folder all, else damaged ones only."""
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
                 with contextlib.suppress(OSError):

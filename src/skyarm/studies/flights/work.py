@@ -80,7 +80,7 @@ class Work:
 
     @cached_property
     def program(self) -> str:
-        """Digest of all that the compiled simulation depends on; work items with equal digests share one."""
+        """Digest of all that the compiled simulation depends on; work items of equal digest share a compilation."""
         metrics = [added_metric(name) for name in sorted(registrations("metric")) if name in self.metrics]
         return digest(
             {

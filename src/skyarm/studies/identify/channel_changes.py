@@ -89,12 +89,12 @@ STRETCHED = partial(by_time, lambda time, times: time / times)
 
 
 def leave_out(own: Channels, amount: float) -> Channels:
-    """Leave out the faulty channels: an empty mapping in their place."""
+    """Correction that removes faulty channels: returns an empty mapping in place of them."""
     return {}
 
 
 def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChange]:
-    """Yield the changes of channels among which the cause of a flight's residuals is looked for."""
+    """Yield candidate corrections of a flight's channels, to be tried as explanations of large residuals."""
     yield from _of_axes(flight)
     for words, meant in READINGS.items():
         yield ChannelChange("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))

@@ -65,7 +65,7 @@ class DesignLimits:
     seconds: Annotated[float, Unit("s", "of flight")] = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
-        """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in the breach of a limit by a designed flight."""
+        """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""
         shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
             shares[:2] = 1.0
@@ -100,7 +100,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
 
 @immutable(kw_only=False, eq=False)
 class Candidate:
-    """Multisine segment and its Fisher information matrix (P, P) on the scale of the search."""
+    """Candidate multisine segment and its Fisher information matrix (P, P) about the searched parameters."""
 
     segment: Segment
     information: Array
@@ -160,7 +160,7 @@ def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
 def fitted_segment(
     vehicle: Vehicle, segment: Segment, axes: Axes, limits: DesignLimits, period: float
 ) -> tuple[Segment, RequiredFlight] | None:
-    """Multisine segment scaled down into the flight limits, and its flight; None if it stays outside them.
+    """Multisine segment scaled down into the flight limits, and its flight; None if no scale is small enough.
 
     Args:
         vehicle: vehicle that flies it.

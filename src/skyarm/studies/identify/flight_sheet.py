@@ -50,7 +50,7 @@ def flight_facts(flight: FlightData) -> Facts:
 
 
 def _clock_words(flight: FlightData) -> str:
-    """Offset of the clocks of two channels in words, or why it is unknown."""
+    """Text on the offset between the clocks of two channels, or on why that offset is unknown."""
     try:
         return clock_offset(flight).words
     except ValueError as error:

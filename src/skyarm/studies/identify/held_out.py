@@ -133,7 +133,7 @@ def predict_held_out(
     slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
-        """Start steps of predictions in some flights, a time (s) apart and a time after each usable part begins."""
+        """Start steps of predictions in some flights, ``apart`` s apart, from ``behind`` s into each usable part on."""
         rows = [places_of(each, slower, max(1, round(apart / step)), behind) for each in clocks]
         return [each if i in which else each[:0] for i, each in enumerate(rows)]
 
@@ -257,7 +257,7 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
-    """Root mean square errors of predictions that weigh the model and a base at rest by shares (2, 3) or (4, 2, 3)."""
+    """Root mean square errors of predictions that combine model and rest with weights (2, 3) or (4, 2, 3)."""
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - predicted, PARTS.index("attitude")
     left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))
@@ -267,7 +267,7 @@ def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
 
 
 def _attitudes(turns: Array) -> Array:
-    """Attitudes (K, 4) of rotation vectors (K, 3)."""
+    """Unit quaternions (K, 4) of rotation vectors (K, 3)."""
     return np.stack(list(Quaternion.of_rotation_vector(Vec3(*turns.T))), axis=1)
 
 
@@ -300,7 +300,7 @@ class PastWeight:
 
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.
-        noise: (flights, rows) of the sensors. spread: (6,) of the wrench, N and N m.
+        noise: (flights, sensor axes) of the sensors. spread: (6,) of the wrench, N and N m.
         smoothed: fields of the state with which predictions begin that are the window's; others are as measured.
         memory: s, in which what is beside the wrench's mean over :data:`LASTING` fades; 0 leaves it out.
         shares: over each horizon, of the model and of rest beside holding, as of :func:`shares_of`.
@@ -314,7 +314,7 @@ class PastWeight:
     shares: Sequence[Array]
 
     def begins(self, loop: OpenLoopPredictor, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
-        """States at the starts of windows, and the expected unexplained wrench as a function of the time (s) after."""
+        """Base states at the starts of windows, and the expected unexplained wrench over time (s) since then."""
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
         begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
         return begins, fading(wrench, errors.windows, self.memory)
@@ -382,7 +382,7 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
 def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
 ) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
-    """One Gauss-Newton step of window states and unexplained wrenches, with known vehicle parameters."""
+    """One Gauss-Newton step in initial states and unexplained wrenches of windows, with known vehicle parameters."""
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
     return errors, there, normal, reduced, states.moved_by(-reduced.shift)
@@ -391,7 +391,7 @@ def _turn(
 def end_of_past(
     loop: OpenLoopPredictor, errors: WindowErrors, seconds: float, noise: Array, spread: Array
 ) -> tuple[BaseStates, Array]:
-    """States at the starts of windows and unexplained wrenches (W, 6), estimated from the seconds before."""
+    """Base states at the starts of windows and unexplained wrenches (W, 6), estimated from data before each start."""
     before = past_windows(loop, errors.windows, seconds)
     states = window_states(loop.begins(before.windows))
     for _ in range(2):
@@ -402,7 +402,7 @@ def end_of_past(
 
 
 def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[float], Array]:
-    """Function from time (s) after the starts of windows to the expected wrench (W, 6), which decays to its mean.
+    """Function that predicts the unexplained wrench (W, 6) a time (s) after the starts of windows: decay to a mean.
 
     Args:
         wrench: (W, 6), estimated at the begins.
@@ -420,7 +420,7 @@ def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[f
 
 
 def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
-    """Accelerometer period (s), errors of predicted mean accelerations over it, and spread of the measured ones."""
+    """Accelerometer period (s), errors of mean accelerations predicted over one period, and spread of measured ones."""
     count = loop.averaged
     whole = loop.left(loop.windows(places).windows) >= 2 * count
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
@@ -442,7 +442,7 @@ def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tupl
 
 
 def _length(rows: Array) -> float:
-    """Root mean square length of vectors, one per row."""
+    """Root mean square length of the vectors in the rows of an array."""
     return math.sqrt(float((rows**2).sum(axis=1).mean()))
 
 

@@ -59,7 +59,7 @@ def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], k
 
 
 def identified_name(start: str) -> str:
-    """Name of the identified vehicle, from that of its start vehicle."""
+    """Name of an identified vehicle, derived from the name of the start vehicle."""
     return start if start.endswith(SUFFIX) else f"{start}{SUFFIX}"
 
 
@@ -136,7 +136,7 @@ def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:
 
 
 def _field(name: str) -> str:
-    """Field of a vehicle file that holds a parameter of this name."""
+    """Field of a vehicle file that holds a parameter of a given name."""
     if name.startswith(("rotors.thrust_at_", "rotors.rise_to_")):
         return CURVE
     if name == DRAG_HEIGHT:

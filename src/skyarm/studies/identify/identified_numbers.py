@@ -114,7 +114,7 @@ class Identified:
 
 @immutable(kw_only=False, eq=False)
 class Scale:
-    """Linearisation of the reported parameters about the estimate, of positive ones by their logarithms.
+    """Linearisation of the reported parameters about their estimates; of positive ones, of their logarithms.
 
     Attributes:
         reported: reported numbers.
@@ -143,7 +143,7 @@ def scale_of(
     reported: Sequence[Reported],
     known: Mapping[str, float],
 ) -> Scale:
-    """Linearise the reported parameters about the estimate in the searched ones, given the known ones."""
+    """Linearise the reported parameters about an estimate, as functions of the searched ones, for given known ones."""
     place = {each.name: i for i, each in enumerate(unknowns)}
     shown = [each for each in reported if any(part in place for part in each.parts)]
     values, starts, positive = np.zeros(len(shown)), np.zeros(len(shown)), np.zeros(len(shown), dtype=bool)
@@ -309,7 +309,7 @@ def condition_on_start(
 
 
 def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
-    """Add reasons to parameters that are identifiable only together with another one, which they name."""
+    """Add to each parameter that is identifiable only together with another one a reason that names the other."""
     return tuple(
         dataclasses.replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
         for i, each in enumerate(numbers)
@@ -319,7 +319,7 @@ def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int])
 def at_starts(
     plain: Mapping[str, float], scale: Scale, replaced: Sequence[int], searched: Sequence[str]
 ) -> dict[str, float]:
-    """Parameter values by name, with those reset to start values exact, even if they are sums of searched ones.
+    """Parameter values by name; parameters reset to start values, also sums of searched ones, have exactly these.
 
     Sums that were found and starts that no body has together are left as the linearisation has them.
 

@@ -120,7 +120,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 
 
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
-    """Copy of a dataclass record with changed fields, with or without its checks."""
+    """Copy of a dataclass record with changed fields, with or without validation of the new values."""
     if checked:
         return dataclasses.replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
@@ -130,7 +130,7 @@ def with_changes(record: R, checked: bool, **changes: Any) -> R:
 
 
 def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
-    """Rotor with identified parameters, which are given for the first rotor."""
+    """Rotor with identified parameters: those of the first rotor, scaled by the original ratio of the two rotors."""
     changes: dict[str, Scalar | Vec3 | ThrustTable] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:

@@ -227,7 +227,7 @@ def _absent_line(channel: str, costs: Mapping[str, float]) -> str:
 
 
 def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
-    """Text lines on parameters that are identifiable only together with another one, a line for each such other."""
+    """Text lines on parameters that are identifiable only together with another one, grouped by that other one."""
     beside = dict[str, list[str]]()
     for each in numbers:
         if each.reason.startswith(APART):

@@ -152,7 +152,7 @@ def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> 
 
 
 def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
-    """Vehicle with another total mass (kg), adjusted at its base; ``name`` begins the error of a mass too small."""
+    """Vehicle with another total mass (kg), adjusted at its base; an error of a mass too small begins with ``name``."""
     carried = float(vehicle.mass) - float(vehicle.base.mass)
     number(mass, name, low=0.0, strict=True)
     number(mass - carried, f"{name}, less {carried:g} kg of the links", low=0.0, strict=True)

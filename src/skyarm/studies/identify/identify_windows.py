@@ -112,7 +112,7 @@ class WindowSearch:
 
     @property
     def begin(self) -> Array:
-        """Start values (P,) of the parameters on the scale of the search."""
+        """Start values (P,) of the searched parameters; logarithms for positive ones."""
         return np.array([each.begin for each in self.unknowns])
 
     @property
@@ -126,7 +126,7 @@ class WindowSearch:
         return SLOW if self.slow else max(WHOLE, SAMPLES * self.sample)
 
     def errors(self, seconds: float, most: int = 0, before: WindowErrors | None = None, finer: int = 1) -> WindowErrors:
-        """Residuals of windows of a given length (s), evenly thinned to at most a given number.
+        """Residuals of flight windows of a given length (s), thinned evenly if there are more than a given number.
 
         Args:
             seconds: length of a window, s.

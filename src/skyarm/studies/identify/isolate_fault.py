@@ -223,7 +223,7 @@ def _name_fault(best: Sequence[Tried], before: Left) -> Found:
 
 
 def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left) -> list[Tried]:
-    """Best correction of a flight's channels, followed by one of another channel that is as good."""
+    """Best correction of a flight's channels, followed by an equally good correction of another channel, if any."""
     flight, trial, cost = flights[1], partial(_try_change, left, flights), attrgetter("cost")
     attitude, every = "quaternion" in flight, [*channel_changes(flight, start)]
     bad = {name for (name, _), size in before.sizes.items() if size >= ALARM} or {name for name, _ in before.sizes}

@@ -62,7 +62,7 @@ def stated_delays(log: Log) -> dict[str, float | None]:
 
 
 def every_lag(found: LoopLags) -> list[Lag]:
-    """Lags of the rotors and of each joint."""
+    """Identified lags of the rotors, then of each joint."""
     return [found.rotors, *found.joints]
 
 

@@ -219,7 +219,7 @@ RATES, STEADY = (10.0, 2e4), 0.7
 
 
 def _damaged_shares(flight: FlightData) -> Iterator[Found]:
-    """Yield a fault for rotor commands with values outside 0 to 1, the valid shares of the full signal."""
+    """Yield a fault for rotor commands outside 0 to 1, the valid range of shares of the full signal."""
     if COMMANDS[0] not in flight or COMMANDS[1] in flight:
         return
     share = flight[COMMANDS[0]].values

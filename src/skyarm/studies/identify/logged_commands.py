@@ -34,7 +34,7 @@ AIRBORNE, SETTLING = 0.5, 0.5
 
 
 def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
-    """Commanded rotor speeds, rad/s, from speeds or from shares of the full signal."""
+    """Commanded rotor speeds (rad/s), from logged speeds or from logged shares of the full signal."""
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]
@@ -90,7 +90,7 @@ def _is_regular(places: Array | IntArray) -> bool:
 
 
 def sampling_period(commands: Channel) -> float:
-    """Sampling period (s) of commands logged too rarely to be held between samples; otherwise 0."""
+    """Sampling period (s) of commands logged too rarely for a zero-order hold; 0 if they are logged often enough."""
     rate = command_samples(commands).rate
     return 1.0 / rate if 0.0 < rate < 1.0 / SLOWEST else 0.0
 
@@ -121,7 +121,7 @@ def smooth_commands(commands: Channel, time: Array) -> Array:
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Note on rotor commands logged too rarely to be held between samples; otherwise empty."""
+    """Note that a flight's rotor commands are logged too rarely for a zero-order hold; empty otherwise."""
     period = sampling_period(commanded_speeds(flight, start))
     if not period:
         return ""
@@ -132,7 +132,7 @@ def period_note(flight: FlightData, start: Vehicle) -> str:
 
 
 def lift(vehicle: Vehicle, speeds: Array) -> Array:
-    """Thrust (N,) of all rotors at speeds (N, rotors), rad/s, as if their axes were parallel; N."""
+    """Sum of the rotors' thrusts (K,) in N at K sets of speeds (K, rotors) in rad/s, regardless of rotor tilt."""
     pairs = zip(vehicle.rotors, speeds.T, strict=True)
     return np.asarray(sum(float(rotor.thrust_coefficient) * push(rotor, speed) for rotor, speed in pairs))
 

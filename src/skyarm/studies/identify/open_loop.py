@@ -165,7 +165,7 @@ def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[
 
 
 def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool = False) -> tuple[Channel, Channel]:
-    """Value and slope of a channel by local polynomial fits, whose width (s) is halved until they fit.
+    """Value and slope of a channel by local polynomial fits over a width (s), halved until the residuals are noise.
 
     What they leave must be no more than the samples' white noise, as it shows in differences that leave none of them.
 
@@ -360,7 +360,7 @@ class OpenLoopFlight:
         return PredictedMotion(model=model, held=hold, begins=self._clocked.edges[windows.begins])
 
     def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> PoseSeries:
-        """Predicted motion of one window between two instants of the clock."""
+        """Predicted motion of a vehicle in one window, between two steps of the clock."""
         position, quaternion = (
             np.stack([getattr(each, name)[i] for each in states[: end - first]]) for name in FIELDS[:2]
         )

@@ -53,7 +53,7 @@ TIMES = (*DEAD_TIMES, "accelerometer_delay", "rotors.time_constant_up", "rotors.
 
 
 def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix: str) -> None:
-    """Check that known parameters are plausible for a vehicle of this mass and size.
+    """Raise an error if known parameters are implausible for a vehicle of a given mass and size.
 
     The size is the largest of the rotors' distance, the radius of gyration and the distance of the centre of mass, so
     that a start's own numbers are always possible.
@@ -93,7 +93,7 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 def doubtful_numbers(
     found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
 ) -> tuple[LogFault, ...]:
-    """Faults seen in the identified parameters: far from the start vehicle, or of a model that explains nothing.
+    """Faults of identified parameters: values far from the start vehicle's, or a model that explains no motion.
 
     Args:
         found: identified vehicle.

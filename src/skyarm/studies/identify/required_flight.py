@@ -156,7 +156,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
 
 
 def _smooth(rows: Array, period: float) -> Array:
-    """Smooth rows (N, 3) by a Hann window, with constant continuation at the ends."""
+    """Smooth samples (N, 3) by a Hann window, with the end values continued beyond both ends."""
     half = max(1, round(0.5 * BLUR / period))
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.concatenate([np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)])

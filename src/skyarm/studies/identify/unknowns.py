@@ -82,11 +82,11 @@ class Unknown:
 
     @property
     def begin(self) -> float:
-        """Start value on the scale of the search, logarithmic for positive parameters."""
+        """Start value of the search variable: the logarithm of the start value for a positive parameter."""
         return math.log(self.start) if self.positive else self.start
 
     def value(self, searched: float) -> float:
-        """Parameter value from its value on the scale of the search."""
+        """Parameter value from its search variable, which is the logarithm for a positive parameter."""
         return math.exp(searched) if self.positive else searched
 
 
@@ -263,7 +263,7 @@ def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> 
 
 
 def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> None:
-    """Check that known parameters are among those that a search would find, with admissible values.
+    """Raise an error if a known parameter is not one that the search would find, or has an inadmissible value.
 
     Args:
         known: known numbers by name.
@@ -300,7 +300,7 @@ def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
 
 
 def second_moments(base: Body) -> tuple[float, float, float]:
-    """Second moments of mass along x, y, z, kg m^2, bounded above 0; sums of two are the moments of inertia."""
+    """Second moments of mass along x, y, z, kg m^2, at least slightly above 0; sums of two are moments of inertia."""
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
     least = max(0.01 * (xx + yy + zz), 1e-12)
     x, y, z = second_moments_of(xx, yy, zz)

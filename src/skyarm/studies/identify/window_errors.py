@@ -100,7 +100,7 @@ class WindowStates:
     beside: Array
 
     def moved_by(self, change: Array) -> WindowStates:
-        """Window states after a change (W, x) of the x unknowns of each window."""
+        """Initial states, wrenches and efforts of W windows after a change (W, x) of the x unknowns of each."""
         parts, first = dict[str, Array](), 0
         for name, rows in self.parts.items():
             size = 3 if name == "quaternion" else rows.shape[1]
@@ -139,7 +139,7 @@ Direction = tuple[int, float]
 
 
 class WindowErrors:
-    """Measured less simulated sensor readings of windows, as a function of vehicle parameters and window states.
+    """Measured less simulated sensor readings of windows, for given vehicle parameters and initial states.
 
     Args:
         windows: windows of flights.
@@ -153,7 +153,7 @@ class WindowErrors:
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:
-        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of each row of the errors.
+        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of each sensor axis.
         samples: samples of the sensors.
         taken: s, by which each was thought to be late when these were placed on the clock.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
@@ -240,7 +240,7 @@ class WindowErrors:
         return CommandReplay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt, finer=finer)
 
     def first_states(self) -> WindowStates:
-        """First estimates of the window states, from the sensors' samples."""
+        """First estimates of the windows' initial states from sensor samples, without unexplained wrenches."""
         count = self.windows.count
         parts = self.windows.first_states(self.samples) | {"integrals": np.zeros((count, len(self.integrals)))}
         return WindowStates(parts, np.zeros((count, 6 + self.hats * len(self.unlogged))))
@@ -280,13 +280,13 @@ class WindowErrors:
         return WindowLanes(self, self.replay, searched, states, directions)
 
     def over(self, windows: ClockedWindows) -> WindowErrors:
-        """Residuals of other windows of the same step, with the same compiled plant."""
+        """Residuals of other windows with the same clock step, on the same compiled plant."""
         errors = copy.copy(self)
         errors._take_windows(windows)
         return errors
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
-        """Residuals (steps, W, rows) of W windows at parameters (P,) on the scale of the search, and their mask."""
+        """Residuals (steps, W, sensor axes) of W windows and their mask, for search variables of parameters (P,)."""
         errors, there = self._nothing()
         with np.errstate(over="ignore", invalid="ignore"):  # what a search tries may fly to infinity
             for k, _, rows, error, _, has in self._readings(searched, states, []):
@@ -294,17 +294,17 @@ class WindowErrors:
         return errors, there
 
     def times(self) -> Array:
-        """Times (steps, W, rows) of the samples after the starts of their windows, s."""
+        """Times (steps, W, sensor axes) of the samples after the starts of their windows, s."""
         steps = np.arange(self.windows.length)[:, None]
         at = self.windows.begins + steps
         return np.stack([(steps + self.samples[name].share[at]) * self.windows.step for name, _ in self.rows], axis=2)
 
     def shares_left(self, there: Mask, memory: Array) -> Array:
-        """Correlation (steps, W, rows) of each sample's residual with that of the sample before in its window.
+        """Correlation (steps, W, sensor axes) of each sample's residual with that of the sample before in its window.
 
         Args:
-            there: (steps, W, rows) which samples count.
-            memory: (flights, rows) s, in which errors fade to 1 / e; 0 of those that are independent.
+            there: (steps, W, sensor axes) which samples count.
+            memory: (flights, sensor axes) s, in which errors fade to 1 / e; 0 of those that are independent.
         """
         time, last = self.times(), np.full(there.shape, -np.inf)
         last[1:] = np.maximum.accumulate(np.where(there, time, -np.inf), axis=0)[:-1]
@@ -313,7 +313,7 @@ class WindowErrors:
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
 
     def innovations(self, found: Array, there: Mask, memory: Array | None) -> Array:
-        """Whitened residuals (steps, W, rows): less the correlated part of the one before (Prais, Winsten 1954).
+        """Whitened residuals (steps, W, sensor axes): less the part correlated with the previous (Prais, Winsten 1954).
 
         The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
         """
@@ -334,10 +334,10 @@ class WindowErrors:
         outlier: float = OUTLIER,
         memory: Array | None = None,
     ) -> tuple[Array, Mask, NormalEquations]:
-        """Residuals (steps, W, rows), their mask, and the normal equations under sensor noise (flights, rows).
+        """Residuals (steps, W, sensor axes), mask, and normal equations under sensor noise (flights, sensor axes).
 
-        Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, rows), s, so
-        does what it is beyond that which it keeps of the one before.
+        Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, sensor axes),
+        s, so does what it is beyond that which it keeps of the one before.
         """
         windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
         directions = self._directions()
@@ -385,7 +385,7 @@ class WindowErrors:
         )
 
     def _nothing(self) -> tuple[Array, Mask]:
-        """Empty residuals (steps, W, rows) of W windows, and the mask of those that count."""
+        """Zero residuals (steps, W, sensor axes) of W windows, and a mask that marks no sample as usable yet."""
         shape = self.windows.length, self.windows.count, len(self.rows)
         return np.zeros(shape), np.zeros(shape, dtype=bool)
 
@@ -424,7 +424,7 @@ class WindowErrors:
     def _readings(
         self, searched: Array, states: WindowStates, directions: Sequence[Direction]
     ) -> Iterator[tuple[int, str, slice, Array, Array, Mask]]:
-        """Yield step, sensor, rows, residuals, rate of change and mask of windows, for each sensor with samples.
+        """Yield step, sensor, indices of its axes, residuals, rate of change and window mask, for every sensor sampled.
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
@@ -585,11 +585,11 @@ class WindowLanes:
         return np.asarray(goals[:, windows.begins].ravel())
 
     def advance(self, k: int) -> None:
-        """Simulate step k of all windows under its commands."""
+        """Simulate step ``k`` of all windows under the commands of that step."""
         at, inputs = self._windows.before(k), self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Values (k, simulations) of a command table (keys, steps, k) at the present step of each window."""
+            """Values (columns, simulations) at the present step of each window, of commands (sets, steps, columns)."""
             return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
 
         commands, which = self._speeds
@@ -639,7 +639,7 @@ class WindowLanes:
 
 
 def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Array, Array, Array]:
-    """Commands that switch at mid-step, with mean and first moment of commands that switch at other times.
+    """Convert commands to a switch at mid-step, with unchanged mean and first moment over the step.
 
     Args:
         before: until the switch.
@@ -660,5 +660,5 @@ def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
 
 
 def _stack_commands(every: Sequence[Held]) -> Held:
-    """Stack the commands of several delays along a new first axis."""
+    """Stack several sets of commands, such as those for different delays, along a new first axis."""
     return Held(*(np.stack([getattr(each, name) for each in every]) for name in ("before", "after", "late")))

@@ -113,8 +113,8 @@ class WindowFit:
         prior_information: (P, P) of what was known before.
         block_information: (blocks, P, P) of the data of each block.
         stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
-        noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
-        errors, counted: (steps, W, rows) what the windows leave, and which samples there are.
+        noise: (flights, sensor axes) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
+        errors, counted: (steps, W, sensor axes) what the windows leave, and which samples there are.
         states: states of the windows. settled: whether the search came to rest.
     """
 
@@ -133,7 +133,7 @@ class WindowFit:
     settled: bool
 
     def half_widths(self, rows: Array) -> Array:
-        """Half widths (K,) of 95 % intervals of parameter combinations (K, P): by blocks or by noise, the larger.
+        """Half widths (K,) of 95 % intervals of parameter combinations (K, P): the larger by data blocks or by noise.
 
         Few blocks hardly tell that errors are the noise alone, and it counts by Student's t, too.
         """
@@ -143,7 +143,7 @@ class WindowFit:
         return np.asarray(np.maximum(students * blocks, (students if few else NORMAL) * noise))
 
     def of_more(self, times: float) -> WindowFit:
-        """Fit to expect from a multiple of the number of windows."""
+        """Expected fit if the number of windows were multiplied by a factor."""
         blocks = times * self.block_information
         curvature: Array = np.asarray(np.linalg.inv(blocks.sum(axis=0) + self.prior_information))
         wider = np.sqrt(np.diag(self.covariance) / np.diag(self.curvature))
@@ -186,7 +186,7 @@ def fit_windows(
     Args:
         errors: errors of the windows.
         begin: (P,) where the search begins.
-        noise: (flights, rows) to begin with; by default from differences of the samples.
+        noise: (flights, sensor axes) to begin with; by default from differences of the samples.
         spread: (6,) of the wrench, to begin with.
         block: s, of a block of data whose errors may depend on each other.
         turns: largest number of turns of the search.
@@ -280,7 +280,7 @@ class Cost:
     """Cost of a fit: twice the negative log-posterior, up to a constant, with Huber's weights.
 
     Attributes:
-        there: (steps, W, rows) which samples there are. noise: (W, rows).
+        there: (steps, W, sensor axes) which samples there are. noise: (W, sensor axes).
         start, prior: (P,) mean and standard deviation of the numbers before. loose: (x,) of the free numbers.
     """
 
@@ -291,7 +291,7 @@ class Cost:
     loose: Array
 
     def at(self, errors: Array, values: Array, states: WindowStates) -> float:
-        """Cost of residuals (steps, W, rows), parameters (P,) and window states."""
+        """Cost of residuals (steps, W, sensor axes), parameters (P,) and the unknowns of each window."""
         with np.errstate(over="ignore"):
             z = np.abs(np.where(self.there, errors, 0.0)) / self.noise
             huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
@@ -343,7 +343,7 @@ def loose_with(errors: WindowErrors, spread: Array) -> Array:
 
 
 def first_noise(errors: WindowErrors) -> Array:
-    """Initial estimate of the sensor noise (flights, rows), from third differences of the samples."""
+    """Initial estimate of the sensor noise (flights, sensor axes), from third differences of the samples."""
     noise = np.ones((len(errors.windows.flights), len(errors.rows)))
     for i, flight in enumerate(errors.windows.flights):
         for j, (name, column) in enumerate(errors.rows):
@@ -359,7 +359,7 @@ def first_noise(errors: WindowErrors) -> Array:
 def new_noise(
     errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: NormalEquations, inverse: Array
 ) -> Array:
-    """Sensor noise (flights, rows) by restricted maximum likelihood, which allows for the windows' unknowns."""
+    """Sensor noise (flights, sensor axes) by restricted maximum likelihood, which allows for the windows' unknowns."""
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
     z = np.abs(found / noise[owners]) * there
@@ -374,7 +374,7 @@ def new_noise(
 
 
 def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) -> Array:
-    """Correlation times (flights, rows) of the residuals, from consecutive samples in a window, s.
+    """Correlation times (flights, sensor axes) of the residuals, from consecutive samples in a window, s.
 
     Where few samples tell what a vehicle was commanded, its errors last: as independent ones they would be taken for
     more than they tell, and outweigh what is known of the numbers and of the unexplained wrench.
@@ -407,7 +407,7 @@ def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, invers
 def _information(
     windows: ClockedWindows, reduced: Reduced, scores: Array, before: Array, block: float
 ) -> dict[str, Array]:
-    """Information and covariance of a fit, from the scores of blocks (s long), as fields of :class:`WindowFit`.
+    """Fields of :class:`WindowFit`: information and covariance, from the scores of data blocks of a given length (s).
 
     ``before`` (P, P) is the information before the data.
     """

@@ -59,7 +59,7 @@ AROUND = 0.05
 
 @immutable(kw_only=False, eq=False)
 class SensorSamples:
-    """Samples of one sensor on an even clock: in each step at most one, the mean of those that fall into it.
+    """Samples of one sensor on an even clock: per step at most one, the mean of all measured within that step.
 
     Attributes:
         values: (steps, k). share: (steps,) of the step that was over at the sample, 0 to 1. there: (steps,) if any.
@@ -195,7 +195,7 @@ def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel, sensor
 
 
 def samples_on(channel: Channel, edges: Array) -> SensorSamples:
-    """Samples of a measured channel, at most one in each step of a clock with even edges (s)."""
+    """Average the samples of a measured channel in each step of a clock with evenly spaced step edges (s)."""
     step, size = float(edges[1] - edges[0]), len(edges) - 1
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
     inside = (place >= 0) & (place < size)
@@ -233,7 +233,7 @@ class Held:
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
-    """Sample and hold commands over the steps between times (N + 1,), s, with a dead time (s).
+    """Sample and hold commands over N steps between given times (s), with a dead time (s).
 
     With a width (s) they are means over it before the end of each step, if that is longer, and do not switch.
     """
@@ -401,7 +401,7 @@ class ClockedWindows:
         return np.concatenate(rows)
 
     def rotor_speeds(self, rotors: Sequence[Sequence[Rotor]], held: Sequence[Held]) -> Array:
-        """Rotor speeds (keys, W, rotors) at the starts of W windows, rad/s, for several sets of rotor parameters.
+        """Rotor speeds (sets, W, rotors) in rad/s at the starts of W windows, for several sets of rotor parameters.
 
         Args:
             rotors: rotors of each key.

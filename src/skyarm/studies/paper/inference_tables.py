@@ -64,7 +64,7 @@ def choices_table(evidence: Record) -> Table:
 
 
 def profile_tables(evidence: Record) -> list[Table]:
-    """Tables of the misfit over each continuous setting, with the others held and refitted."""
+    """Tables of the misfit over each continuous setting, with the others held fixed, and with the others refitted."""
     study, tables = unstated_study(), []
     for name in study["fit"]["free"]:
         stage, each = evidence["stages"][f"profile {name}"], table_by_name(study["parameters"], name)
@@ -76,7 +76,7 @@ def profile_tables(evidence: Record) -> list[Table]:
 
 
 def rivals_table(evidence: Record) -> Table:
-    """Table of alternative explanations of published numbers: misfit with each alone and with the fit."""
+    """Table of alternative explanations of published numbers: misfit with each alone, and in addition to the fit."""
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]
@@ -96,7 +96,7 @@ def rivals_table(evidence: Record) -> Table:
 
 
 def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
-    """Table of agreement for cases outside the fit: as stated, predicted from Cases 2 and 3, fitted.
+    """Table of agreement with published numbers for settings as stated, fitted to Cases 2 and 3, and fitted to all.
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """

@@ -49,7 +49,7 @@ def is_of_this_study(evidence: Record) -> bool:
 
 
 def settings_in(evidence: Record, kind: str) -> Record:
-    """Settings that the search found: fitted to all cases, or predicted from some."""
+    """Inferred settings: fitted to all cases, or predicted from some cases."""
     stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
     return dict(evidence["stages"][stage]["settings"])
 
@@ -65,7 +65,7 @@ def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
 
 
 def inferred_work(flight: PaperFlight, evidence: Record, kind: str) -> Work:
-    """Flight with settings that the search found: fitted to all cases, or predicted from some."""
+    """Work item of a flight with inferred settings: fitted to all cases, or predicted from some cases."""
     planned = inferred_scenario(flight, settings_in(evidence, kind))
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
     later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0

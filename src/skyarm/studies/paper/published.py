@@ -110,7 +110,7 @@ def percent(ours: Number, paper: Number) -> str:
 
 
 def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
-    """Cases and metrics in which the controller with the better published number is worse here.
+    """Cases and metrics in which the simulation reverses the published order of the two controllers.
 
     Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
     1 % of each other have no order.

@@ -74,7 +74,7 @@ def title_of(case: str) -> str:
 
 
 def not_reproduced(experiments: Experiments, plant: str) -> str:
-    """Sentence that lists where the controller with better published numbers is worse here."""
+    """Sentence that lists the cases and metrics in which the simulation reverses the published controller order."""
     pairs = reversed_orders(experiments, plant)
     named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
     return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}."

@@ -1,4 +1,4 @@
-"""Command ``skyarm reproduce``: repeat the flights of the paper."""
+"""Command ``skyarm reproduce``: repeat the flights of Barakou et al. 2026."""
 
 from __future__ import annotations
 

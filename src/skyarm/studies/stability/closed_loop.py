@@ -49,7 +49,7 @@ class OpenLoop:
 
 @immutable(kw_only=False, eq=False)
 class Closed:
-    """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ (k sent)``.
+    """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ diag(k) @ sent``.
 
     Attributes:
         fixed: (n, n) part without commands. enters: (n, commands) input matrix of the commands.
@@ -71,7 +71,7 @@ class Closed:
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
-    """Close a linearised loop; its state adds the controller's and the delayed measurements and commands.
+    """Close a linearised loop; the state is extended by controller state and delayed measurements and commands.
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins that of the commands.
     """

@@ -57,7 +57,7 @@ class LoopMargin:
 
     @property
     def phase(self) -> float:
-        """Phase margin, rad, in both directions at unchanged gain."""
+        """Phase margin (rad) in both directions at unchanged gain."""
         return 2.0 * math.atan(0.5 * self.disk)
 
 
@@ -67,7 +67,7 @@ def disk_of(size: float) -> float:
 
 
 def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
-    """Delay margin of a loop cut at one channel, s, from its frequency response; inf if above ``longest``.
+    """Delay margin (s) of a loop cut at one channel, from its frequency response; inf if above ``longest``.
 
     Args:
         T: closed-loop response (frequencies,) from an injection at a channel to the channel.
@@ -105,7 +105,7 @@ AT_ONCE = 96
 
 
 def frequency_grid(z: Complex, period: float) -> Array:
-    """Frequency grid, rad/s, ascending up to Nyquist, refined around the resonances of the eigenvalues.
+    """Frequency grid (rad/s), ascending up to Nyquist, refined around the resonances of the eigenvalues.
 
     Args:
         z: eigenvalues per control period.

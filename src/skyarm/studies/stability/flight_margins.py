@@ -284,7 +284,7 @@ class SettledHover:
         self._time = float(self._row[0])
 
     def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
-        """Stability margins for each parameter set, cut at the commands alone; None if its hover diverged.
+        """Stability margins for each parameter set, cut at the commands only; None if the hover of a set diverged.
 
         Args:
             values: path -> (sets,); every path.

@@ -129,7 +129,7 @@ def with_held_lag(scenario: Scenario) -> Scenario:
 
 
 def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
-    """Scenario with changed parts of its control law, inside any safety layers around it."""
+    """Replace parts of a scenario's innermost control law, which safety layers may enclose."""
     par: Any = scenario.controller.par
     own = innermost(par)
     changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))
@@ -161,7 +161,7 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:
-    """Raise if anything but the controller and the joint drives has internal state in the nominal loop.
+    """Raise an error if any part of the nominal loop but the controller and the joint drives has internal state.
 
     Raises:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full

@@ -1,4 +1,4 @@
-"""Report of stability margins, of hover, of instants along a flight and of single loops: text, tables and a page."""
+"""Report of stability margins in hover, along a flight and of single loops, as text, tables and an HTML page."""
 
 from __future__ import annotations
 

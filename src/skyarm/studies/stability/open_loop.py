@@ -104,7 +104,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
 
 
 def _tangent(states: Array, still: Array) -> Array:
-    """Differences (variables, points) of vehicle states from one state, with attitude as a rotation vector."""
+    """Differences (variables, points) of many vehicle states from a common one; attitude as a rotation vector."""
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
     turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])

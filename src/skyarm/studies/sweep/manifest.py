@@ -128,7 +128,7 @@ class Manifest:
         return (self.study, self.scenarios) == (other.study, other.scenarios)
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Plain, Plain]]:
-        """Differences of two sweeps that affect their results: (setting, value here, value there)."""
+        """Yield the differences of two sweeps that affect results: setting, value in this sweep, value in the other."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
         # the most telling first

@@ -124,5 +124,5 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
 
 
 def not_counted(names: Sequence[str]) -> list[str]:
-    """List of one message that names the ignored files of a sweep; empty if there are none."""
+    """Message (in a list) that names the ignored files of a sweep; an empty list if there are none."""
     return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []

@@ -56,7 +56,7 @@ def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
 
 
 def sobol(indices: npt.ArrayLike, dimension: int) -> npt.NDArray[np.uint64]:
-    """One coordinate of the Sobol points with these indices, as integers below 2**BITS.
+    """One coordinate of the Sobol points of given indices, as integers below 2**BITS.
 
     The order is that of the Gray code, in which the points are usually generated one after the other.
 

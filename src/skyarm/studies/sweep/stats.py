@@ -110,7 +110,7 @@ class Rows:
         return np.asarray(success)
 
     def episode(self, controller: str, which: str) -> int:
-        """Number of a controller's first episode without success, or of that with the largest value of a metric.
+        """Number of a controller's first failed episode, or of the episode with the largest value of a metric.
 
         Args:
             controller: label of the controller.

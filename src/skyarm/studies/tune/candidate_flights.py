@@ -78,7 +78,7 @@ def shorten(own: Scenario) -> Scenario:
 
 
 def with_own(plants: Plants) -> Plants:
-    """Perturbed plants of which every fourth flies the scenario's own reference instead of a random one."""
+    """Perturbed plants, every fourth of which flies the scenario's own reference, the others a random one."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
     return dataclasses.replace(plants, kinds=kinds)

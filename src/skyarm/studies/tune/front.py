@@ -29,7 +29,7 @@ RULE = (
 
 @immutable
 class Required:
-    """Required stability margins of tuned gains: delay, s, and gain as a factor."""
+    """Required stability margins of tuned gains: delay (s), and gain as a factor."""
 
     delay: float
     gain: float
@@ -37,7 +37,7 @@ class Required:
 
 @immutable
 class LoopMargins:
-    """Stability margins of gains in hover: delay, s, and gain intervals; or why none were computed."""
+    """Stability margins of gains in hover: delay (s), and gain intervals; or the reason why none were computed."""
 
     delay: float
     rotors: tuple[float, float]

@@ -62,7 +62,7 @@ class Effort:
         return self.scatter + self.rounds * self.population * len(WEIGHTS)
 
     def scale(self, candidates: int, plants: int) -> Effort:
-        """Search size scaled to about this number of candidates, each flown on a given number of plants."""
+        """Search size scaled to about a given number of candidates, each flown on a given number of plants."""
         share = candidates / self.candidates
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))

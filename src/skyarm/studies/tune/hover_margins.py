@@ -68,13 +68,13 @@ def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence
 
 
 def calm(flight: Scenario) -> Scenario:
-    """Tuning flight without the drawn wind and without unmodelled delay."""
+    """Tuning flight without the randomly drawn wind and without unmodelled delay."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
     return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 
 def margins_of(hover: LinearisedInstant | None) -> LoopMargins:
-    """Stability margins of a linearised hover as tuning needs them; zero if the hover did not settle."""
+    """Delay and gain margins of a linearised hover, for tuning; zero margins if the hover did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
     return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
@@ -126,14 +126,14 @@ class HoverMargins:
             return np.array(list(pool.map(cost, *lanes)))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
-        """Stability margins of each gain candidate in hover, the worse for rising and falling rotor speeds."""
+        """Stability margins of each gain candidate in hover, the worse of those for rising and falling rotor speeds."""
         if self._loops is None:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
 
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
-    """Sum of penalties for the delay and gain margins that a linearised loop misses; 0 if it has all."""
+    """Sum of penalties for the delay and gain margins that a linearised loop misses; 0 if it misses none."""
     tests = [{"extra_delay": delay}]
     tests += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
     total = 0.0

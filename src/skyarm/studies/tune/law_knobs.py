@@ -1,4 +1,4 @@
-"""Tunable gains of a controller, and their values in the catalogue.
+"""Tunable gains of a controller, and known gain sets of its law: default, tuned and preset.
 
 A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
 gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
@@ -64,7 +64,7 @@ class GainKnob:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Parameter values of the gain, as the controller has them."""
+        """Present values of the controller parameters that one gain scales."""
         return tuple(number for _, number in self.numbers)
 
 
@@ -189,7 +189,7 @@ class Centred:
 
 
 def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
-    """Tuning flight centred at the catalogue's gains if there are any, else at its own.
+    """Tuning flight with the search centred at known gains of its law if there are any, else at the present gains.
 
     Args:
         flight: flight with the given gains.
@@ -247,7 +247,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
 
 
 def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
-    """Make a controller of the catalogue; None if it does not fit the vehicle."""
+    """Create a controller from its catalogue name; None if it does not fit the vehicle."""
     try:
         return make_named(name, model, facts)  # type: ignore[arg-type]
     except (ControllerError, AllocationError):

@@ -190,7 +190,7 @@ class Tuner:
 
     @cached_property
     def _search_plants(self) -> Plants:
-        """Plants of all search rounds after the first, among them ones on which its best candidates crash.
+        """Plants of all search rounds after the first, some of which made the first round's best candidates crash.
 
         A search that loses one plant in fifty does not see it on two dozen.
         """
