@@ -56,7 +56,7 @@ def _of_leaders(vehicle: Vehicle, M: list[list[Scalar]]) -> list[list[Scalar]]:
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
-    """Mass matrix with zeros in the rows and columns of the joints, and the block of the base filled in."""
+    """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of the joints are zero."""
     coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
     rotational = whole.inertia.full().rows
     return [

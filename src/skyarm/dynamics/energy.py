@@ -21,7 +21,7 @@ class Momentum:
 
 @immutable(kw_only=False)
 class _BodyMotion:
-    """Body with world pose and angular velocity of its link, position and velocity of its centre of mass."""
+    """Motion of a body: world pose and angular velocity of its link, position and velocity of its centre of mass."""
 
     body: Body
     pose: Pose

@@ -21,11 +21,11 @@ class Pose:
     p: Vec3
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Pose of C in A, from the poses of B in A and of C in B."""
+        """Pose of a frame C in a frame A, from the poses of a frame B in A and of C in B."""
         return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
 
     def apply(self, point: Vec3) -> Vec3:
-        """Coordinates in A of a point given in B, m."""
+        """Coordinates (m) in a frame A of a point given in a frame B."""
         return self.p + self.R.apply(point)
 
 

@@ -18,14 +18,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable(kw_only=False)
 class JointMotion:
-    """Angular velocity of a link, and the part of its acceleration from products of velocities."""
+    """Angular velocity of a link, and the velocity-product (centripetal and Coriolis) terms of its acceleration."""
 
     rate: Vec3
     products: Motion
 
 
 def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Scalar) -> JointMotion:
-    """Angular velocity of a link from that of its parent, and the acceleration from products of velocities.
+    """Angular velocity of a link from that of its parent, and the velocity-product terms of the link's acceleration.
 
     With w the rates and s the joint's own motion: angular w x s; linear R^T (w_P x (w_P x p)), and the Coriolis term
     2 w x s of a sliding joint.
@@ -38,7 +38,7 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: S
 
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Scalar]) -> list[JointMotion]:
-    """Angular velocities of all links, and the accelerations from products of velocities."""
+    """Angular velocities of all links, and the velocity-product terms of their accelerations."""
     moving: list[JointMotion] = []
     for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):
         parent_rate = rate if link.parent == BASE else moving[link.parent].rate

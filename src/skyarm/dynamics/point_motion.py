@@ -82,7 +82,7 @@ class PointMotion:
         return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
-        """Position of a named frame on its body, m, and the body's index; the tip by default."""
+        """Position (m) of a named frame on its body, and the body's index; the tip by default."""
         frame = self.vehicle.frame(name)
         return frame.position, frame.link
 

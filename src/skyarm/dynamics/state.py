@@ -59,7 +59,7 @@ class State:
 
 
 def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
-    """State at rest and level at the origin, with this many joints, rotors and tilting rotors."""
+    """State at rest and level at the origin, with given numbers of joints, rotors and tilting rotors."""
     return State(
         position=ZERO3_DATA,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
@@ -78,5 +78,5 @@ def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Sc
 
 
 def coordinate_acceleration(R_WB: Mat3, proper: Motion, gravity: Scalar) -> tuple[Vec3, Vec3]:
-    """World acceleration and base angular acceleration from an accelerometer's reading."""
+    """Linear (world axes) and angular (base axes) acceleration of the base from its proper acceleration."""
     return R_WB.apply(proper.linear) - E_Z * gravity, proper.angular

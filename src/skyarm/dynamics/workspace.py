@@ -49,7 +49,7 @@ def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float]:
-    """Largest value of each quantity over the joints' range, by random search with shrinking steps.
+    """Largest value of each function of the joint positions within limits, by random search with shrinking steps.
 
     Args:
         vehicle: its joints.

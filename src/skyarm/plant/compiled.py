@@ -34,7 +34,7 @@ from skyarm.vehicle.vehicle_records import require_plant
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
-    """Example command for tracing, with the right number of rotors, joints and tilt angles."""
+    """Command of zeros for tracing, with given numbers of rotors, joints and tilt angles."""
     return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 

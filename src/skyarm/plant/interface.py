@@ -31,7 +31,7 @@ class Truth:
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
 
     def path_names(self) -> Names:
-        """Parameter paths of the fields, of added loads, of ``[plant] joints`` for all joints, and of joint drives."""
+        """Parameter paths of the true vehicle and gravity, added loads, all joints at once, and joint drives."""
         vehicle = self.vehicle
         paths = field_paths(self) | {"payload": vehicle.load_names()}
         paths["joints"] = {
@@ -55,12 +55,12 @@ def require_gravity(value: object, field: str) -> float:
 
 
 class Plant(Protocol):
-    """Interface of a simulated vehicle; a plant stores no state between calls."""
+    """Interface of a simulated vehicle, whose state is an argument and a result of its methods, not stored in it."""
 
     vehicle: Vehicle
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` with constant inputs.
+        """Vehicle state, then contact states, after ``seconds`` with constant command and environment inputs.
 
         Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.surroundings`), if there are any.
         """
@@ -72,7 +72,7 @@ class Plant(Protocol):
 
 
 def flat(state: State) -> tuple[float, ...]:
-    """Scalars of a state as a flat sequence, in the order that plants use."""
+    """Scalars of a vehicle state as a flat sequence, in the order that plants use."""
     return tuple(float(value) for value in leaves(state))
 
 

@@ -54,7 +54,7 @@ def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar 
 
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
-    """Longest step (s) that is stable in every SIMD lane of a batch; None for no limit."""
+    """Longest integration step (s) that is stable in every SIMD lane of a batch of flights; None for no limit."""
     records: tuple[AnyComponent | Drive, ...] = (*around.components, *around.drives)
     return _least(largest_stable_step(each, euler=euler) for each in records)
 

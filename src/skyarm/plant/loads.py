@@ -37,7 +37,7 @@ def _is_rigid(pair: tuple[AnyComponent, Tree]) -> TypeGuard[tuple[TimedPayload, 
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
-    """Stuck flag of each joint, 1 or 0; an empty tuple without such faults."""
+    """Flag of each joint, 1 if it is stuck and 0 if not; an empty tuple if no fault can stick a joint."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 

@@ -38,7 +38,7 @@ HEIGHT = 1.0
 
 @immutable(kw_only=False)
 class Exported:
-    """Text of an MJCF file, and counts of its contents."""
+    """Text of an exported MJCF file, with its numbers of bodies and joints and the names of its actuators."""
 
     text: str
     bodies: int
@@ -47,7 +47,7 @@ class Exported:
 
 
 def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, timestep: float = 0.001) -> Exported:
-    """Export a vehicle to MJCF; return the text and counts of its contents.
+    """Export a vehicle to MJCF; return the text, the numbers of bodies and joints, and the actuators' names.
 
     Args:
         vehicle: vehicle with concrete numbers; a planar model is refused.
@@ -94,7 +94,7 @@ def _finish_joint(joint: mujoco.MjsJoint, vehicle: Vehicle) -> None:
 
 
 def _like(field: float | Array, value: float) -> float | Array:
-    """Format a value as a MuJoCo field expects: a number, or a vector of coefficients."""
+    """Value in the form of a MuJoCo field: a number, or a vector of coefficients that begins with the number."""
     if np.ndim(field) == 0:
         return value
     coefficients = np.zeros(np.shape(field))

@@ -21,10 +21,10 @@ Number = TypeVar("Number")
 
 
 class Reordering(Protocol):
-    """Protocol of functions that rearrange state variables into another order."""
+    """Type of functions that rearrange state variables between this library's order and MuJoCo's."""
 
     def __call__(self, numbers: Sequence[Number], /) -> tuple[Number, ...]:
-        """State variables rearranged into the other order."""
+        """Rearrange state variables between this library's order and MuJoCo's."""
 
 
 class Layout:
@@ -61,7 +61,7 @@ class Layout:
         return self._theirs((*numbers[:13], *joints, *rates, *numbers[13 + 2 * n :]))
 
     def state(self, x: Sequence[Scalar]) -> State:
-        """State dataclass from state variables in MuJoCo's order."""
+        """Vehicle state in this library's order, from state variables in MuJoCo's order."""
         return rebuild(example_state(*self.vehicle.sizes), iter(self.to_ours(x)))
 
     def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:

@@ -45,7 +45,7 @@ def own_to_mujoco(vehicle: Vehicle, model: mujoco.MjModel, dofs: Sequence[int]) 
 
 
 class Coupling:
-    """Constraint that moves a vehicle's follower joints with their leading joints in MuJoCo's data.
+    """Constraint in MuJoCo's data by which a vehicle's follower joints move with their leader joints.
 
     Args:
         vehicle: vehicle with followers. model, data: MuJoCo's.

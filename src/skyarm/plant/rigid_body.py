@@ -148,7 +148,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
 
 
 def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """Vehicle and contact state after one Stoermer-Verlet step: half positions, velocities, half positions.
+    """Vehicle and contact state after a Stoermer-Verlet step: positions half-way, velocities, positions to the end.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
     a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of

@@ -153,7 +153,7 @@ def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
 
 
 def push_coupled(around: Surroundings, felt: Surroundings, motion: PointMotion, dt: Scalar) -> Surroundings:
-    """Copy of the plant inputs with movable bodies accelerated for ``dt`` (s) by the forces at the state ``felt``."""
+    """Copy of the plant inputs with movable bodies accelerated for ``dt`` (s) by forces at the states in ``felt``."""
     speeds = motion.state.rotor_speeds
     going = zip(around.coupled, around.coupled_memories(), felt.coupled_memories(), strict=True)
     return around.with_coupled(

@@ -68,7 +68,9 @@ class Channel:
         return count * (self.drifts + self.noisy)
 
     def require_count(self, count: int, where_is: str) -> None:
-        """Refuse biases and offsets that do not have ``count`` components; ``where_is`` names the channel in messages.
+        """Refuse sensor biases and offsets that do not have ``count`` components.
+
+        ``where_is`` is the path of the error model in messages.
 
         Raises:
             RecordError: one line with field, value and what is allowed.
@@ -80,7 +82,7 @@ class Channel:
                 raise RecordError(f"{where_is}.{name} = {len(given)} {what}: {allowed}")
 
     def start(self, count: int) -> tuple[float, ...]:
-        """Initial random bias of each component, zero; () for an error model without random bias."""
+        """Zero initial value of each component's random bias; () for an error model without random bias."""
         return (0.0,) * count if self.drifts else ()
 
     def drift(self, before: Sequence[Scalar], draws: Sequence[Scalar], first: Scalar, dt: float) -> tuple[Scalar, ...]:
@@ -222,7 +224,7 @@ SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control
 
 @immutable
 class ChannelSensor(Sensor):
-    """Base of sensors whose reading has a time stamp and one field per measured quantity.
+    """Base class of sensors whose reading has a time stamp and one field per measured quantity.
 
     A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
 
@@ -265,7 +267,7 @@ class ChannelSensor(Sensor):
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
-        """Refuse biases and offsets whose number does not fit the vehicle."""
+        """Refuse sensor biases and offsets whose number of components does not fit the vehicle."""
         for name, channel, truth in self.examples(vehicle):
             channel.require_count(len(truth), name)
 
@@ -329,6 +331,6 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[tuple[Scalar, ...]], Vec3 | Scalar]]:
-    """Converters of a quantity's components to a vector or scalar, by field of the reading, without the time."""
+    """Converters from components to a vector or scalar, one for each field of a sensor reading except its time."""
     types = {name: kind for name, (kind, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}

@@ -92,7 +92,7 @@ class SensorNoise(Sensor):
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> SensorNoise:
-        """Read sensor noise from a table of a file; zeros become constants of compiled code, like omitted values."""
+        """Read sensor noise from a TOML table; zeros become constants of compiled code, like omitted values."""
         noise = record_from(cls, Fields(entry, where))
         return cls(**{name: sigma or 0 for name, sigma in parts(noise).items()})
 

@@ -16,18 +16,18 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class Push:
-    """External wrench at a frame of the vehicle: resultant of all forces on its link and the links beyond."""
+    """External wrench at a vehicle frame: resultant of all external forces on the frame's link and the links beyond."""
 
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
 
 
 NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
-"""Nothing pushes."""
+"""External wrench of zero."""
 
 
 class Sensor:
-    """Base of the sensors: frozen dataclasses of numbers with pure, traceable methods.
+    """Base class of sensors: frozen dataclasses of numbers with pure, traceable methods.
 
     The loop measures at the sensor's own instants, k / ``frequency`` from 0 on, holds the reading in between, and hands
     it to the estimator ``latency`` later. Until the first reading has arrived the estimator sees that one.
@@ -38,7 +38,7 @@ class Sensor:
     registered_as = "sensor"
 
     feels: str | None = None
-    """Name of a frame of the vehicle: the sensor reads what pushes there, by ``feel``; None reads the state."""
+    """Vehicle frame at which ``feel`` reads the external wrench; None for a sensor of the vehicle's state."""
 
     senses: ClassVar[str] = ""
     """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it is a :class:`SwitchReading`."""

@@ -32,7 +32,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class Reading:
-    """Base of readings: the instant at which a reading was taken."""
+    """Base class of sensor readings, with the time at which a reading was taken."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
 
@@ -235,7 +235,7 @@ class Encoders(ChannelSensor):
 
 @immutable
 class FramedSensor(ChannelSensor):
-    """Base of sensors of the external wrench at a vehicle frame, with a first-order low-pass filter.
+    """Base class of sensors of the external wrench at a vehicle frame, with a first-order low-pass filter.
 
     Attributes:
         frame: frame of the vehicle; empty for its tip. bandwidth: rad/s, of the low pass; 0 for none.
@@ -260,11 +260,11 @@ class FramedSensor(ChannelSensor):
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Name, error model and components of each quantity without an external wrench."""
+        """Name, error model and components of each measured quantity at zero external wrench."""
         return self.reading_of(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> tuple[Push, Tree]:
-        """Initial output of the low-pass filter, and the sensor type's further state."""
+        """Initial internal state: output of the low-pass filter, and any further state of the sensor type."""
         return NO_PUSH, ()
 
     def feel(

@@ -312,7 +312,7 @@ SHOWN = 4
 
 
 class Notes:
-    """Collector of a file reader's notes; names with equal notes share one line: ``joints a, b: TEXT``."""
+    """Notes on a vehicle file that is read; elements with equal notes share one line: ``joints a, b: TEXT``."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = {}
@@ -324,7 +324,7 @@ class Notes:
             names.append(name)
 
     def lines(self) -> tuple[str, ...]:
-        """All notes, each on one line."""
+        """All notes on the vehicle file, each as one line of text."""
         return tuple(_line(kind, text, names) for (kind, text), names in self._names.items())
 
 

@@ -37,7 +37,7 @@ class CellCurve:
 
 
 class PoweredRotor(Protocol):
-    """Protocol of a rotor as an electrical load of the battery, such as a :class:`skyarm.vehicle.Rotor`."""
+    """Interface of a rotor as an electrical load of a battery, such as a :class:`skyarm.vehicle.Rotor`."""
 
     @property
     def table(self) -> ThrustTable | None:

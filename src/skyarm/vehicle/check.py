@@ -47,7 +47,7 @@ def accept_named(record: Any, kind: str) -> None:
 
 
 def refuse(field: str, value: object, allowed: str) -> NoReturn:
-    """Raise an error with field, value and the allowed values, on one line."""
+    """Raise an error about an invalid field, with the field's value and the allowed values on one line."""
     raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 
 
@@ -81,14 +81,14 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
 
 
 def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
-    """Raise an error unless the numbers of a column are strictly increasing."""
+    """Raise an error unless a sequence of numbers, such as a table column, is strictly increasing."""
     for i, (a, b) in enumerate(pairwise(column)):
         if concrete(a, b) and not a < b:
             refuse(f"{field}[{i + 1}]", b, f"must be above the one before it, {a:g}{why}")
 
 
 def principal_moments(inertia_com: Sym3) -> list[float]:
-    """Principal moments of inertia, kg m^2, in ascending order."""
+    """Principal moments of inertia (kg m^2) in ascending order."""
     rows = [[float(each) for each in row] for row in inertia_com.full().rows]
     return [float(each) for each in np.linalg.eigvalsh(np.array(rows))]
 

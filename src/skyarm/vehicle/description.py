@@ -1,4 +1,4 @@
-"""Convert numbers of a vehicle file for dataclass fields: exact zeros and ones become constants of compiled code.
+"""Conversion of the numbers of a vehicle file: exact zeros and ones become constants of compiled code.
 
 What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
 body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).
@@ -88,7 +88,7 @@ def quaternion_products(R: Any) -> list[list[Any]]:
 
 
 def inertia(values: Sequence[float]) -> Sym3:
-    """Inertia matrix, kg m^2, from entries xx yy zz or xx yy zz xy xz yz."""
+    """Inertia matrix (kg m^2) from entries xx yy zz or xx yy zz xy xz yz."""
     return Sym3.from_numbers(*(float(value) for value in values))
 
 
@@ -141,7 +141,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
 
 
 def _ring(parents: Mapping[str, str], start: str) -> list[str]:
-    """Names of the links of a cycle of parents, as found from a start link; the first name is repeated at the end."""
+    """Link names along a cycle of parents that is reached from a start link; the first name is repeated at the end."""
     walked = [start]
     while parents[walked[-1]] not in walked:
         walked.append(parents[walked[-1]])

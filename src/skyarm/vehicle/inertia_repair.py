@@ -25,7 +25,7 @@ def excess(moments: Sequence[float]) -> float:
 
 
 def nearest_inertia(inertia: Sym3) -> Sym3:
-    """Nearest physically consistent inertia, kg m^2, about the same centre of mass in the same axes."""
+    """Nearest physically consistent inertia (kg m^2) about the same centre of mass in the same axes."""
     given = np.array([[float(each) for each in row] for row in inertia.full().rows])
     values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
     second = (axes * np.maximum(values, 0.0)) @ axes.T

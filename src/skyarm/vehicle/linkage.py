@@ -181,7 +181,7 @@ class Follower:
 
 
 class Linkage(Protocol):
-    """Protocol of a vehicle's bodies and joints: the part of a :class:`skyarm.Vehicle` that its mass matrix needs."""
+    """Interface of a vehicle's bodies and joints: the part of a :class:`skyarm.Vehicle` that its mass matrix needs."""
 
     @property
     def base(self) -> Body:

@@ -238,7 +238,7 @@ def _effort(model: MjModel, joint: int) -> float:
 
 
 def _largest_force(model: MjModel, actuator: int) -> float:
-    """Largest actuator force before the gear, N m or N, from its force range or a proportional control range."""
+    """Largest actuator force or torque (N or N m) before the gear, from its force range or proportional control."""
     largest = math.inf
     if model.actuator_forcelimited[actuator]:
         largest = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
@@ -295,7 +295,7 @@ TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "t
 
 
 def require_supported(model: MjModel, notes: Notes) -> None:
-    """Raise an error for MJCF elements that a vehicle cannot have, such as springs; note ignored elements.
+    """Raise an error for unsupported MJCF elements, such as springs, and add notes on ignored elements.
 
     Raises:
         VehicleError: the first of them.

@@ -68,7 +68,7 @@ def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
 
 
 def _moments(body: Body) -> AnyArray:
-    """Principal moments of a body's inertia, kg m^2, in ascending order."""
+    """Principal moments (kg m^2) of a body's inertia, in ascending order."""
     return np.linalg.eigvalsh(_matrix(body.inertia.full()))
 
 
@@ -130,7 +130,7 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
 
 
 def joint_mobility(vehicle: Linkage) -> list[Any]:
-    """Joint mobility (n, n): acceleration per effort at six configurations within the limits; NaN if undefined.
+    """Matrices (n, n) of joint acceleration per joint effort, at six configurations within limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
@@ -178,7 +178,7 @@ def _to_child(joint: Joint, value: float) -> Array:
 
 
 def _describe(value: Linkage, field: str) -> str:
-    """Text about the link or base whose field caused an error, for the message."""
+    """Text that describes the joint or base that moves no mass, for an error message."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
             return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"

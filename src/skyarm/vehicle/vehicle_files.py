@@ -125,7 +125,7 @@ def plain_vehicle(path: Path) -> Vehicle:
 def _read(
     field: str, name: str, suffixes: Collection[str], mimic: str, folder: Path, chain: tuple[Path, ...]
 ) -> RigidBodies | Vehicle:
-    """Read the file that a field names: bodies from URDF or MJCF, or a vehicle from TOML or the library."""
+    """Read the file that a vehicle file refers to: bodies from URDF or MJCF, or a vehicle from TOML or the library."""
     named = "a name of the library, or " if ".toml" in suffixes else ""
     allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:

@@ -105,7 +105,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
 
 
 def _optional(kind: type[Record], top: Fields, name: str, default: Default, *required: str) -> Record | Default:
-    """Read a dataclass from an optional table; if present, the table must state the required fields."""
+    """Read a dataclass from an optional TOML table, which must state the required fields if it is present."""
     if top.take(name, None) is None:
         return default
     fields = top.inner(name)
@@ -115,14 +115,14 @@ def _optional(kind: type[Record], top: Fields, name: str, default: Default, *req
 
 
 def _named_tables(fields: Fields, name: str) -> list[Fields]:
-    """Read a list of tables with unique names."""
+    """Read a list of TOML tables, such as ``[[links]]``, whose names must be unique."""
     tables = fields.tables(name)
     check.unique(fields.at(f"{name}.name"), [each.text("name") for each in tables])
     return tables
 
 
 def _source(top: Fields) -> str:
-    """Field of a vehicle file, such as ``urdf``, that names another file of bodies; empty if there is none."""
+    """Name of the vehicle-file field, such as ``urdf``, that refers to another file of bodies; empty if absent."""
     given = [name for name in SOURCES if top.take(name, None) is not None]
     if len(given) > 1:
         refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
@@ -229,7 +229,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Attach the arm of a file to the bodies of a vehicle; also return the arm, if its file is a vehicle file."""
+    """Attach the arm that a TOML table names to a vehicle's bodies; also return an arm from a vehicle file."""
     arm = fields.text("arm")
     referred = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = referred if isinstance(referred, Vehicle) else None

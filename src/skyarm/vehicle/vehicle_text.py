@@ -156,7 +156,7 @@ def _frame(frame: Frame, names: Sequence[str]) -> Table:
 
 
 def _with_orientation(table: Table, rotation: Mat3) -> Table:
-    """Table of an element for a vehicle file, with its rotation matrix converted to a quaternion entry."""
+    """Vehicle-file table in which a rotation matrix is replaced by a quaternion entry."""
     oriented: Table = {}
     for name, each in table.items():
         oriented |= _orientation(rotation) if name == "rotation" else {name: each}

@@ -21,7 +21,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     rotors: tuple[Rotor, ...]
 
     def start(self, period: float, draws: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
-        """Initial charge (share of the capacity) and open-circuit voltage (V)."""
+        """Initial battery charge (share of the capacity) and open-circuit voltage (V)."""
         charge = data(self.battery.charge)
         return charge, self.battery.voltage(charge, 0.0)
 
@@ -35,7 +35,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
     ) -> Sequence[Scalar]:
-        """Rotor speeds (rad/s) that the battery voltage allows: limited in a closed speed loop, scaled in open loop."""
+        """Rotor speed commands (rad/s) at the battery voltage: limited under closed-loop speed control, else scaled."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
 MOST_STEPS = 1000
-"""Integration steps of a control period at most: a record that asks for more is a slip of units."""
+"""Largest number of integration steps per control period; a model that needs more is taken for a mistake in units."""
 
 MOST_UNIFORMS = 10_000
 """Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
@@ -94,7 +94,7 @@ class Column(NamedTuple):
 
 
 Event = tuple[str, float, float]
-"""Words, start and stop, s."""
+"""Event to mark in pictures of a flight: text, start (s) and stop (s)."""
 
 
 class Component(Generic[Memory]):
@@ -121,7 +121,7 @@ class Component(Generic[Memory]):
         """
 
     largest_step: Scalar | None = None
-    """Longest stable integration step, s; None for any. May be a field, or a property of the other numbers."""
+    """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
 
     @property
     def largest_euler_step(self) -> Scalar | None:
@@ -137,7 +137,7 @@ class Component(Generic[Memory]):
         return None
 
     coupled: bool = False
-    """True if its memory goes on within a control period, with the plant. A property will do."""
+    """True if the internal state is integrated with the vehicle's within control periods; may be a property."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
@@ -154,7 +154,7 @@ class Component(Generic[Memory]):
         return memory
 
     def settle(self, memory: Memory, motion: PointMotion, vehicle: bool) -> Memory:
-        """Internal state of the model with objects, and the vehicle if ``vehicle``, at rest in static equilibrium."""
+        """Internal state of the model with its objects, and optionally the vehicle, in static equilibrium."""
         return memory
 
     def act(self, memory: Memory, t: Scalar, dt: float, motion: PointMotion) -> Memory:
@@ -169,7 +169,7 @@ class Component(Generic[Memory]):
         return memory
 
     def holds(self, memory: Memory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signal of each gripper at a frame of the vehicle: 1 with a held body, else 0; () without grippers."""
+        """Grasp signal of each gripper at a vehicle frame: 1 while it holds a body, else 0; () without grippers."""
         return ()
 
     def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:
@@ -243,7 +243,7 @@ class Component(Generic[Memory]):
         return False
 
     most_hit_steps: int = 1
-    """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
+    """Largest number of substeps per integration step that ``hurry`` may return; may be a property."""
 
     def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
         """Internal state of the model, and number of substeps for the next ``seconds``: more during an impact."""

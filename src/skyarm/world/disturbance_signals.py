@@ -45,7 +45,7 @@ Numbers = tuple[Scalar, ...]
 
 
 class NoisyComponent(Component[Numbers]):
-    """Base of environment models with optional coloured noise of ``noise_count`` components."""
+    """Base class of environment models with optional coloured noise of ``noise_count`` components."""
 
     __slots__ = ()
 

@@ -60,7 +60,7 @@ class Fault:
 
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Signal | float]:
-        """Read the effectiveness from a fault's table: a number or a time signal, required unless a joint is stuck."""
+        """Read the effectiveness from a fault's TOML table: a number or time signal, required unless a joint sticks."""
         if "signal" in fields.table:
             given = shown(fields.take("signal"))
             raise ValueError(f"{fields.at('signal')} = {given}: must be left out; effectiveness may be a signal")

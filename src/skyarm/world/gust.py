@@ -31,7 +31,7 @@ class Gust:
     shape: str = "step"
 
     def path_names(self) -> Names:
-        """Parameter paths of a gust's fields, with ``force`` and ``velocity`` as other names of the peak."""
+        """Parameter paths of a gust's fields, with ``force`` and ``velocity`` as aliases of ``peak``."""
         return field_paths(self) | {"force": (("peak",),), "velocity": (("peak",),)}
 
     def __post_init__(self) -> None:

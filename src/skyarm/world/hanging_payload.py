@@ -59,7 +59,7 @@ class HangingMemory(PayloadMemory):
 
 @immutable
 class HangingPayload(TimedPayload):
-    """Point mass on a cord that the vehicle carries from ``pick`` to ``drop``.
+    """Point mass that hangs on a cord from the vehicle between a pick-up and a set-down.
 
     It is picked up at rest, straight below the frame, with the cord as long as its weight makes it.
 

@@ -24,7 +24,7 @@ NONE = Constant(0)
 @immutable
 @checked("vector of signals")
 class SignalVector:
-    """Vector of three time signals; in a file a list of three entries, each a number, a table or a list."""
+    """Vector of three time signals, such as a force; in a scenario file a list of three entries."""
 
     x: Signal = NONE
     y: Signal = NONE

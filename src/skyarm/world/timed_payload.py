@@ -69,7 +69,7 @@ class PayloadMemory:
 
 @immutable
 class TimedPayload(Component[PayloadMemory]):
-    """Rigid load that the vehicle carries between a pick-up and a set-down, by time or place.
+    """Rigid load that is picked up and set down at given times, or on arrival at given positions.
 
     With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
     period that does not begin before: a load is held for whole control periods.
@@ -95,7 +95,7 @@ class TimedPayload(Component[PayloadMemory]):
     registered_as = "payload"
 
     def to_entry(self) -> dict[str, Entry]:
-        """Table of the payload for a scenario file: always with pick-up; positions come with their earliest times."""
+        """Scenario-file table of the payload; a pick-up or set-down at a position also states its earliest time."""
         table = record_entry(self, ("pick",))
         for name in ("pick", "drop"):
             place = table.get(name)

@@ -91,12 +91,12 @@ class GustyWind(Component[Memory]):
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
-        """Read the gusts of a wind table, in which ``force`` or ``velocity`` is another name of the peak."""
+        """Read the gusts of a wind's TOML table, in which ``force`` or ``velocity`` is an alias of ``peak``."""
         return cls.gusts_from(fields)
 
     @classmethod
     def gusts_from(cls, fields: Fields) -> dict[str, WindValue]:
-        """Read the field ``gust`` of a wind table: one gust, or a list of gusts that add up."""
+        """Read the field ``gust`` of a wind's TOML table: one gust, or a list of gusts that add up."""
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
             return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}

@@ -31,7 +31,7 @@ class Command:
             accept_fields(self, "command")
 
     def dense(self) -> Command:
-        """Command with all integers converted to floats, so that every number is stored as data."""
+        """Command with integers converted to floats, which compiled code keeps as variables, not as constants."""
         rows = ([data(value) for value in row] for row in (self.rotor_speeds, self.efforts, self.tilts))
         rotor_speeds, efforts, tilts = map(tuple, rows)
         return Command(rotor_speeds=rotor_speeds, efforts=efforts, tilts=tilts)

@@ -52,7 +52,7 @@ def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
 
 
 class Drive:
-    """Base of joint drives: frozen dataclasses of numbers with pure, traceable methods.
+    """Base class of joint drives: frozen dataclasses of numbers with pure, traceable methods.
 
     ``advance`` steps the memory once per control period; ``effort`` is evaluated at every stage of the integrator with
     the memory held. The joint's own effort limit, its friction and its faults act on what ``effort`` gives.
@@ -63,17 +63,17 @@ class Drive:
     registered_as = "drive"
 
     largest_step: float | None = None
-    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+    """Longest stable integration step (s) of the drive; None for no limit. May be a field or a property."""
 
     takes: ClassVar[str] = ""
-    """Unit of the setpoint, that of a revolute joint before that of a prismatic one: ``rad or m``; for logs."""
+    """Unit of the setpoint, for logs: that of a revolute joint, then that of a prismatic one, as in ``rad or m``."""
 
     takes_torque: ClassVar[bool] = False
     """True if the setpoint is the torque or force of the joint."""
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Refuse a drive's parameter table with a parameter that requires another one which is missing.
+        """Refuse stated parameters of a drive if one of them requires another that is missing.
 
         Raises:
             ValueError: one line that begins with the field.
@@ -92,7 +92,7 @@ class Drive:
         return self.start(position)
 
     def steady_memory(self, memory: Any, position: Scalar, setpoint: Scalar) -> Any:
-        """Steady state of the drive under a constant setpoint, with the same structure as ``memory``."""
+        """Steady internal state of the drive under a constant setpoint, of the same type as ``memory``."""
         return memory
 
     def advance(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
@@ -149,7 +149,7 @@ class LaggedTorqueMemory:
 @immutable
 @checked("lagged_torque")
 class LaggedTorque(TorqueDrive):
-    """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque, whose mean over a period acts.
+    """Torque drive with first-order lag, T d(torque)/dt = setpoint - torque; its mean over a period acts on the joint.
 
     The impulse of every period is that of the continuous lag. The joint's own effort limit acts on the torque, not on
     the setpoint, which is a torque: laws fly it as they are.

@@ -72,7 +72,7 @@ def yaw_bounds(
 
 
 def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
-    """Thrust nearest to the demanded one, N, for which some yaw torque lies within all bounds."""
+    """Thrust (N) nearest to the demanded one for which some yaw torque lies within all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
     for i, under in enumerate(bounds):
@@ -88,7 +88,7 @@ def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
 
 
 def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, yaw: Scalar) -> Scalar:
-    """Yaw torque nearest to the demanded one, N m, within all bounds at a given thrust."""
+    """Yaw torque (N m) nearest to the demanded one within all bounds at a given thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
         yaw = minimum(maximum(yaw, add(each.low, moved)), add(each.high, moved))
@@ -206,7 +206,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
 
 
 def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
-    """Refuse the priority policy for a layout where some rotor's speed does not increase with thrust."""
+    """Refuse prioritised control allocation if the allocated speed of some rotor does not increase with thrust."""
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):

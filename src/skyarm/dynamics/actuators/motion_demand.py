@@ -62,7 +62,7 @@ class ActuatorDemand:
 
 
 def motion_of(reference: Any, time: Array) -> MotionSamples:
-    """Motion of base and joints at K instants, from a reference of arrays."""
+    """Motion of base and joints at K instants, from a reference trajectory sampled into arrays."""
     lanes = partial(stack_values, len(time))
     return MotionSamples(
         time=time,

@@ -111,7 +111,7 @@ def speed_of_push(rotor: Rotor, value: Scalar) -> Scalar:
 
 
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:
-    """Reaction torque on the base by accelerating and gyroscopic rotors, N m, base axes.
+    """Reaction torque (N m, base axes) on the base by accelerating and gyroscopic rotors.
 
     The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction
     (dW/dt n + W w x n), with dW/dt of the lag. Source: Hughes 1986, Spacecraft Attitude Dynamics, section 3.4, of

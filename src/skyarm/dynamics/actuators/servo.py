@@ -42,7 +42,7 @@ NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque
 
 @immutable
 class Servo(Drive):
-    """Base of joint servos: geared DC motors with a position or rate control loop.
+    """Base class of joint servos: geared DC motors with a position or rate control loop.
 
     Motor and supply bound the torque. The current is at most ``current_limit``, and what the supply drives through the
     winding against the motor's counter-voltage: between (-U - k_e qd) / R and (U - k_e qd) / R with k_e = gear

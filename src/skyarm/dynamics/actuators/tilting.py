@@ -95,7 +95,7 @@ WIDEST = math.pi / 4.0
 
 @immutable(kw_only=False)
 class TiltedForce:
-    """Force of one tilting rotor as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
+    """Force of one tilting rotor, given as squared rotor speed ((rad/s)^2) and tilt angle (rad)."""
 
     push: Scalar
     angle: Scalar

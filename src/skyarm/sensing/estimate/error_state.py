@@ -124,7 +124,7 @@ def gate_of(deviations: Scalar, count: int) -> Scalar:
 
 @immutable
 class Navigated:
-    """Nominal state of the filter: position, velocity, attitude, biases, unmodelled acceleration."""
+    """Nominal state of the error-state filter: position, velocity, attitude, biases, unmodelled acceleration."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
@@ -217,7 +217,7 @@ def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar
 
 
 def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
-    """Innovation of a measured heading (yaw of the base's x axis), rad, between -pi and pi.
+    """Innovation (rad, between -pi and pi) of a measured heading, the yaw of the base's x axis.
 
     A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
     """

@@ -61,7 +61,7 @@ class ErrorStateFilter(FilterNumbers):
 
     @property
     def on_board(self) -> ErrorStateFilter:
-        """The filter itself, which an exported C file contains."""
+        """Filter that an exported C file contains: this error-state filter itself."""
         return self
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
@@ -89,7 +89,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Process the readings that arrived; return the next filter state and the estimate of the present."""
+        """Process the sensor readings that arrived; return the next filter state and the present state estimate."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -188,7 +188,7 @@ class ErrorStateFilter(FilterNumbers):
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Scalar]:
-    """Kalman update by a reading's innovations, if due and within the gate; also returns the gate's test value."""
+    """Kalman update by a reading's innovations, if the reading is due and within the gate; also the test value."""
     error: list[Scalar] = [0] * len(P)
     surprise: Scalar = 0
     after = P

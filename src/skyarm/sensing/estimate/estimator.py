@@ -19,7 +19,7 @@ FULL_STATE = "state"
 
 
 class Estimator:
-    """Base of the estimators, which compute the measurement of the control law from all readings.
+    """Base class of estimators, which compute the measurement of the control law from all sensor readings.
 
     A subclass is a frozen dataclass of numbers with pure, traceable functions.
     """

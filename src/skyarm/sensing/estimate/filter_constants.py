@@ -88,7 +88,7 @@ class FilterMemory:
 
     @property
     def yaw_deviation(self) -> Scalar:
-        """Standard deviation of the heading, rad, which grows while no sensor measures the heading."""
+        """Standard deviation (rad) of the heading, which grows while no sensor measures the heading."""
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
     @property
@@ -107,7 +107,7 @@ def in_turn(queue: Sequence[Aid], after: Scalar, until: Scalar) -> tuple[Scalar,
 
 
 def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
-    """True if ``time`` is in (after, until], s, with a tolerance of 10 us."""
+    """True if a time (s) is after ``after`` and at most ``until``, with a tolerance of 10 us."""
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
@@ -215,7 +215,7 @@ class FilterNumbers(Estimator):
                 )
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Drive]) -> None:
-        """Refuse the modelled specific force for joints whose drives take no torque setpoint.
+        """Refuse a modelled specific force if the setpoint of some joint drive is not a torque or force.
 
         Raises:
             ValueError: one line with the joint.

@@ -1,4 +1,4 @@
-"""Edge-edge contact of two boxes, which needs no corner in contact: crossed planks, boxes of equal size.
+"""Edge-edge contact of two boxes that touch at no corner, such as crossed planks or boxes of equal size.
 
 Two boxes are apart along one of 15 directions, or overlap: the normals of their faces, where corners meet faces, and
 the 9 cross products of their edges, where two edges meet. For each of these nine the edge of one box that reaches
@@ -57,7 +57,7 @@ class PlacedBox:
 
 
 def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> PlacedBox:
-    """Oriented box at a time (s) of a box-shaped surface, which belongs to the world or to a movable body."""
+    """World pose and half lengths of a box-shaped surface at a time (s)."""
     x, y, z = (0.5 * each for each in surface.size)
     if frame is None:
         return PlacedBox(surface.place(clock)[0], surface.rotation, (x, y, z))
@@ -68,7 +68,7 @@ def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> Place
 def pairs_with_edges(
     surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
 ) -> Iterator[tuple[int, Surface, int]]:
-    """Pairs of boxes whose edges may touch, each pair once: body index and surface of one, body index of the other."""
+    """Pairs of boxes whose edges may touch, each once: body and surface of one box, and body of the other box."""
     for by, carrier in enumerate(carriers):
         for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
@@ -94,7 +94,10 @@ def _face_overlaps(a: PlacedBox, b: PlacedBox) -> Iterator[Scalar]:
 
 
 def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec3]]:
-    """Contact point (m), depth (m, negative apart) and unit normal (b to a) of each edge pair of two boxes, world."""
+    """Contact point (m), penetration (m) and normal (from b to a) of each pair of edges of the boxes ``a`` and ``b``.
+
+    All in world axes; the penetration is negative where the edges are apart.
+    """
     between, overlap, crossings = a.middle - b.middle, face_overlap(a, b), list[_Crossing]()
     for i, j in product(range(3), range(3)):
         u, v = a.rotation.column(i), b.rotation.column(j)
@@ -126,7 +129,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
 
 @immutable(kw_only=False)
 class _Crossing:
-    """Pair of edges: contact point (m), depth along the common normal (m), depth limited at the edges' ends, normal."""
+    """Possible contact of two box edges: point (m), penetration (m) without and with limits at the ends, and normal."""
 
     place: Vec3
     depth: Scalar
@@ -135,7 +138,10 @@ class _Crossing:
 
 
 def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Scalar | None], tuple[Vec3, Scalar | None]]:
-    """Midpoints (m, from the box's centre) of two edges farthest along a direction; depth limit (m) of the second."""
+    """Midpoints (m) of a box's two outermost edges in a direction, and the largest penetration (m) of the second.
+
+    Midpoints are offsets from the box's centre, world axes.
+    """
     first, second = (box.rotation.column((along + k) % 3) for k in (1, 2))
     one, other = first.dot(way), second.dot(way)
     first = first * (box.halves[(along + 1) % 3] * where(one < 0.0, -1.0, 1.0))

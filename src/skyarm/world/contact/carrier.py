@@ -40,7 +40,7 @@ class CarriedFrame:
         return self.velocity + self.turning.cross(place_W - self.position)
 
     def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Scalar, Vec3]:
-        """Penetration depth (m) and outward normal of a ball at a surface that the movable body carries."""
+        """Penetration depth (m) of a ball into a surface of the movable body, and the surface's outward normal."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
 
@@ -79,7 +79,7 @@ class Carrier(Generic[Memory]):
         return self.largest_step
 
     def mobility_at(self, reach: Scalar) -> Scalar:
-        """Largest inverse effective mass, 1/kg, at a point up to ``reach`` (m) from the body's surface."""
+        """Largest inverse effective mass (1/kg) at a point up to ``reach`` (m) from the movable body's surface."""
         return self.mobility
 
     @property
@@ -121,7 +121,7 @@ class Carrier(Generic[Memory]):
         raise NotImplementedError(f"{type(self).__name__} must define slope()")
 
     def before_euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
-        """State from which a semi-implicit Euler step evaluates forces: friction bristles are advanced first."""
+        """State of the movable body with friction bristles advanced, for the forces of a semi-implicit Euler step."""
         return memory
 
     def kick(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
@@ -183,7 +183,7 @@ def untouched_after(carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds
 
 
 NOBODY = -1
-"""Number of a carrier that stands for the world, of a surface, or for the vehicle, of a point."""
+"""Body index of surfaces that belong to the world, and of contact points that belong to the vehicle."""
 
 
 def both(a: Scalar, b: Scalar) -> Scalar:

@@ -1,4 +1,4 @@
-"""Contact between the vehicle and a scenario's surfaces, with bristle friction integrated by the plant.
+"""Contact model of the vehicle, surfaces and movable bodies, with friction bristles that the plant integrates.
 
 Every point of the vehicle may touch every surface, and so may every spot of a body that moves in the world
 (:mod:`skyarm.world.contact.carrier`). What a pair remembers is its bristle; where a surface moves, there is a clock
@@ -69,7 +69,7 @@ holds up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bris
 
 @immutable
 class ContactMemory:
-    """Internal state of the contact model: surface clock, friction bristles, movable bodies and grippers.
+    """Internal state of the contact model: time of moving surfaces, friction bristles, movable bodies and grippers.
 
     Attributes:
         finer: steps in the place of one in this interval; empty where hits take no more.
@@ -147,7 +147,7 @@ class Contact(Force[ContactMemory]):
 
     @property
     def steps(self) -> tuple[tuple[str, Scalar], ...]:
-        """Longest stable integration step (s) of each contact, grasp and mechanism, with a text that names it."""
+        """Longest stable integration step (s) of each contact, grasp and mechanism, each with a describing text."""
         carriers = self.carriers
         touched = self.surfaces if self.points or not carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
@@ -178,7 +178,7 @@ class Contact(Force[ContactMemory]):
         return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
-        """Contact model for a vehicle: its tip becomes the contact point if no contact point was given."""
+        """Contact model in which the tip of a vehicle is the contact point if no contact point was given."""
         if self.points or not vehicle.end_effector:
             return self
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
@@ -265,13 +265,13 @@ class Contact(Force[ContactMemory]):
         return meetings_of(self, memory.carried, moving, clock, memory.bristles, step, motion.step)
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
-        """Contact state of every surface with every point of the vehicle, surface by surface."""
+        """Contact states of all pairs of a surface and a contact point of the vehicle, ordered by surface."""
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
     def on_carriers(
         self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
     ) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m, about its origin) of contacts and grasps on each movable body."""
+        """Force (N) and torque (N m) of contacts and grasps on each movable body, about the body's origin."""
         pulls: Sequence[tuple[Vec3, Vec3] | None] = [None] * len(self.carriers)
         if self.grippers:
             pulls = self.grasps.on_bodies(memory.grips, memory.carried, motion)
@@ -357,7 +357,7 @@ class Contact(Force[ContactMemory]):
         return replace(memory, grips=self.grasps.after(memory.grips, memory.carried, t, motion))
 
     def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signal of each gripper at a frame of the vehicle, as its grasp sensor reads: 1 while a body is held."""
+        """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper holds a body, else 0."""
         grips = zip(self.grippers, memory.grips, strict=True)
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
 
@@ -390,7 +390,7 @@ class Contact(Force[ContactMemory]):
         return replace(memory, finer=(finer,)), finer
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
-        """Internal state of the contact model after ``seconds`` in which nothing touched."""
+        """Internal state of the contact model after ``seconds`` without any contact."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(

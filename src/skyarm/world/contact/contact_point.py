@@ -214,7 +214,7 @@ def wrenches_on(
 
 
 def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:
-    """Position (body axes) and body of every contact point; bodies that are the base or have several contact points."""
+    """Position (m, body axes) and body of each contact point, and the bodies on which contact forces are added up."""
     places = [point.place(motion.vehicle) for point in points]
     bodies = [body for _, body in places]
     return places, [body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1]

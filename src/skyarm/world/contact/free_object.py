@@ -242,7 +242,7 @@ class FreeObject(Carrier[ObjectMotion]):
 
 
 def _data(vector: Vec3) -> Vec3:
-    """Convert integer zeros of a vector to floats, so that a traced program keeps them as data."""
+    """Convert integer zeros of a vector to floats, which compiled code keeps as variables, not as constants."""
     return Vec3(*(data(c) for c in vector))
 
 

@@ -172,7 +172,7 @@ class Gripper:
 
     @property
     def socket_torque(self) -> Scalar:
-        """Friction torque (N m) of a ball gripper in its socket, preloaded by the force that releases the ball.
+        """Friction torque (N m) in the socket of a ball gripper under a preload equal to the gripper's pull-off force.
 
         M = mu F r: the frictional moment of a spherical plain bearing under a load F (SKF, Spherical plain bearings and
         rod ends, catalogue 4407: M = 0.5 mu P d). mu: 0.5 dry, 0.1 to 0.2 greased steel.
@@ -180,7 +180,7 @@ class Gripper:
         return self.friction * self.force * self.radius
 
     def tilt_warning(self, name: str, mass: Scalar, half_width: Scalar) -> Iterator[str]:
-        """Warning if a ball gripper has too little friction to hold an object (kg) level when off centre (m)."""
+        """Warning if a ball gripper has too little friction to hold a mass (kg) level when gripped off its centre."""
         level = self.socket_torque / (mass * EARTH)
         if self.kind == "ball" and level < half_width:
             torque, off = float(self.socket_torque), 1e3 * float(level)
@@ -311,7 +311,7 @@ def _select_rows(condition: Scalar, a: Mat3, b: Mat3) -> Mat3:
 
 
 def _within_length(vector: Vec3, most: Scalar) -> Vec3:
-    """Vector, shortened if it is longer than a given length; zero for a length of zero."""
+    """Vector scaled down to a given length if it is longer; zero for a length of zero."""
     return vector * divide(most, maximum(sqrt(vector.dot(vector) + TINY), most))
 
 

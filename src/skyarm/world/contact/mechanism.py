@@ -79,7 +79,7 @@ class Mechanism(Carrier[MechanismMotion]):
         self._require_numbers()
 
     def _require_body(self) -> None:
-        """Refuse sizes, axes and parts that the kind of mechanism does not allow."""
+        """Refuse dimensions, axes and parts that are not allowed for a mechanism of this kind, such as a door."""
         said, options = KINDS[self.kind], KINDS[self.kind].sizes
         if len(self.size) not in [len(each) for each in options] and (self.size or options):
             words = " or ".join(f"{len(each)} numbers, {', '.join(each)}" for each in options)
@@ -97,7 +97,7 @@ class Mechanism(Carrier[MechanismMotion]):
                 raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
 
     def _require_numbers(self) -> None:
-        """Refuse a mechanism without inertia, or with an empty or violated range of its coordinate."""
+        """Refuse a mechanism without inertia, an empty coordinate range, or an initial coordinate out of range."""
         turns = KINDS[self.kind].turns
         if not turns and type(self.inertia) is not int:
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
@@ -278,7 +278,7 @@ class Detent:
 
 
 def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, tuple[Scalar, ...]]:
-    """Internal force or torque of a mechanism (N or N m), and rate of its friction bristle."""
+    """Force or torque (N or N m) of a mechanism's spring, damper, detent, stops and friction, and its bristle rate."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
     if of.detent is not None:
@@ -348,7 +348,7 @@ def _at_stop(limit: Scalar) -> bool:
 
 @immutable
 class Kind:
-    """Kind of mechanism, such as a door: hinge or slide, axis of motion, and names of the lengths of its body.
+    """Kind of mechanism, such as a door: hinge or slide, axis of motion, and names of the body's dimensions.
 
     Attributes:
         turns: True for a hinge, False for a slide.

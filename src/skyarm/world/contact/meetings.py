@@ -29,7 +29,7 @@ EDGE = -1
 
 
 class Bodies(Protocol):
-    """Protocol of a set of bodies that may touch, such as a :class:`skyarm.world.contact.Contact`."""
+    """Interface of a set of bodies that may touch, such as a :class:`skyarm.world.contact.Contact`."""
 
     @property
     def points(self) -> tuple[ContactPoint, ...]:

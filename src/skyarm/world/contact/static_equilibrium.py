@@ -129,7 +129,7 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
-    """Normal force less the weight along it (N), and moment (N m), if friction balances the tangential weight.
+    """Residual normal force (N) and moment (N m) on a resting body if friction balances the tangential weight.
 
     Args:
         pushes: arm from the centre of mass (m) and force (N) of each.

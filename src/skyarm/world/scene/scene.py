@@ -107,7 +107,7 @@ class Instants:
         return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
 
     def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
-        """World positions (N, 3), m, of a point that is fixed to a body of the vehicle."""
+        """World positions (N, 3), in m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
         return np.asarray(p + R @ np.array([float(c) for c in point]))
 
