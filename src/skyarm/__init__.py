@@ -14,7 +14,7 @@ __version__ = "0.3.0"
 
 @cache
 def _modules() -> dict[str, str]:
-    """Map each public name to the module that defines it, from the imports of the stub file."""
+    """Map each public name of skyarm to its defining module, by the imports in ``__init__.pyi``."""
     import ast
     from pathlib import Path
 
@@ -47,7 +47,7 @@ def __dir__() -> list[str]:
 
 
 class _FormerNames:
-    """Import finder, used last, whose error for a renamed module gives the present name."""
+    """Import finder, tried last, that raises an error with the new name of a renamed module."""
 
     @staticmethod
     def find_spec(name: str, *_: object) -> None:

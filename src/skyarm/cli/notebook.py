@@ -1,4 +1,4 @@
-"""Display of records in a notebook: the text of the corresponding command, and a picture."""
+"""Display of scenarios, logs and other records in a notebook: the text of the corresponding command, and a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command ``skyarm show``: list the library, a vehicle's parameters with units, or the channels of a flight."""
+"""Command ``skyarm show``: list what ships, a vehicle's parameters with units, or a flight's measured quantities."""
 
 from __future__ import annotations
 

@@ -94,12 +94,12 @@ class EpisodeStarts:
 
     @property
     def state(self) -> slice:
-        """Slice of the initial data that holds the initial state of the closed loop."""
+        """Slice of an episode's initial data that holds the initial state of the closed loop."""
         return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
 
     @property
     def observation(self) -> slice:
-        """Slice of the initial data that holds the first observation."""
+        """Slice of an episode's initial data that holds the first observation."""
         return slice(self.state.stop, len(self._table))
 
 

@@ -77,7 +77,7 @@ class Observed:
         accept_fields(self, type(self).__name__)
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Numbers that the quantity adds to the observation vector."""
+        """Numbers that an observed quantity contributes to the observation vector."""
         raise NotImplementedError(f"{type(self).__name__} must define numbers()")
 
 

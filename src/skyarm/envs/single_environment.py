@@ -28,7 +28,7 @@ PICTURES = "skyarm.view.film.episode_pictures"
 
 
 class EpisodeRenderer(Protocol):
-    """Protocol of a renderer that draws the images of an episode."""
+    """Interface of a renderer that draws the images of an episode."""
 
     def begin(self, scenario: Scenario) -> None:
         """Prepare the renderer for an episode, given its scenario."""

@@ -1,1 +1,1 @@
-"""Measured flights: files of real flights read as channels in SI units and the axes of the library."""
+"""Measured flights: files of real flights, read as time series in SI units and in skyarm's coordinate axes."""

@@ -146,7 +146,7 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
 
 
 def align(flight: FlightData, offset: ClockOffset, channels: Sequence[str]) -> FlightData:
-    """Return a flight with some channels shifted to the reference's clock, and a note on that."""
+    """Return a flight with some time series shifted to the clock of the reference sensor, and with a note on that."""
     moved = {name: replace(flight[name], time=offset.times(flight[name].time)) for name in channels}
     words = f"{', '.join(channels)}: moved to the clock of {offset.reference}: {offset.words}."
     return flight.with_channels(moved, words)
@@ -201,7 +201,7 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
 
 
 def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
-    """Clock offset of the attitude; None if the motion does not determine it."""
+    """Clock offset of the measured attitude against the gyro; None if the motion does not determine it."""
     try:
         return clock_offset(flight, "quaternion")
     except ValueError:
@@ -222,7 +222,7 @@ def straight_stamps(time: Array, rows: Array) -> Array:
 
 
 def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
-    """Merge the channels of another file of the same flight, shifted to the first clock; also returns the offset.
+    """Merge the time series of a second file of the same flight, shifted to the first's clock; also return the offset.
 
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
@@ -239,7 +239,7 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
 
 
 class _Pair:
-    """Signal of a reference sensor, and its averages over kernels as measured by a data stream.
+    """Signal of a reference sensor, and averages of it over time kernels, which a second sensor measured.
 
     Attributes:
         reference: times (M,), s, of the signal.
@@ -278,12 +278,12 @@ class _Pair:
         return mean, slope
 
     def is_inside(self, when: Array) -> Mask:
-        """Mask of the kernels that lie within the time range of the reference."""
+        """Mask of the averaging kernels that lie within the time range of the reference signal."""
         return _is_inside(self.reference, when, self.width * self.order)
 
 
 def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
-    """Mask of times at least ``edge`` s inside the time range of a reference."""
+    """Mask of the times that lie at least ``edge`` s within the time range of a reference signal."""
     return np.asarray((when - edge >= reference[0]) & (when + edge <= reference[-1]))
 
 
@@ -293,7 +293,7 @@ def _scale(values: Array) -> Array:
 
 
 def _is_usual(values: Array) -> Mask:
-    """Mask of rows without shocks, which would dominate a fit."""
+    """Mask of the samples (rows) without shocks, which would dominate a fit."""
     return np.asarray((np.abs(values - np.median(values, axis=0)) < SHOCK * _scale(values)).all(axis=1))
 
 
@@ -404,7 +404,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
 
 
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
-    """Newey-West covariance of a least-squares estimate with residuals correlated over some rows."""
+    """Newey-West covariance of a least-squares estimate with residuals correlated over neighbouring samples."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights

@@ -82,7 +82,7 @@ class QuantitySource:
 
     @property
     def source(self) -> str:
-        """Topic and columns of the source as text."""
+        """Topic and column names from which a quantity is read, as text."""
         listed = ", ".join(self.columns)
         return f"{self.topic}: {listed}" if self.topic else listed
 

@@ -1,4 +1,4 @@
-"""Measured flight: channels in SI units on one clock, and the registry of file formats."""
+"""Measured flight: time series in SI units on one clock, and the registry of file formats."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Channel:
 
 @immutable(eq=False)
 class FlightData:
-    """Measured flight: the channels of a flight's data file, by the names of :data:`QUANTITIES`.
+    """Measured flight: time series from a flight's data file, by the quantity names of :data:`QUANTITIES`.
 
     Attributes:
         name: name of the flight, from its file.
@@ -98,7 +98,7 @@ class FlightData:
                 raise ValueError(f"channel {name}: has {count} columns: must be {width or 'one or more'}")
 
     def __getitem__(self, quantity: str) -> Channel:
-        """Channel of a quantity.
+        """Time series of a measured quantity of the flight.
 
         Raises:
             ValueError: one line: the flight has none.
@@ -109,11 +109,11 @@ class FlightData:
         return self.channels[quantity]
 
     def __contains__(self, quantity: object) -> bool:
-        """True if the flight has a channel of the given quantity."""
+        """True if the flight has a time series of the given quantity."""
         return quantity in self.channels
 
     def __iter__(self) -> Iterator[str]:
-        """Names of the channels."""
+        """Names of the flight's measured quantities."""
         return iter(self.channels)
 
     @property
@@ -123,25 +123,25 @@ class FlightData:
 
     @property
     def start(self) -> float:
-        """Time of the first sample of any channel, s."""
+        """Time (s) of the first sample of any quantity of the flight."""
         return min((float(each.time[0]) for each in self.channels.values() if each.time.size), default=0.0)
 
     @property
     def end(self) -> float:
-        """Time of the last sample of any channel, s."""
+        """Time (s) of the last sample of any quantity of the flight."""
         return max((float(each.time[-1]) for each in self.channels.values() if each.time.size), default=0.0)
 
     @property
     def duration(self) -> float:
-        """Time from the first sample of any channel to the last, s."""
+        """Time (s) from the first sample of any quantity of the flight to the last."""
         return self.end - self.start
 
     def section(self, start: float, end: float) -> FlightData:
-        """Return the samples of all channels from ``start`` to ``end`` (s), both included, on the same clock."""
+        """Return the samples of all quantities from ``start`` to ``end`` (s), both included, on the same clock."""
         return replace(self, channels={name: each.section(start, end) for name, each in self.channels.items()})
 
     def with_channels(self, changed: Mapping[str, Channel], *notes: str) -> FlightData:
-        """Return the flight with some channels replaced or added, and with further notes."""
+        """Return the flight with some time series replaced or added, and with further notes."""
         return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
 
 

@@ -112,7 +112,7 @@ def _fits(quantity: str, array: Array) -> bool:
 
 
 def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> Channel:
-    """Channel of a logged sensor, with one sample per reading at its time of measurement."""
+    """Time series of a logged sensor: one sample per reading, at its time of measurement."""
     stamps = log.received.get(f"{name}.time")
     rows = np.arange(source.late if stamps is None else 0, log.time.size, source.every if stamps is None else 1)
     late = source.late / float(log.info["rates_hz"]["control"])

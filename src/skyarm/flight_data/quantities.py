@@ -1,4 +1,4 @@
-"""Measured quantities of a flight: names of the channels, widths, units and axes."""
+"""Measured quantities of a flight: names, numbers of columns, units and axes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Quantity:
 
     @property
     def unit(self) -> str:
-        """Unit of a channel of this quantity."""
+        """Unit in which a measured flight stores this quantity."""
         return next(iter(self.units))
 
 

@@ -123,14 +123,14 @@ def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) 
 
 
 def _holding(tables: Mapping[str, RawTable], signal: QuantitySource) -> RawTable | None:
-    """Table of a source's topic, or else the first table with its columns; None if there is none."""
+    """Table with a quantity: that of the stated topic, or else the first with the stated columns; None if missing."""
     if signal.topic:
         return tables.get(signal.topic)
     return next((each for each in tables.values() if each.has(*signal.columns)), None)
 
 
 def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> RawTable:
-    """Table of a source's topic, else the first with its columns, else the only one; checks that it has them.
+    """Table from which to read a quantity, by the stated topic or columns; raise an error if a column is missing.
 
     Raises:
         ValueError: one line: no such topic or column.
@@ -152,7 +152,7 @@ def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> R
 def _channel(
     name: str, signal: QuantitySource, tables: Mapping[str, RawTable], columns: Columns, notes: list[str]
 ) -> Channel:
-    """Convert a source to a channel in SI units and the library's axes; lost samples are noted."""
+    """Convert table columns to a time series in SI units and the library's axes; lost samples are noted."""
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
     with np.errstate(all="ignore"):

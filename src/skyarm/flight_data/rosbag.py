@@ -163,7 +163,7 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
 
 
 def _table(rows: _Rows, origin: int) -> RawTable:
-    """Table of a topic, with NaN for missing numbers; named list entries are also accessible by index."""
+    """Numeric table of a ROS topic, NaN where a message lacks a number; named list entries also by index."""
     every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
     table = np.full((len(rows.received), len(every)), np.nan)
     for names, alike in rows.numbers.items():
@@ -202,7 +202,7 @@ def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str
 
 
 def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
-    """Columns of the list entries with the most numbers, by name if entries are named."""
+    """Columns of a topic's list with the most numbers; only named list entries if there are any."""
     every = [each for each in table.columns if each.startswith(begin)]
     counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
     named = [each for each in every if ENTRY.fullmatch(each)] or every

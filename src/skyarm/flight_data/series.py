@@ -30,18 +30,18 @@ def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Arra
 
 
 def values_at(channel: Channel, time: Array) -> Array:
-    """Values (N, k) of a channel at given times (s), by linear interpolation."""
+    """Values (N, k) of a time series at given times (s), by linear interpolation."""
     return columns_at(time, channel.time, channel.values)
 
 
 def thin_samples(channel: Channel, step: float) -> tuple[Array, Array]:
-    """Thin out a channel to samples about ``step`` s apart; returns times and values."""
+    """Thin out a time series to samples about ``step`` s apart; return times and values."""
     every = max(1, round(step * channel.rate))
     return channel.time[::every], channel.values[::every]
 
 
 def middle(rows: Array) -> Array:
-    """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
+    """Mean of each row of an array and the next one: (N + 1, ...) to (N, ...)."""
     return 0.5 * (rows[1:] + rows[:-1])
 
 

@@ -83,7 +83,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
 
 
 def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
-    """Table of a topic, on the clock of its samples if the messages contain it."""
+    """Numeric table of a PX4 topic, with the sampling times of its messages if they state plausible ones."""
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
         columns = {field: numbers.astype(float) for field, numbers in rows.items()}
     stamps = columns["timestamp"]
@@ -114,7 +114,7 @@ def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
 
 
 def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float | None:
-    """Minimum or maximum output of a channel; None if no parameter states it."""
+    """Minimum or maximum output of a PX4 output channel; None if no parameter states it."""
     every = [f"PWM_{bank}_{which}{channel + 1}", f"PWM_{bank}_{which}", *([f"PWM_{which}"] if bank == "MAIN" else [])]
     usual = USUAL_LIMITS[which] if f"PWM_{bank}_FUNC{channel + 1}" in parameters else None
     return next((parameters[name] for name in every if parameters.get(name, -1.0) > 0.0), usual)
@@ -123,7 +123,7 @@ def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float
 def _rotor_commands(
     tables: dict[str, RawTable], parameters: Parameters, count: int, notes: list[str]
 ) -> tuple[QuantitySource, ...]:
-    """Sources of the rotor commands; the table of output shares is added to ``tables``."""
+    """Sources of the rotor commands in a PX4 log; the rotors' outputs (0 to 1) are added to ``tables``."""
     if not {"actuator_outputs", "actuator_motors"} & set(tables):
         return ()
     if not count:

@@ -128,7 +128,7 @@ class WholeMessages:
         return 0
 
     def _is_read(self, letter: bytes, body: bytes) -> bool:
-        """True if pyulog reads and needs a message; formats and topics that it declares are stored."""
+        """True if pyulog can read and needs a ULog message; stores formats and topics that the message declares."""
         if letter == b"F" and (match := FORMAT.fullmatch(body)):
             text = match[2]
             names = [name for _, _, name in FIELD.findall(text)]

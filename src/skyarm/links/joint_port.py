@@ -64,7 +64,7 @@ class JointLink(ABC):
 
     @abstractmethod
     def read(self) -> JointReading | None:
-        """Newest reading since the last call, or None; returns at once."""
+        """Newest joint reading that arrived since the last call, or None; does not wait."""
 
     @abstractmethod
     def send(self, setpoints: Sequence[float], at: float) -> None:
@@ -81,14 +81,14 @@ class JointLink(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the port; a second call has no effect."""
+        """Close the joint port; a second call has no effect."""
 
 
 class NoJoints(JointLink):
     """Joint port of a vehicle without joints."""
 
     def read(self) -> JointReading:
-        """Empty reading with the present time."""
+        """Reading of zero joints, with the present time."""
         return JointReading(time.monotonic(), (), ())
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
@@ -102,12 +102,12 @@ class NoJoints(JointLink):
 
 
 def pack(kind: int, count: int, at: float, values: Sequence[float] = ()) -> bytes:
-    """Encode a datagram of a given kind for ``count`` joints at a time (s)."""
+    """Encode a datagram of the joint port: its kind, number of joints, time (s) and values."""
     return HEADER.pack(MAGIC, kind, count, 0, at) + struct.pack(f"<{len(values)}d", *values)
 
 
 def unpack(data: bytes, count: int) -> tuple[int, float, tuple[float, ...]] | None:
-    """Decode kind, time and numbers of a datagram for ``count`` joints; None for other bytes."""
+    """Decode a datagram of the joint port for ``count`` joints: kind, time (s) and values; None for other bytes."""
     if len(data) < HEADER.size:
         return None
     magic, kind, joints, zeros, at = HEADER.unpack_from(data)
@@ -138,7 +138,7 @@ class UdpJoints(JointLink):
         self._asked = -math.inf
 
     def read(self) -> JointReading | None:
-        """Newest reading since the last call; while none arrive, readings are requested."""
+        """Newest joint reading that arrived since the last call; if there is none, readings are requested."""
         newest = None
         for data, _ in drain(self._socket):
             message = unpack(data, self._count)
@@ -161,7 +161,7 @@ class UdpJoints(JointLink):
         self._tell(RELEASE)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket of the joint port."""
         self._socket.close()
 
     def _tell(self, kind: int, values: Sequence[float] = (), at: float = 0.0) -> None:
@@ -170,7 +170,7 @@ class UdpJoints(JointLink):
 
 
 class JointServer:
-    """Owner's side of a joint port: sends joint states to one external commander, and receives its setpoints.
+    """Server of a joint port: sends joint states to one external commander, and receives its setpoints.
 
     A commander that is silent for ``FRESH`` seconds, or releases the arm, loses the joints; the next one may follow.
 
@@ -196,7 +196,7 @@ class JointServer:
 
     @property
     def port(self) -> int:
-        """Number of the bound port."""
+        """Number of the UDP port to which the server is bound."""
         return int(self._socket.getsockname()[1])
 
     @property
@@ -240,5 +240,5 @@ class JointServer:
             self._partner, self._setpoints = None, None
 
     def close(self) -> None:
-        """Free the port."""
+        """Close the server's socket, which frees its UDP port."""
         self._socket.close()

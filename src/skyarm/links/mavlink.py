@@ -52,7 +52,7 @@ class Message:
     fields: Mapping[str, DecodedValue]
 
     def __getitem__(self, field: str) -> Any:
-        """Value of a field: ``int`` or ``float``, ``str`` for characters, ``tuple`` for an array; ``KeyError``."""
+        """Value of a message field: number, ``str`` for characters, ``tuple`` for an array; KeyError if missing."""
         return self.fields[field]
 
 
@@ -93,7 +93,7 @@ def pack(name: str, *, sequence: int, system: int = 1, component: int = 1, **fie
 
 
 def _payload(definition: Definition, merged: Mapping[str, FieldValue]) -> bytes:
-    """Encode the payload with its trailing zeros; errors of ``struct``, types and lengths are not caught."""
+    """Encode a MAVLink message's payload with its trailing zeros; errors of types and lengths are not caught."""
     values: list[Any] = list(merged.values())
     for place, field in definition.texts:
         values[place] = _characters(values[place], field.count)
@@ -113,7 +113,7 @@ def _characters(value: Any, count: int) -> bytes:
 
 
 def _misfit(definition: Definition, merged: Mapping[str, FieldValue]) -> MavlinkError:
-    """Error that names the first field whose value does not fit."""
+    """Error that names the first message field whose value cannot be encoded."""
     for field in definition.fields:
         try:
             _payload(definition, {**definition.defaults, field.name: merged[field.name]})
@@ -184,7 +184,7 @@ class Parser:
         return stop
 
     def _accept(self, pending: bytes, start: int, stop: int, messages: list[Message]) -> bool:
-        """Check the frame from ``start`` to ``stop`` and append its message; False if these bytes are no frame."""
+        """Check the MAVLink frame from ``start`` to ``stop`` and append its message; False if it is no frame."""
         version_2 = pending[start] == _MAGIC_2
         if version_2:
             payload = start + _HEADER_2
@@ -223,7 +223,7 @@ class Parser:
 
 
 def _frame_end(pending: bytes, start: int) -> int:
-    """End index of the frame at ``start``; ``start`` for no frame, beyond all bytes for an incomplete header."""
+    """Index after the MAVLink frame at ``start``; ``start`` for invalid flags, past the data for a cut header."""
     if pending[start] == _MAGIC_1:
         header, signature = _HEADER_1, 0
     else:

@@ -137,12 +137,12 @@ class MavlinkField:
 
     @property
     def is_text(self) -> bool:
-        """True for an array of characters."""
+        """True if a MAVLink field is an array of characters."""
         return self.type == "text"
 
     @property
     def default(self) -> FieldValue:
-        """Default value of the field: zero, or the protocol version 3 in a heartbeat."""
+        """Default value of a MAVLink field: zero, or the protocol version 3 in a heartbeat."""
         if self.is_text:
             return b""
         if self.count:

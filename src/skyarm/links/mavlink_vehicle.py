@@ -149,20 +149,20 @@ class MavlinkVehicle:
         self.tell(name, target_system=self.system, target_component=1, **fields)
 
     def beat(self) -> None:
-        """Send a heartbeat."""
+        """Send the autopilot a MAVLink heartbeat."""
         self.tell("HEARTBEAT", type=self._role, autopilot=NO_AUTOPILOT, system_status=ACTIVE)
 
     def command(self, number: int, *values: float) -> None:
-        """Send a command with its parameters."""
+        """Send the autopilot a MAVLink command with its parameters."""
         self.tell_autopilot("COMMAND_LONG", command=number, **{f"param{i + 1}": float(v) for i, v in enumerate(values)})
 
     def request_outside(self) -> None:
-        """Request the mode that takes external set points."""
+        """Request the autopilot's mode that takes external set points."""
         assert self.modes is not None
         self.command(SET_MODE, 1, *self.modes.outside)
 
     def request_hold(self) -> None:
-        """Request the mode that holds the position."""
+        """Request the autopilot's mode that holds the position."""
         assert self.modes is not None
         self.command(SET_MODE, 1, *self.modes.hold)
 

@@ -41,7 +41,7 @@ class TranscriptError(ValueError):
 
 
 class Tape:
-    """Recorder or player of an exchange with a program: every message in order, with channel and time.
+    """Recorder or player of the messages exchanged with a program, in order, with their connection's name and time.
 
     Without a file nothing is kept; a file begins with the first message, and replaces a transcript only. Played back, a
     tape answers in the program's place: what is sent must be, byte for byte, what was sent then.
@@ -130,7 +130,7 @@ class Tape:
             raise
 
     def _next(self, what: bytes, channel: str) -> bytes:
-        """Next recorded message, after a check of its direction and channel."""
+        """Next message of a played-back transcript, after a check of its direction and connection."""
         assert self._rows is not None
         row = next(self._rows, None)
         if row is None:
@@ -149,7 +149,7 @@ def _pack(time: float, what: bytes, channel: str, data: bytes) -> bytes:
 
 
 def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
-    """Messages of a transcript without the leading autopilot name, which is checked.
+    """Messages of a transcript without its first one, the autopilot's name, which is checked.
 
     Raises:
         TranscriptError: it is that of another autopilot.

@@ -1,4 +1,4 @@
-"""Log of one episode, and its files."""
+"""Log of one flight: its arrays, derived quantities and files."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class Log:
 
     @property
     def tip_held(self) -> Array:
-        """Position reference (m) of the tip, (N, 3), sampled and held."""
+        """Position reference (m) of the tip, (N, 3), held constant between the reference's sampling instants."""
         return self.tool_held
 
     @property

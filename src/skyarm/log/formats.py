@@ -41,7 +41,7 @@ class LogFormat:
 
 
 def _ros_files() -> ModuleType:
-    """Import the module of MCAP files at its first use, since it imports this module."""
+    """Import the module of MCAP files at its first use; an earlier import would be circular."""
     return import_module("skyarm.log.ros.files")
 
 

@@ -54,28 +54,28 @@ AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 
 class Arrays(Protocol):
-    """Protocol of objects that return a log's arrays by name, such as a log or a section of a log."""
+    """Interface of objects that return a log's arrays by name, such as a log or some of its instants."""
 
     def __getitem__(self, array: str) -> Array: ...
 
 
 class FlightArrays(Arrays, Protocol):
-    """Protocol of a log, :class:`skyarm.Log`: its arrays and its description."""
+    """Interface of a log, :class:`skyarm.Log`: its arrays and its description."""
 
     @property
     def time(self) -> Array:
-        """Times (s) of the instants, (N,)."""
+        """Times (s) of a log's control instants, (N,)."""
 
     @property
     def path_time(self) -> Array:
-        """Times (s) of the reference, (N,); empty if they equal those of the flight."""
+        """Times (s) of the reference at a log's instants, (N,); empty if they equal those of the flight."""
 
     @property
     def info(self) -> Info:
-        """Description of the flight."""
+        """Metadata of a logged flight."""
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays by name."""
+        """All arrays of a log by name."""
 
     def component(self, name: str) -> Array:
         """Array logged by a wind, force or contact model; (N, 0) if the flight has no such array."""
@@ -97,7 +97,7 @@ class LogColumn:
     index: int | None
 
     def of(self, log: Arrays) -> Array:
-        """Values (N,) of the column in a given log, or in a section of a log."""
+        """Values (N,) of the column in a given log, or in an object with some of its instants."""
         array = log[self.array]
         return array if self.index is None else array[:, self.index]
 
@@ -204,7 +204,7 @@ def word(name: str, kind: str = "") -> str:
 
 
 def unit_of_kind(unit: Unit, kind: str) -> str:
-    """Choose from a pair of units such as ``rad or m``: the first if revolute, the second if prismatic."""
+    """Choose from a pair of units such as ``rad or m``: the first if a joint is revolute, the second if prismatic."""
     options = unit.unit.split(" or ")
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
 

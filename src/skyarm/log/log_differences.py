@@ -1,4 +1,4 @@
-"""Differences of two logs: first instant, quantity, size and growth."""
+"""Comparison of two logs: first differing instant and quantity, size and growth of the differences."""
 
 from __future__ import annotations
 
@@ -129,5 +129,5 @@ def difference_lines(differences: LogDifferences, labels: tuple[str, str], toler
 
 
 def more_lines(count: int, what: str) -> list[str]:
-    """Line with the number of differences that are not listed; no line for zero."""
+    """Line of text with the number of differences that are not listed; no line for zero."""
     return [f"and {count} {what} more, which --json lists"] if count > 0 else []

@@ -50,7 +50,7 @@ class PoseSeries:
 
 @immutable(eq=False)
 class PredictedMotion:
-    """Predictions of a measured motion, both reset to the measured state at the same instants.
+    """Motions predicted by a vehicle model and by constant velocity, reset to the measured state at the same instants.
 
     Attributes:
         model: of a vehicle's model under the recorded commands.

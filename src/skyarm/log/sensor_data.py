@@ -64,7 +64,7 @@ class Source:
 
     @property
     def plain(self) -> Info:
-        """Convert the source to plain data for a log file."""
+        """Convert the description of a sensor or estimator to plain data for a log file."""
         return asdict(self)
 
 

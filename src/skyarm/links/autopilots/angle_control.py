@@ -22,7 +22,7 @@ Vector = tuple[float, float, float]
 
 @immutable
 class AngleGains:
-    """Gains and limits of the position loop.
+    """Gains and limits of a position controller around an autopilot in angle mode.
 
     Attributes:
         position, velocity, integral: gains of the errors of position and velocity, and of the position error's
@@ -42,7 +42,7 @@ class AngleGains:
     drift: Annotated[float, Unit("m/s^2")] = 3.0
 
     def slow_down(self, factor: float) -> AngleGains:
-        """Gains for a position loop whose bandwidth is reduced by a factor below 1; yaw is unchanged."""
+        """Gains of a position controller whose bandwidth is reduced by a factor below 1; the yaw gain is unchanged."""
         return dataclasses.replace(
             self,
             position=self.position * factor**2,
@@ -80,14 +80,14 @@ class MotionFilter:
         self._begun = False
 
     def predict(self, quaternion: Sequence[float], specific_force: Sequence[float], dt: float) -> None:
-        """Advance by ``dt`` with the measured attitude (w, x, y, z) and specific force (base axes)."""
+        """Predict position and velocity after ``dt`` from measured attitude (wxyz) and specific force (base axes)."""
         x, y, z = rotate(quaternion, specific_force)
         push = Vec3(x, y, z - self._gravity)
         self.position += (self.velocity + push * (0.5 * dt)) * dt
         self.velocity += push * dt
 
     def correct(self, measured: Sequence[float], dt: float) -> None:
-        """Correct the estimate by a position measured ``dt`` after the previous one; the first one initialises it."""
+        """Correct position and velocity by a position measured ``dt`` after the last; the first one sets them."""
         if not self._begun:
             self.position, self.velocity, self._begun = Vec3(*measured), Vec3(0.0, 0.0, 0.0), True
             return
@@ -124,7 +124,7 @@ class AngleControl:
         *,
         flying: bool,
     ) -> AttitudeCommand:
-        """Attitude set point for a set point of the base; the integral advances only while ``flying``."""
+        """Attitude set point that tracks a set point of the base; the error is integrated only while ``flying``."""
         gains = self._gains
         error = [a - b for a, b in zip(goal.position, position, strict=True)]
         size = math.hypot(*error)

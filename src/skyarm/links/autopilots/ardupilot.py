@@ -136,7 +136,7 @@ make_ardupilot = AutopilotMaker(ArduPilot)
 
 
 def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
-    """JSON line that answers a physics frame of ArduPilot: time, inertial readings and true state in its axes.
+    """JSON line that answers ArduPilot's physics frame: time, inertial readings and true state in ArduPilot's axes.
 
     Args:
         time: s, of ArduPilot's clock.
@@ -264,7 +264,7 @@ class ArduPilotLink(ProgramLink):
         self._signals = signals
 
     def _decode(self, packet: bytes) -> tuple[int, ...]:
-        """Decode the pulse widths in the next frame's packet, after a check of its frame number."""
+        """Decode the motor pulse widths in ArduPilot's packet, which must have the next frame number."""
         layout = _layout(packet)
         if layout is None:
             raise LinkError(f"ArduPilot's physics port got {len(packet)} bytes that are no packet of pulse widths")
@@ -348,7 +348,7 @@ class ArduPilotLink(ProgramLink):
             vehicle.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, self._record.climb)
 
     def _stream(self) -> bytes:
-        """Bytes that have arrived over the MAVLink stream; empty if there are none."""
+        """Bytes that have arrived over ArduPilot's MAVLink stream; empty if there are none."""
         assert self._tcp is not None
         try:
             pieces = [data for data, _ in drain(self._tcp)]
@@ -366,7 +366,7 @@ class ArduPilotLink(ProgramLink):
             self._next = 0.0
 
     def _carry(self, frame: bytes) -> None:
-        """Send a frame over the MAVLink stream."""
+        """Send a MAVLink frame to ArduPilot."""
         self._tape.send("mavlink", frame, self._write)
 
     def _hear(self, message: mavlink.Message) -> None:
@@ -382,7 +382,7 @@ class ArduPilotLink(ProgramLink):
 
 
 def _layout(packet: bytes) -> struct.Struct | None:
-    """Binary layout of a packet of pulse widths; None for other bytes."""
+    """Binary layout (``struct``) of ArduPilot's packet of motor pulse widths; None for any other bytes."""
     layout = LAYOUTS.get(int.from_bytes(packet[:2], "little"))
     return layout if layout is not None and len(packet) == layout.size else None
 

@@ -106,7 +106,7 @@ def _turn(angle: float) -> float:
 
 
 def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Torque (N m) about x, y and z of a full torque command, as ArduPilot shares it among the motors.
+    """Torque (N m) about x, y and z that a full torque command produces with ArduPilot's motor mixer.
 
     A motor's share of roll and pitch goes with the sine and cosine of its angle, that of yaw with its spin; the
     largest share is 1/2 of the full thrust. Source: ArduCopter 4.7, matrix of the motors.
@@ -158,7 +158,7 @@ def thrust_curve(vehicle: Vehicle) -> float:
 
 
 def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
-    """ArduPilot parameters of a vehicle: frame, thrust curve, hover thrust, gains of the rates and of the climb.
+    """ArduPilot parameters of a vehicle: frame, thrust curve, hover thrust, gains of rate and climb control.
 
     A motor's signal is its speed in parts of the highest; the whole range of the signal is used. The gains of the
     vertical acceleration follow the hover thrust, as ArduPilot's instructions for the first flight ask.

@@ -86,7 +86,7 @@ class SimulatorLink(ABC):
 
     @abstractmethod
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
-        """Send sensor readings and the set point of an instant; return the rotor signals (0 to 1) of the answer.
+        """Send sensor readings and a set point to the autopilot; return the rotor signals (0 to 1) that it answers.
 
         Raises:
             LinkError: silence, a connection that ended, what the protocol does not allow.
@@ -96,7 +96,7 @@ class SimulatorLink(ABC):
     """True once the autopilot holds its place by itself and takes set points from a program outside."""
 
     def release(self) -> None:
-        """Hand mode and set points of the autopilot to an external program; may be called again until that is done.
+        """Hand control of the autopilot over to an external program; may be called again until that is done.
 
         Raises:
             LinkError: the link cannot.
@@ -109,7 +109,7 @@ class SimulatorLink(ABC):
 
     @property
     def facts(self) -> dict[str, Plain]:
-        """Counts and version of the exchange with the autopilot so far, for the log."""
+        """Statistics of the exchange with the autopilot so far, such as counts of messages, for the log."""
         return {}
 
 
@@ -151,7 +151,7 @@ class Autopilot(ABC):
         """Sensors that the autopilot reads, by name; those missing in a scenario are added."""
 
     def session_type(self) -> type[Session]:
-        """Class of the session, which starts the autopilot's program and takes off when it is constructed."""
+        """Class of simulation sessions under an autopilot; constructing one starts the program and takes off."""
         from skyarm.links.autopilots.flight import PilotedSession
 
         return PilotedSession
@@ -247,7 +247,7 @@ class AutopilotMaker:
 
     @property
     def __signature__(self) -> Signature:
-        """Signature with one option for each field of the autopilot's settings, and the joint gains."""
+        """Call signature of the factory: an option per field of the autopilot's settings, and the joint gains."""
         usual = {each.name: each.default for each in fields(self.kind)} | {"joint_gains": None}
         options = [Parameter(name, Parameter.KEYWORD_ONLY, default=value) for name, value in usual.items()]
         return Signature([Parameter("model", Parameter.POSITIONAL_OR_KEYWORD), *options])
@@ -270,7 +270,7 @@ def model_of(scenario: Scenario) -> Model:
 
 
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
-    """Raise an error if an autopilot's rotor signals do not fit the rotors of the plant.
+    """Raise an error if the plant's rotors tilt, lack a maximum speed, or differ in number from the model's.
 
     Raises:
         ScenarioError: rotors that tilt, that have no highest speed, or another number of them than the model has.
@@ -287,7 +287,7 @@ def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
 
 
 def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float], ...]:
-    """Autopilot parameters from a table of names (of at most ``longest`` letters) and numbers.
+    """Check a mapping from autopilot parameter (at most ``longest`` letters) to number; return its items.
 
     Raises:
         ControllerError: a name that is no parameter's, or a value that is no number.

@@ -181,7 +181,7 @@ class BetaflightLink(ProgramLink):
             self._held.callback(self._guard.close)
 
     def _repeat(self, start: Callable[[], Child], until: float) -> Child:
-        """Start the program again and again until it answers or a time of the monotonic clock has passed.
+        """Start Betaflight repeatedly until it answers; raise an error after a given time (s, monotonic clock).
 
         Raises:
             LinkError: it never answers, or ends.
@@ -216,7 +216,7 @@ class BetaflightLink(ProgramLink):
         raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
 
     def _warm_up(self) -> bool:
-        """Send states at rest for ``WARM`` s, in real time or slower; True if motor messages answer the last ones.
+        """Send Betaflight states of rest for ``WARM`` s, in real time or slower; True if it answers the last ones.
 
         Betaflight's clock stands still for the first state's answer, and now and then does not start again. Each state
         waits for the answer to the one before: of states that queue up on a busy machine the clock leaps.
@@ -288,7 +288,7 @@ class BetaflightLink(ProgramLink):
         return (*self._sticks.channels(attitude), ON, ON, *(OFF,) * 10)
 
     def _take(self, answer: bytes) -> None:
-        """Read rotor signals and arming state from a motor message."""
+        """Read rotor signals and arming state from a motor message of Betaflight."""
         count, *motors = MOTORS.unpack(answer)
         motors = motors[: self._rotors]
         if count != self._rotors or not all(math.isfinite(each) for each in motors):
@@ -330,7 +330,7 @@ class BetaflightLink(ProgramLink):
             raise self._port_error(error) from None
 
     def _read(self) -> bytes:
-        """Newest motor message; empty if none arrives in time."""
+        """Newest motor message from Betaflight; empty if none arrives in time."""
         message, now = self._await_motors(self._sent + ANSWER), time.monotonic()
         self._heard = now
         if self._guard is not None:
@@ -343,7 +343,7 @@ class BetaflightLink(ProgramLink):
         return message
 
     def _await_motors(self, until: float) -> bytes:
-        """Newest motor message; empty if none arrives before a time of the monotonic clock."""
+        """Newest motor message from Betaflight; empty if none arrives before a time (s, monotonic clock)."""
         assert self._motors is not None
         message, left = b"", 1.0
         while not message and left > 0.0:
@@ -355,7 +355,7 @@ class BetaflightLink(ProgramLink):
         return message
 
     def _motors_of(self, datagrams: Sequence[tuple[bytes, Address | None]]) -> list[bytes]:
-        """Motor messages among datagrams, only those of the first sender, which is Betaflight."""
+        """Motor messages among received datagrams; only those of Betaflight, the first sender, count."""
         messages = []
         for data, sender in datagrams:
             if len(data) != MOTORS.size or self._peer not in (None, sender):
@@ -366,7 +366,7 @@ class BetaflightLink(ProgramLink):
         return messages
 
     def _check_alive(self, now: float) -> None:
-        """Raise an error if the program has ended, or has been silent for too long."""
+        """Raise an error if Betaflight's process has ended, or has been silent for too long."""
         if self._child is not None and not self._child.running:
             raise LinkError(f"Betaflight has ended{self._ending}")
         self._silent_since = self._silent_since or now

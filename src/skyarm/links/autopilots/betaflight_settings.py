@@ -50,7 +50,7 @@ def curve(mix: float) -> float:
 
 
 def mix_of(throttle: float) -> float:
-    """Mixed throttle (0 to 1) for a stick position (0 to 1), with Betaflight's compensation of its linearisation."""
+    """Mixed throttle (0 to 1) at a throttle stick position (0 to 1), as Betaflight inverts its thrust linearisation."""
     amount = LINEARIZATION - 0.5 * LINEARIZATION**2
     return throttle / (1.0 + amount * (1.0 - throttle) ** 2)
 

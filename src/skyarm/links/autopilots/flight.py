@@ -297,7 +297,7 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Prepare the flight at the hand-over: log columns of the readings, and the first set point."""
+        """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
         self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.plant.vehicle.rotors)
@@ -352,7 +352,7 @@ class PilotedSession(Session):
         self.close()
 
     def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
-        """Simulate one control period and exchange its sensor readings for the next rotor signals.
+        """Simulate one control period, send its sensor readings to the autopilot, and receive the next rotor signals.
 
         Raises:
             ScenarioError: a command: the autopilot commands.
@@ -401,7 +401,7 @@ class PilotedSession(Session):
         return super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
 
     def fly(self, stop: int) -> bool:
-        """Simulate control periods up to period ``stop`` for about a tenth of a second."""
+        """Simulate for about a tenth of a second of wall time, at most up to control period ``stop``."""
         until, going = time.perf_counter() + 0.1, self.running
         while going and self.tick < stop:
             going = self.step()

@@ -72,7 +72,7 @@ class GuidedVehicle(MavlinkVehicle):
             raise LinkError(f"a set point cannot be sent to {self.numbers.title}: {error}") from None
 
     def compare_place(self, ours: Numbers, still: bool) -> int:
-        """Record the error of the reported position; return the number of records since the vehicle is ``still``."""
+        """Record the autopilot's reported position minus a given one; return the count of records while ``still``."""
         if self.place is None or not still:
             self._differences.clear()
         else:

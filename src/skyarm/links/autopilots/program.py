@@ -59,7 +59,7 @@ of a pipe of which only we have the other end. The kernel closes that when we en
 
 
 class Child:
-    """Child process in its own temporary folder, which ends with this process even if that crashes.
+    """Child process in its own temporary folder, ended with its parent process even if the parent crashes.
 
     Args:
         command: program and arguments.
@@ -93,17 +93,17 @@ class Child:
 
     @property
     def running(self) -> bool:
-        """True while the process has not ended."""
+        """True while the child process has not ended."""
         return self.code is None
 
     @property
     def code(self) -> int | None:
-        """Exit code, negative for one that a signal has ended; None while it runs."""
+        """Exit code of the child process, negative if a signal ended it; None while it runs."""
         return self._process.poll()
 
     @property
     def pid(self) -> int:
-        """Process ID."""
+        """Process ID of the child process."""
         return self._process.pid
 
     @property
@@ -156,7 +156,7 @@ def make_folder(autopilot: Autopilot) -> Path:
 
 
 class ProgramLink(SimulatorLink):
-    """Link to a program that it starts itself; closing the link ends process, folder and sockets.
+    """Connection to a program that it starts itself; closing it ends the process and removes folder and sockets.
 
     Args:
         record: record of the autopilot.
@@ -170,7 +170,7 @@ class ProgramLink(SimulatorLink):
 
     @contextlib.contextmanager
     def _starting(self) -> Iterator[None]:
-        """Context manager that closes the link if its start fails.
+        """Context manager that closes the connection to a program if its start fails.
 
         Raises:
             LinkError: a port, a file or the program cannot be opened.
@@ -221,7 +221,7 @@ class ProgramLink(SimulatorLink):
                 )
 
     def _write(self, data: bytes) -> None:
-        """Send bytes over the stream.
+        """Send bytes to the autopilot's program over TCP.
 
         Raises:
             LinkError: the program reads nothing, or has closed the connection.

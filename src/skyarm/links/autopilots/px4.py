@@ -168,7 +168,7 @@ class PX4Link(ProgramLink):
             self._start(needed | dict(record.parameters))
 
     def _start(self, parameters: Mapping[str, float]) -> None:
-        """Open the ports, start the program, and accept its connection."""
+        """Open PX4's ports, start its program, and accept its connection."""
         record = self._record
         program = find_program(record, "px4")
         etc = find_etc(program)
@@ -281,7 +281,7 @@ class PX4Link(ProgramLink):
                 raise LinkError(f"controller.parameters.{name} = {value:g}: must be a parameter that PX4 knows")
 
     def _read(self, until: float, heard: bool) -> bytes:
-        """Bytes from the simulator's TCP stream; empty once the time is up, even if other messages keep arriving."""
+        """Bytes received from PX4 over the simulator's TCP connection; empty once the time limit has passed."""
         assert self._tcp is not None
         if heard and time.monotonic() > until:
             return b""
@@ -356,7 +356,7 @@ class PX4Link(ProgramLink):
         return b""
 
     def _carry(self, frame: bytes) -> None:
-        """Send a MAVLink frame over the onboard port."""
+        """Send a MAVLink frame to PX4 over its onboard port."""
         self._tape.send("onboard", frame, self._write_datagram)
 
     def _write_datagram(self, data: bytes) -> None:

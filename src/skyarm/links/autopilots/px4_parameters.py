@@ -121,7 +121,7 @@ def thrust_factor(rotor: Rotor) -> float:
 
 
 def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Torque (N m) about x, y and z of a full torque set point, as PX4 shares it among the rotors.
+    """Torque (N m) about x, y and z that a full torque set point produces with PX4's control allocation.
 
     PX4 mixes by the pseudo-inverse of the rotors' effectiveness, each column scaled: roll and pitch alike so that the
     signals' root mean square over the rotors that take part is 1/sqrt(2) of the larger, yaw by its largest signal.

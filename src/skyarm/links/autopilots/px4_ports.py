@@ -17,7 +17,7 @@ ONBOARD_PORT, JOINT_PORT = 14540, 14640
 
 @immutable(kw_only=False)
 class Ports:
-    """Sockets of an instance on the loopback address: the listening simulator port and the onboard port."""
+    """Sockets for a PX4 instance on the loopback address: the listening simulator port and the onboard port."""
 
     instance: int
     listener: socket.socket

@@ -1,4 +1,4 @@
-"""Connection of a control law to an autopilot, whichever protocol carries it."""
+"""Connection of a control law to an autopilot, over any of the supported protocols."""
 
 from __future__ import annotations
 

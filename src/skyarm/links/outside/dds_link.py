@@ -128,7 +128,7 @@ class DdsLink(Estimates):
         """Send no heartbeat, since each set point shows PX4 that this program is alive."""
 
     def request_estimates(self, rate: float) -> None:
-        """Raise an error if several vehicles publish on these topics; PX4 chooses the rates itself.
+        """Raise an error if several vehicles publish on PX4's topics; PX4 chooses the rates itself.
 
         Raises:
             OffboardError: more than one publishes its estimate.
@@ -143,7 +143,7 @@ class DdsLink(Estimates):
         self._set_mode(*MODES[PX4_NUMBER].outside)
 
     def request_hold(self) -> None:
-        """Request the mode that holds the position."""
+        """Request PX4's mode that holds the position."""
         self._set_mode(*MODES[PX4_NUMBER].hold)
 
     def send(self, command: SetPoint) -> None:

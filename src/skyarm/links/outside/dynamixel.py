@@ -91,13 +91,13 @@ class DynamixelJoints(JointLink):
         self._thread.start()
 
     def read(self) -> JointReading | None:
-        """Newest reading since the last call; None if the bus has sent none."""
+        """Newest joint reading from the servo bus since the last call; None if the bus has sent none."""
         with self._lock:
             newest, self._newest = self._newest, None
         return newest
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
-        """Hand setpoints to the bus: torques in N m, or positions in rad."""
+        """Pass joint setpoints to the servo bus: torques in N m, or positions in rad."""
         with self._lock:
             self._setpoints, self._given = tuple(setpoints), time.monotonic()
 

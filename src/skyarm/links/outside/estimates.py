@@ -47,7 +47,7 @@ class Estimates:
             self.state, self.fresh, self.heard = state, True, time.monotonic()
 
     def _keep_force(self, force: Vec3) -> None:
-        """Store a finite specific force for the following estimates."""
+        """Store a specific force, if it is finite, for the state estimates that follow."""
         self._force = force if all(map(math.isfinite, force)) else self._force
 
     def _take_answer(self, command: int, result: int, to: tuple[int, int], ours: tuple[int, int]) -> None:

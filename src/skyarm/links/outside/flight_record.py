@@ -49,14 +49,14 @@ class FlightRecord:
     computing: list[float] = field(default_factory=list)
 
     def add(self, tick: int, seen: Measurement, given: OutsideCommand) -> None:
-        """Add the sample of a control period."""
+        """Add the measured state and the command of one control period to the record."""
         self.ticks.append(tick)
         moving = (seen.position, seen.quaternion, seen.velocity, seen.rate, seen.joints, seen.joint_rates)
         self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
         self.commands.append(tuple(leaves(given.law)))
 
     def log(self, scenario: Scenario, ended: Ended | None, facts: Mapping[str, Plain]) -> Log:
-        """Log of the flight in the usual form; a missed period repeats the sample before it, or else the first.
+        """Convert the record to a flight log; a missed period repeats the sample before it, or else the first.
 
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """

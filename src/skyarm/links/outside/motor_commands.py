@@ -41,13 +41,13 @@ class MotorSettings:
     period: Annotated[float, Unit("s", "of the law", low=0.0, strict=True)]
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
-        """Zero torque, since no loop of the autopilot integrates."""
+        """Zero integral torque, since motor set points bypass the autopilot's rate loop."""
         return Vec3(0.0, 0.0, 0.0)
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
     ) -> tuple[Vec3, MotorCommand]:
-        """Thrust shares for the rotor speeds of the law's command; the integral torque is unchanged."""
+        """Rotor thrusts as shares of the highest, for a law's commanded rotor speeds; integral torque unchanged."""
         pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
         shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
         return integral, MotorCommand(thrusts=tuple(shares))

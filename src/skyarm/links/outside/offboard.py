@@ -64,7 +64,7 @@ LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged"
 @immutable
 @checked("", OffboardError)
 class OffboardSettings:
-    """Settings of a flight outside of the simulator.
+    """Settings of a real-time flight through an autopilot, outside of the simulator.
 
     Attributes:
         rate_bandwidth: bandwidth of an ideal rate loop; None inverts PX4's rate loop by its parameters.
@@ -116,7 +116,7 @@ def require_outside(scenario: Scenario) -> None:
 
 @contextlib.contextmanager
 def real_time() -> Iterator[None]:
-    """Context manager without garbage collection and, if permitted, with real-time priority."""
+    """Context manager that suspends garbage collection and, if permitted, sets real-time priority."""
     collecting = gc.isenabled()
     gc.disable()
     first = False
@@ -408,7 +408,7 @@ class OffboardFlight:
                 return
 
     def _still_obeys(self) -> bool:
-        """True unless the vehicle's latest heartbeat shows a mode of its own or of its pilot.
+        """True unless the latest heartbeat shows another mode than the one for external set points.
 
         Without a heartbeat within ``HAND_BACK`` s the last one counts, if it is younger than our request for the mode.
         """

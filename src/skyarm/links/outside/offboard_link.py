@@ -114,7 +114,7 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
 
 
 class OffboardLink(Estimates, MavlinkVehicle):
-    """MAVLink over UDP to one autopilot.
+    """MAVLink connection over UDP to one autopilot.
 
     Args:
         url: ``mavlink://HOST:PORT`` binds the port of this machine, and answers the first autopilot that sends there;
@@ -178,7 +178,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         super().request_outside()
 
     def send(self, command: SetPoint) -> None:
-        """Send body rates and thrust."""
+        """Send the autopilot a set point of body rates and thrust."""
         assert isinstance(command, RateCommand)
         p, q, r = to_our_axes(*command.rates)
         self.tell_autopilot(
@@ -187,7 +187,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         )  # fmt: skip
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket of the connection."""
         self._socket.close()
 
     def _carry(self, frame: bytes) -> None:

@@ -106,11 +106,11 @@ class OutsideLaw:
         self.reset()
 
     def reset(self) -> None:
-        """Restore the initial internal state."""
+        """Restore the initial internal state of the control law."""
         self._begin()
 
     def step(self, measurement: Measurement, reference: Reference) -> OutsideCommand:
-        """Evaluate one period; the measurement's rotor speeds are replaced by the modelled ones."""
+        """Evaluate the control law for one period; modelled rotor speeds replace those of the measurement."""
         return self._step(measurement, reference)
 
     def _period(

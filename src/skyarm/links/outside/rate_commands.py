@@ -73,7 +73,7 @@ class GuidedRateLoop(IdealRateLoop):
     gain: Annotated[Three, Unit("1/s", "of the attitude loop", low=0.0)]
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
-        """Attitude lead (rad) after ``dt`` in place of an integral torque, and the rate error (rad/s)."""
+        """Angle (rad) of the desired attitude ahead of the actual one after ``dt``, and the rate error (rad/s)."""
         rows = zip(integral, angular_acceleration, self.bandwidth, self.gain, strict=True)
         error = Vec3(*(a / k - gain * z for z, a, k, gain in rows))
         return integral + error * dt, error

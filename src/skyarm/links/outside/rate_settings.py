@@ -36,7 +36,7 @@ PX4's usual 2 Hz ``centroidal`` oscillates with 0.6 rad/s, which drives rotors t
 
 
 def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateLoop:
-    """Model of PX4's rate loop in torques: each gain times the torque of a full control signal.
+    """Model of PX4's PID rate loop, each gain multiplied by the torque of a full control signal.
 
     Args:
         vehicle: vehicle with the rotors that PX4's parameters of geometry describe.
@@ -145,7 +145,7 @@ def _require_thrust(reader: ParameterReader) -> None:
 
 
 def _rate_loop(reader: ParameterReader, vehicle: Vehicle, wide: Three | None) -> RateLoop:
-    """Rate loop to invert, from a given bandwidth or, for PX4, from its parameters.
+    """Model of the autopilot's rate loop, from a given bandwidth or, for PX4, from its parameters.
 
     Raises:
         OffboardError: no bandwidth for another autopilot, or a filter behind which yaw oscillates.

@@ -46,7 +46,7 @@ class WorldFrame:
 
     @classmethod
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
-        """Transformation by which the vehicle is now at a given position (m) and heading (rad) of the world."""
+        """Transformation that places the vehicle's present state at a position (m) and heading (rad) in the world."""
         x, y, z = (float(c) for c in position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 

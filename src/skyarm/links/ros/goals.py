@@ -1,4 +1,4 @@
-"""Goals of the base and the joints that arrive in flight: smooth motions from the reference of the instant.
+"""Goals of base and joints received in flight: smooth motions from the current reference to the goals.
 
 A goal changes numbers of the reference (:class:`skyarm.reference.redirection.Redirected`) as
 :meth:`skyarm.simulate.session.Session.change` does: the log keeps it, and the flight is flown again to the bit.
@@ -97,7 +97,7 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
 
 
 def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) -> None:
-    """Raise an error for goals too far from the reference at a given time to be reached within the limits.
+    """Raise an error for a position goal farther than ``FARTHEST`` (m or rad) from the reference at a given time.
 
     Args:
         reference: reference that takes goals.
@@ -115,7 +115,7 @@ def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) 
 
 
 def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -> dict[str, float]:
-    """Reference parameters, by path, of a smooth motion to the goals from its state at a given time.
+    """Reference parameters, by path, that move the reference smoothly from its state at a given time to the goals.
 
     All of the base arrive together, each joint in its own time. Every number of every signal is given, so that all
     goals change the same ones.
@@ -141,7 +141,7 @@ def _signals(reference: Trajectory) -> dict[str, Redirected]:
 
 
 def _move_together(signals: Mapping[str, Redirected], time: float, goals: Mapping[str, float]) -> dict[str, Redirected]:
-    """Signals that move to their goals from a given time on and arrive together."""
+    """Reference signals that leave their values at a given time and reach their goals at the same instant."""
     begins = [_begin(each, time) for each in signals.values()]
     ends = [
         _nearest_turn(goals[word], begin[0]) if word == HEADING else goals[word]

@@ -169,7 +169,7 @@ def fly_live(
 
 
 def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn: Warn) -> None:
-    """Simulate a session at its pace until it ends or ROS shuts the node down."""
+    """Simulate a session with ROS topics, paced by a clock, until it ends or ROS shuts the node down."""
     session, node, reported, lost = link.session, link.node, -math.inf, False
     while session.running:
         clock.wait(session.time)

@@ -43,7 +43,7 @@ class Identity:
 
     @property
     def checksum(self) -> str:
-        """MD5 checksum of the message type."""
+        """MD5 checksum of the ROS message type of a connection."""
         return checksum(self.kind, ROS1_DEFINITIONS)
 
     @property
@@ -201,7 +201,7 @@ class Subscription:
             source.close()
 
     def close(self) -> None:
-        """Close all connections."""
+        """Close the connections to all publishers of the subscribed topic."""
         self.update([])
 
 

@@ -217,7 +217,7 @@ class Ros1Node:
                 each.close()
 
     def _watch(self) -> None:
-        """Poll the master once a second; it counts as lost after two failures."""
+        """Poll the ROS master once a second; it counts as lost after two failures."""
         silent = 0
         while not self._closing.wait(WATCH):
             try:
@@ -294,7 +294,7 @@ class _Handler(SimpleXMLRPCRequestHandler):
     timeout = PATIENCE
 
     def setup(self) -> None:
-        """Read the request within one time limit."""
+        """Read the HTTP request within one time limit."""
         super().setup()
         self.rfile.close()
         self.rfile = io.BufferedReader(_Request(self.connection))
@@ -332,7 +332,7 @@ class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
             self.shutdown_request(request)
 
     def process_request_thread(self, request: Request, client_address: Address) -> None:
-        """Answer a client, then free its place for another."""
+        """Answer a client, then free its place among the server's limited threads."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -361,7 +361,7 @@ class _Transport(xmlrpc.client.Transport):
         return self._answer
 
     def close(self) -> None:
-        """Close the connection and an incompletely read answer."""
+        """Close the HTTP connection and an incompletely read answer."""
         if self._answer is not None:
             self._answer.close()
         super().close()

@@ -163,18 +163,18 @@ class Ros2Node:
 
 
 class _Encoded(Protocol):
-    """Protocol of a DDS message object that stores only its encoded bytes."""
+    """Interface of a DDS message object that stores only its encoded bytes."""
 
     content: bytes
 
 
 def _content(message: _Encoded, *_: object, **__: object) -> bytes:
-    """Encoded bytes of a DDS message, in place of cyclonedds's own encoder."""
+    """Return the encoded bytes that a DDS message stores; replaces cyclonedds's encoder."""
     return message.content
 
 
 def _message(kind: type[_Encoded], /, data: bytes, *_: object, **__: object) -> _Encoded:
-    """Make a DDS message from its encoded bytes, in place of cyclonedds's own decoder."""
+    """Make a DDS message object that stores encoded bytes; replaces cyclonedds's decoder."""
     message = kind.__new__(kind)
     message.content = bytes(data)
     return message

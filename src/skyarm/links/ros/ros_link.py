@@ -114,7 +114,7 @@ class RosLink:
             raise
 
     def _register(self) -> None:
-        """Advertise and subscribe to all topics."""
+        """Advertise and subscribe to all ROS topics of the simulation session."""
         node, scenario = self.node, self.session.scenario
         for topic in self._topics:
             node.advertise(topic.name, topic.kind, latched=topic.every == 0)
@@ -140,7 +140,7 @@ class RosLink:
         self.node.close()
 
     def step(self) -> bool:
-        """Simulate one control period under the received command, or else the law, and publish it; False at the end."""
+        """Simulate and publish a control period, under a recent ROS command or else the law; False at the end."""
         self.take_goals()
         command = self.take_command()
         going = self.session.step(command)
@@ -242,7 +242,7 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
 
 
 def _own_topics(session: Session, log: Log) -> tuple[Topic, ...]:
-    """Additional topics: clock in every control period; rotor speeds and applied command at the rate of the base."""
+    """Topics that a log lacks: clock in every control period; rotor speeds and command at the base's rate."""
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
 

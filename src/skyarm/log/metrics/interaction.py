@@ -128,14 +128,14 @@ class GripMemory:
 
 @immutable(kw_only=False)
 class GripTotals(Metric):
-    """Accumulator of the grip metrics: radial force on a turning handle, and lag behind the reference."""
+    """Accumulator of the grip metrics: radial force on a turning handle, and lag of the turned mechanism."""
 
     def start(self) -> GripMemory:
         """Initial running sums of the grip metrics: all zero, nothing gripped yet."""
         return GripMemory()
 
     def count(self, memory: GripMemory, now: MetricInstant) -> GripMemory:
-        """Add one control instant to the running sums of radial force and lag."""
+        """Update radial force on the handle and lag of the mechanism by one control instant."""
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
@@ -175,14 +175,14 @@ class PhaseMemory:
 
 @immutable(kw_only=False)
 class PhaseTotals(Metric):
-    """Accumulator of the start time of a task's latest phase."""
+    """Metric accumulator that stores the start time of a task's latest phase."""
 
     def start(self) -> PhaseMemory:
-        """Initial index and start time, before the first phase."""
+        """Initial phase index and start time, before a task's first phase."""
         return PhaseMemory()
 
     def count(self, memory: PhaseMemory, now: MetricInstant) -> PhaseMemory:
-        """Store the index and start time of a phase when a new one begins."""
+        """Store index and start time of a task's phase when a new one begins."""
         more = now.phase > memory.phase
         return PhaseMemory(
             phase=where(more, now.phase, memory.phase),

@@ -56,7 +56,7 @@ class Window:
         return [self.start, self.stop]
 
     def of(self, log: Log) -> Mask:
-        """Boolean mask (N,) of a log's instants within the window."""
+        """Boolean mask (N,) of a log's instants within the time window."""
         return _within(log.time, [self])
 
     def __str__(self) -> str:
@@ -91,7 +91,7 @@ class FlightWindows:
         return masks | {"whole": np.ones_like(time, dtype=bool)}
 
     def plain(self) -> dict[str, float | list[float] | list[list[float]]]:
-        """Time windows as plain data, s."""
+        """Time windows of the metrics as plain data (s), by name."""
         pairs = {name: _pair(getattr(self, name)) for name in NAMES}
         return {**pairs, "holds": [_pair(each) for each in self.holds], "last": self.last}
 
@@ -134,11 +134,11 @@ class Windows:
         return FlightWindows(duration=duration, **chosen)
 
     def within(self, duration: float) -> Windows:
-        """Requested windows that end within a flight of given duration, s."""
+        """Requested time windows that end within a flight of given duration (s)."""
         return Windows(**{name: getattr(self, name) for name, (end, _) in self._ends().items() if end <= duration})
 
     def require_within(self, duration: float) -> None:
-        """Raise an error if a window ends after the flight.
+        """Raise an error if a requested time window ends after a flight of given duration (s).
 
         Raises:
             ValueError: one line.
@@ -148,7 +148,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
-        """End time (s) and text of each requested window, by the window's name."""
+        """End time (s) and text of each requested time window, by name."""
         ends = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
             ends["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))

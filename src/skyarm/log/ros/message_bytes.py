@@ -61,7 +61,7 @@ class MessageError(ValueError):
 
 
 class Template:
-    """Byte template of many ROS messages of one type, with offsets of the numbers that vary.
+    """Byte template of one ROS message type, with offsets of the numbers that vary between messages.
 
     Args:
         definitions: definition of each type.
@@ -74,7 +74,7 @@ class Template:
         self._numbers: list[tuple[int, AnyArray]] = []
 
     def record(self, kind: str, values: Values) -> None:
-        """Append all fields of a message type to the template; missing values become zero or empty."""
+        """Append all fields of a message type to a byte template; missing values become zero or empty."""
         for field in fields(self._definitions[kind]):
             self._field(field, values.get(field.name))
 
@@ -106,7 +106,7 @@ class Template:
             self.record(kind, value or {})
 
     def _list(self, field: MessageField, value: Value) -> None:
-        """Append a list of numbers to the template: (k,) for all messages, or (N, k)."""
+        """Append a list of numbers to a message template: (k,), equal in all messages, or (N, k), a row per message."""
         given = np.zeros(field.length or 0) if value is None else np.asarray(value)
         if not field.length:
             self._numbers_at(LENGTH, given.shape[-1])
@@ -114,7 +114,7 @@ class Template:
             self._numbers_at(LETTERS[field.kind], given, row=True)
 
     def _numbers_at(self, letter: str, value: Value, row: bool = False) -> None:
-        """Append a number or list to the template: its bytes if constant, else a gap to be filled per message."""
+        """Append a number or list to a message template: its bytes if constant, else a gap to fill in each message."""
         array = np.asarray(value).astype(f"<{letter}", copy=False)
         if not self._packed:
             self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % array.itemsize)

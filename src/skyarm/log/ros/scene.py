@@ -20,24 +20,24 @@ from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_
 
 
 class TimedArrays(Protocol):
-    """Protocol of a flight's arrays by name at some instants: a log, or the latest instant of a running flight."""
+    """Interface of a flight's arrays by name at some instants: a log, or the latest instant of a running flight."""
 
     @property
     def time(self) -> Array:
-        """Times (s) of the instants, (N,)."""
+        """Times (s) of the instants at which a flight's arrays are given, (N,)."""
 
     def __getitem__(self, array: str) -> Array: ...
 
 
 class LogSection:
-    """Section of a flight log, from which ROS messages are made."""
+    """Selected control instants of a flight log, from which ROS messages are made."""
 
     def __init__(self, log: TimedArrays, chosen: slice) -> None:
         self.log, self._chosen = log, chosen
         self.stamps = nanoseconds(log.time[chosen])
 
     def __getitem__(self, array: str) -> Array:
-        """Array of the log by name, at the instants of the section."""
+        """Array of a log by name, at the selected control instants."""
         return self.log[array][self._chosen]
 
     def header(self, frame: str, time: Array | None = None) -> Values:
@@ -76,7 +76,7 @@ class Frames:
         return BASE_LINK if body == BASE else self.links[body]
 
     def moving(self, stamps: IntArray | int, joints: Array) -> list[Values]:
-        """Fields of the transform from each link to its parent, for many instants."""
+        """Fields of ROS transform messages from each link to its parent, for many instants."""
         transforms = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):
@@ -88,7 +88,7 @@ class Frames:
         return transforms
 
     def fixed_transforms(self) -> list[Values]:
-        """Fields of the constant transforms of named frames and rotor hubs."""
+        """Fields of ROS transform messages for named frames and rotor hubs, which are constant."""
         transforms = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
             turn = quaternions_of(matrices(frame.rotation, 1))[0]

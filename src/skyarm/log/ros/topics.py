@@ -95,7 +95,7 @@ class FlightTopics:
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[IntArray, Bytes]:
-        """Encode the messages of one topic in a section of the flight; returns times (ns) and bytes.
+        """Encode the ROS messages of one topic from some instants of a flight; return their times (ns) and bytes.
 
         Args:
             topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
@@ -122,14 +122,14 @@ def vehicle_of(log: Log) -> Vehicle | None:
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Control instants between messages: of fast topics (base and joint states), and of slow ones."""
+    """Number of control instants from one ROS message to the next: for fast topics (base, joints) and slow ones."""
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
 
 
 def period_of(log: Log) -> int:
-    """Number of control instants after which the message pattern repeats."""
+    """Number of control instants after which the pattern of due ROS messages repeats."""
     return math.lcm(every_of(log)[1], *(each.every for each in sources_of(log.info).values()))
 
 

@@ -48,7 +48,7 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 
 
 class EnvelopePoint(TypedDict):
-    """Flights of a control law at one value of a condition: loss of the vehicle, and tracking error (m)."""
+    """Result of a control law at one value of a condition: whether the vehicle is lost, and tracking error (m)."""
 
     lost: bool
     judged: float

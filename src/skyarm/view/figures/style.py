@@ -138,7 +138,7 @@ class PictureStyle:
         return figure
 
     def dress(self, ax: Axes) -> Axes:
-        """Style frame, grid and ticks of one axes."""
+        """Apply the figure style to frame, grid and ticks of one Matplotlib axes."""
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
         ax.tick_params(labelsize=self.small, labelfontfamily=self.font[0], labelcolor=self.ink)
@@ -182,7 +182,7 @@ class PictureStyle:
         return figure, axes
 
     def name_axis(self, ax: Axes, label: str, unit: str) -> None:
-        """Label a value axis with quantity and unit, on lines that its height holds, broken after "_" or " "."""
+        """Label a value axis with quantity and unit; a label longer than the axis is wrapped after "_" or " "."""
         most = int(ax.get_window_extent().height / ax.figure.dpi * 72.0 / (0.48 * self.small))
         end = f"[{unit}]" if unit else ""
         words = f"{label} {end}".strip()

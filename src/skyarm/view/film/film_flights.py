@@ -1,4 +1,4 @@
-"""Film or 3-D recording of flights, from Python: scenarios are flown first."""
+"""Films and 3D recordings of flights by a Python function, which simulates scenarios first."""
 
 from __future__ import annotations
 

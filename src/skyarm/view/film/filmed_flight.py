@@ -348,7 +348,7 @@ def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
 
 
 def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[FilmMark]:
-    """Make the lines of the surroundings, such as cables, at frame k; hidden ones (NaN) are left out."""
+    """Make the lines of line-shaped objects, such as cables, in a film's frame k; hidden ones (NaN) are left out."""
     pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
     return [FilmMark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
 

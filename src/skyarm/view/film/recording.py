@@ -112,7 +112,7 @@ def save_recording(recording: Recording, path: PathLike) -> Path:
 
 
 class _Stage:
-    """Scene of viser with a camera whose messages are recorded, without a running server.
+    """Viser scene and camera without a running server, whose messages are recorded.
 
     viser offers its scene on a running server only, so its parts are put together here: what a server sends to all
     pages (owner "") goes into a buffer that no page empties.

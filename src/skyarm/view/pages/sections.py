@@ -67,12 +67,12 @@ class Table:
     groups: Groups = ()
 
     def markdown(self, under: str = "") -> str:
-        """Markdown of the table, below its caption unless the caption repeats the section's title."""
+        """Markdown of a report's table, under its caption unless that repeats the title of the table's section."""
         lead = f"{self.caption}:\n\n" if self.caption not in ("", under) else ""
         return lead + markdown(self.head, self.rows)
 
     def html(self) -> str:
-        """HTML of the table."""
+        """HTML of a report's table."""
         return grouped_table(self.head, self.groups or [("", self.rows)], self.caption)
 
 
@@ -84,7 +84,7 @@ Line: TypeAlias = str | Mark | Table
 
 
 def heading(text: str) -> Mark:
-    """Bold line of text."""
+    """Text of a heading, marked as bold."""
     return Mark(text=text, strong=True)
 
 
@@ -111,16 +111,16 @@ class Section:
     pictures: str = ""
 
     def markdown(self) -> list[str]:
-        """List the Markdown blocks of the section: heading, notes and tables."""
+        """List the Markdown blocks of a report's section: heading, notes and tables."""
         head = [f"## {self.title}"] if self.title else []
         return [*head, *self.notes, *(each.markdown(self.title) for each in self.tables)]
 
     def html(self) -> str:
-        """HTML of the section."""
+        """HTML of a report's section."""
         return section(self.title or self.name, self.content())
 
     def content(self) -> str:
-        """Make the HTML of the section without its heading: notes, pictures and tables."""
+        """Make the HTML of a report's section without its heading: notes, pictures and tables."""
         notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
         return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 

@@ -11,7 +11,7 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 class Clock(ABC):
-    """Playback clock that counts periods.
+    """Playback clock that counts the periods of a simulation or replay.
 
     Attributes:
         tick: current period. furthest: latest one so far. playing: whether it runs. speed: times real time.
@@ -25,12 +25,12 @@ class Clock(ABC):
     @property
     @abstractmethod
     def rate(self) -> int:
-        """Periods per second, Hz."""
+        """Periods of the simulation or replay per second (Hz)."""
 
     @property
     @abstractmethod
     def steps(self) -> int:
-        """Number of periods."""
+        """Number of periods of the simulation or replay."""
 
     @property
     def time(self) -> float:
@@ -39,17 +39,17 @@ class Clock(ABC):
 
     @property
     def at_end(self) -> bool:
-        """True at the last period."""
+        """True if the playback clock is at the last period."""
         return self.tick == self.steps - 1
 
     @property
     def words(self) -> str:
-        """Text of time, state and speed."""
+        """Text with the playback clock's time, state (such as paused) and speed."""
         state = "at its end" if self.at_end else "playing" if self.playing else "paused"
         return f"{self.time:.2f} s, {state}, {self.speed:g}x"
 
     def advance(self, seconds: float) -> None:
-        """Advance by an elapsed wall-clock time (s) times the chosen speed."""
+        """Advance playback by an elapsed wall-clock time (s) times the chosen speed."""
         if not self.playing:
             return
         self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate

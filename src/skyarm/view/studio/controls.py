@@ -129,7 +129,7 @@ WIDTH, MORE = 1.5, 2.0
 
 
 class Timed(Protocol):
-    """Protocol of a flight's data at one instant, with its time."""
+    """Interface of a flight's data at one instant, with its time."""
 
     @property
     def time(self) -> float:
@@ -145,7 +145,7 @@ Column = Callable[[Seen], float]
 
 
 class Plotted(Protocol[Seen_co]):
-    """Protocol of a flight whose latest instants are plotted live."""
+    """Interface of a flight whose latest instants are plotted live."""
 
     @property
     def title(self) -> str:

@@ -155,7 +155,7 @@ class Fleet(Clock):
             del self.flights[place]
 
     def close(self) -> None:
-        """End what the flights have started, such as the programs of autopilots."""
+        """Close all flights, which ends programs that they have started, such as autopilots."""
         for flight in self.flights:
             flight.session.close()
 
@@ -337,7 +337,7 @@ class Flight:
         return self.sights[self._samples_until(self.tick) - 1]
 
     def recent(self, seconds: float) -> list[PlottedInstant]:
-        """Plotted quantities of the last seconds."""
+        """Plotted quantities of a flight over its last seconds."""
         first = math.ceil(self.tick - seconds * self.rate) - 1
         return self.sights[self._samples_until(first) : self._samples_until(self.tick)]
 

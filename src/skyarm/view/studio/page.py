@@ -59,7 +59,7 @@ class Controls:
             on_user_input(box, page.follow)
 
     def _law(self, gui: GuiApi, page: Page, place: int, first: str) -> None:
-        """Create the menu that chooses one of up to three controllers."""
+        """Create a menu for choosing the controller of one of up to three flights."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
         on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
@@ -100,7 +100,7 @@ class Page(PageLoop):
         self._orders.put(done)
 
     def choose_law(self, place: int, law: str | None) -> None:
-        """Set the controller of a menu, by the menu's index; None removes that flight."""
+        """Queue a change of the controller of the flight with a menu's index; None removes the flight."""
 
         def choose() -> None:
             if law is not None:

@@ -43,11 +43,11 @@ class PageLoop(ABC):
         self._words = ""
 
     def stop(self) -> None:
-        """End the loop."""
+        """End the real-time loop of the page."""
         self._stopped.set()
 
     def run(self) -> None:
-        """Advance and draw in a loop until :meth:`stop` is called."""
+        """Advance the flights and draw them, again and again, until :meth:`stop` is called."""
         last, slow = time.perf_counter(), 0.0
         try:
             while not self._stopped.is_set():
@@ -73,7 +73,7 @@ class PageLoop(ABC):
 
     @abstractmethod
     def _draw(self) -> None:
-        """Update the 3D picture."""
+        """Update the page's 3D picture."""
 
     @abstractmethod
     def _draw_slowly(self) -> None:

@@ -94,12 +94,12 @@ class PredictionReplay(Clock):
 
     @property
     def rate(self) -> int:
-        """Pictures per second, Hz."""
+        """Pictures per second (Hz) of the replay."""
         return RATE
 
     @property
     def steps(self) -> int:
-        """Number of pictures."""
+        """Number of pictures of the replay."""
         return len(self._times)
 
     def show(self, predicted: PredictedMotion, horizon: float) -> None:
@@ -125,7 +125,7 @@ class PredictionReplay(Clock):
         return measured, segments(self.model.position[rows])[own]
 
     def advance(self, seconds: float) -> None:
-        """Advance by an elapsed wall-clock time (s); restart at the end."""
+        """Advance the replay by an elapsed wall-clock time (s); restart at the end."""
         if self.playing and self.at_end:
             self.go(0)
         super().advance(seconds)

@@ -110,7 +110,7 @@ class ReplayPage(PageLoop):
             self._worker.submit(self._predict, self._horizon)
 
     def _predict(self, horizon: float) -> None:
-        """Predict over another horizon (s) in the background, while playback continues."""
+        """Predict the replayed flight over another horizon (s) in the background, while playback continues."""
         predicted = self.replay.predict(horizon)
 
         def show() -> None:

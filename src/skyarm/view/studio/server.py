@@ -133,7 +133,7 @@ def configure_theme(server: Any, *, dark: bool) -> None:
 
 
 def close_server(server: ViserServer) -> None:
-    """Stop a server silently."""
+    """Stop a viser server and suppress the messages that it prints."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -206,7 +206,7 @@ class Sieve:
         return getattr(self._connection, name)
 
     async def recv(self) -> bytes:
-        """Receive the next valid message."""
+        """Receive the next valid websocket message."""
         while True:
             frame = await self._connection.recv()
             passed = self.admit(frame)
