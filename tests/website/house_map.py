@@ -15,6 +15,7 @@ import ast
 import textwrap
 import tomllib
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -90,6 +91,7 @@ def room_of(module: str, names: list[str]) -> str | None:
     return max(inside, key=len, default=None)
 
 
+@cache
 def imports() -> dict[str, set[str]]:
     """For each room those that it imports."""
     names = rooms()

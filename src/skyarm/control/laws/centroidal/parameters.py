@@ -1,7 +1,7 @@
 """Constants of the centroidal law, and the base class of its optional parts.
 
-A part is a record of constants with any of the functions of :class:`OptionalPart`; its memory is its own record, which the law
-keeps. A part that is left out is not in the law's program at all. Nothing that a part is given is changed.
+A part is a record of constants with any of the functions of :class:`OptionalPart`; its memory is its own record, which
+the law keeps. A part that is left out is not in the law's program at all. Nothing that a part is given is changed.
 """
 
 from __future__ import annotations
