@@ -14,7 +14,7 @@ __version__ = "0.3.0"
 
 @cache
 def _modules() -> dict[str, str]:
-    """Map each public name of skyarm to its defining module, by the imports in ``__init__.pyi``."""
+    """Map each public name of the package to its defining module, by the imports in ``__init__.pyi``."""
     import ast
     from pathlib import Path
 
