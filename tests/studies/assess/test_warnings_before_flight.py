@@ -99,7 +99,6 @@ def test_a_flight_that_loses_its_contact_force_names_the_cause(name):
         (-0.11, 0.0, "completed", "reference.push.force: 2 N are 5.5 % off"),
         (0.0, 0.06, "completed", "reference.push.force: 2 N are 0 % off, with a rotor at its limit 6 % of the time"),
         (np.nan, np.nan, "diverged", "reference.push.force: 2 N are not held"),
-        (np.nan, 0.0, "completed", "reference.push.force: 2 N are not held"),
     ],
 )
 def test_the_bounds_of_a_lost_force_are_those_of_a_check(monkeypatch, error, limited, status, begins):
