@@ -234,7 +234,7 @@ class OffboardFlight:
                 raise JointPortError(f"--joints: {sizes[0]} angles and {sizes[1]} rates: must be {count} of each")
             self._joints, self._joints_heard = reading, now
 
-    def _until(self, seconds: float, ready: Callable[[], bool], words: str) -> None:
+    def _until(self, seconds: float, ready: Callable[[], bool], words: str | Callable[[], str]) -> None:
         """Wait until a condition holds, at most a given time (s).
 
         Raises:
@@ -244,7 +244,7 @@ class OffboardFlight:
         while not ready():
             if time.monotonic() > until:
                 said = f" ({self._link.said})" if self._link.said else ""
-                raise OffboardError(f"{words} within {seconds:g} s{said}")
+                raise OffboardError(f"{words() if callable(words) else words} within {seconds:g} s{said}")
             self._pump(0.02)
 
     def _connect(self) -> None:
@@ -260,10 +260,13 @@ class OffboardFlight:
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
                 link.request_estimates(min(max(self._rate, 100), 250))
-            return link.state is not None
+            return link.state is not None and self._joints is not None
 
-        self._until(settings.patience, lambda: self._joints is not None, "--joints: the arm sent nothing")
-        self._until(settings.patience, has_state, "--link: the autopilot's estimator sent nothing")
+        def silent() -> str:
+            who = "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
+            return f"{who} sent nothing"
+
+        self._until(settings.patience, has_state, silent)
         loop = self._loop_settings()
         self._law = OutsideLaw(self._scenario.controller, loop, self._reference(0))
 
