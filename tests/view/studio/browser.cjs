@@ -52,7 +52,8 @@ async function main() {
   await page.goto(address);
   await page.waitForFunction(shows, 'paper_ct: tip error', { timeout: 150000 });
   const seen = { picture: Date.now() - begun };
-  seen.calm = await until(page, 'paper_ct', 0, 60);
+  // not at its start, where the vehicle stands on its reference
+  seen.calm = await until(page, 'paper_ct', 20, 60);
   await page.getByText('gust', { exact: false }).first().click();
   seen.gust = await until(page, 'paper_ct', 4 * seen.calm, 1e6);
   seen.after = await until(page, 'paper_ct', 0, 1.5 * seen.calm);
