@@ -20,7 +20,8 @@ import skyarm as package
 from skyarm.cli import output
 from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
-from skyarm.cli.output import Terminal
+from skyarm.cli.output import STYLES, Terminal
+from skyarm.studies.assess.finding import LEVELS
 from skyarm.studies.paper.published import PAPER
 from support.cases import sampled
 from support.commands import refused, skyarm
@@ -230,3 +231,7 @@ def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("NO_COLOR", "1")
     assert "\x1b[31m" not in shown(Screen())
     assert sys.stdout is not None
+
+
+def test_every_level_of_a_finding_has_a_colour() -> None:
+    assert tuple(STYLES) == LEVELS

@@ -97,7 +97,7 @@ class VectoredMemory:
 
 
 def law_inside(controller: Controller) -> Controller:
-    """Inner controller of the tilting-rotor layer, for pairs of fixed rotors."""
+    """Controller inside the allocation to tilting rotors, which sees a pair of fixed rotors in each of them."""
     layer: Any = controller.law
     inner, memory = layer.keywords["inner"], controller.memory.inner
     return dataclasses.replace(controller, law=inner, par=controller.par.own, memory=memory)

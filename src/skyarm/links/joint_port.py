@@ -85,7 +85,7 @@ class JointLink(ABC):
 
 
 class NoJoints(JointLink):
-    """Joint port of a vehicle without joints."""
+    """Connection to joints for a vehicle without joints, which sends and receives nothing."""
 
     def read(self) -> JointReading:
         """Reading of zero joints, with the present time."""

@@ -168,7 +168,7 @@ def _replace_numbers(
 
 
 def _require_numbers(values: object) -> None:
-    """Raise an error unless paths are texts and values are scalars.
+    """Raise an error unless every parameter path is a text and every new value a scalar.
 
     Raises:
         ScenarioError: one line that names the wrong path or value.

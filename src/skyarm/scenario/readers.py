@@ -60,7 +60,7 @@ class ScenarioWords(Protocol):
 
     @property
     def setting(self) -> Setting:
-        """Flight data for reading a reference, such as vehicle, gravity and duration."""
+        """Vehicle, gravity, duration and other facts of a flight that its reference table is read with."""
         ...
 
     def word(self, path: str) -> Any:

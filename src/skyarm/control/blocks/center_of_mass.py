@@ -140,7 +140,7 @@ class Reaction:
 
 
 def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
-    """Reduced mass matrix (:class:`Reaction`) of an arm at given joint positions, rad or m."""
+    """Mass matrix of the joints with the base free to move, at joint positions (rad or m), as a :class:`Reaction`."""
     if not joints:
         return Reaction([], [[], [], []])
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)

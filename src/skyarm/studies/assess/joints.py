@@ -74,7 +74,7 @@ def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
 
 
 def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
-    """Check results for the fastest reference rate of each servo against its rate limit and no-load speed.
+    """Results of checking each servo's fastest reference rate against its rate limit and no-load speed.
 
     Args:
         scenario: scenario whose reference is followed exactly.

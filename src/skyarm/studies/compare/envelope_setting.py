@@ -1,4 +1,4 @@
-"""Vehicle of a performance envelope: its hover scenario, and the scale of each trial.
+"""Vehicle whose performance envelope is flown: its hover scenario, and units of speed and distance of the trials.
 
 Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
 

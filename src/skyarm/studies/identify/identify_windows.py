@@ -267,7 +267,7 @@ def identify_by_windows(
 
 
 def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
-    """Flights with distinct names, without channels of few samples and without positions that lack an attitude.
+    """Recorded flights, renamed apart, less quantities of few samples and positions that lack an attitude.
 
     Raises:
         ValueError: one line: there is no flight, or one lacks a quantity that decides how another is flown.

@@ -271,7 +271,7 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
 
 
 def _each_best(tried: Sequence[Tried]) -> list[Tried]:
-    """Best amount of each tried correction, the best correction first."""
+    """Each tried correction of a log at the size that leaves the least error; the best correction first."""
     best = dict[ChannelChange, Tried]()
     for each in sorted(tried, key=attrgetter("cost")):
         best.setdefault(each.change, each)

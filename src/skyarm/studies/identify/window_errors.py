@@ -585,7 +585,7 @@ class WindowLanes:
         return np.asarray(goals[:, windows.begins].ravel())
 
     def advance(self, k: int) -> None:
-        """Simulate step ``k`` of all windows under the commands of that step."""
+        """Simulate step ``k`` of all windows (short sections of a flight) under their commands at that step."""
         at, inputs = self._windows.before(k), self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:

@@ -102,7 +102,7 @@ def run_campaign(
     store: Store | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Simulate all flights of the reproduction; results depend neither on the backend nor on the number of workers.
+    """Simulate all flights that reproduce Barakou et al. 2026; backend and number of workers change no result.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.

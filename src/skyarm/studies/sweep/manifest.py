@@ -93,7 +93,7 @@ class Manifest:
 
     @property
     def name(self) -> str:
-        """Name of the sweep's study."""
+        """Name of the study that a parameter sweep simulates."""
         return str(self.study["name"])
 
     @cached_property

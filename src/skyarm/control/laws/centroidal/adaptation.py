@@ -250,7 +250,7 @@ def adapt(
 
 
 def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tuple[list[JointLearned], Vec3]:
-    """Adaptation states with the new signals filtered, and the measured velocity of the tip (m/s, world axes)."""
+    """Filter states of the adaptation after one more sample, and the arm tip's measured velocity (m/s, world axes)."""
     par, measurement, dt = step.par, step.measurement, step.dt
     vehicle, velocity = par.model.vehicle, learned.tip_velocity
     loads: Sequence[Scalar] = (0.0,) * vehicle.n

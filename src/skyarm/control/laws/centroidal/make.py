@@ -178,7 +178,7 @@ def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
 
 
 def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Dictionary of gain values by name, from names separated by spaces."""
+    """Values of gains by name, of gains whose names stand in one text, separated by spaces."""
     return dict(zip(names.split(), values, strict=True))
 
 

@@ -197,7 +197,7 @@ class Lateness:
 
 
 def first_lateness(speeds: Array) -> Lateness:
-    """Initial statistics of the command delay, at zero delay."""
+    """Initial state of the estimator of the command delay: no evidence yet, and a delay of zero."""
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 

@@ -44,7 +44,7 @@ SETTLED = 2
 
 @immutable(kw_only=False)
 class SampledReference:
-    """Last reference sample of [x, y, z, yaw, joints ...], with age, jerks and oscillation statistics.
+    """Last reference sample [x, y, z, yaw, joints ...], its age, third derivatives, and statistics of its oscillation.
 
     Attributes:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
