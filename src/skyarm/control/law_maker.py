@@ -137,6 +137,7 @@ def law_maker(
 
     make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
     make.__signature__ = signature  # type: ignore[attr-defined]
+    make.constants = kind  # type: ignore[attr-defined]
     return make
 
 

@@ -14,6 +14,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
 from skyarm.control.model import Options, Terms
+from skyarm.control.option_units import option_texts
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
@@ -233,11 +234,13 @@ def _of_controller() -> Iterator[GrammarRow]:
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
     yield GrammarRow("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
     for law in (*LAWS, *AUTOPILOTS):
-        kinds = declared_units(Options) | declared_units(entry_of(law).function())
+        kinds, texts = declared_units(Options) | declared_units(entry_of(law).function()), option_texts(law)
         for word, option in option_words(law).items():
-            annotation, unit = kinds.get(option, (None, NUMBER))
-            entry = "as the law takes it" if annotation is None else _entry(annotation)
-            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
+            text, annotation = texts[option], kinds.get(option, (None, NUMBER))[0]
+            entry = text.entry or ("as the law takes it" if annotation is None else _entry(annotation))
+            bounds = text.allowed.replace("`", "") or _bounds(text.unit)
+            unit = text.unit
+            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning)
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
