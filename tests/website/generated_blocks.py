@@ -7,22 +7,46 @@ docs/*.md, or of the pages that are named; :func:`stale_blocks` finds those that
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import typer
+
+import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.catalogue import AUTOPILOTS, LAWS
+from skyarm.cli.arguments import EVERY, OLDER
+from skyarm.cli.commands import program
+from skyarm.cli.document_keys import DOCUMENTS
+from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.control.laws.centroidal.options import RETIRED
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
 from skyarm.control.option_units import OptionText, option_texts
-from skyarm.records.units import Unit, units
+from skyarm.log.flight_log import IF_ANY, Log
+from skyarm.log.log_columns import COLUMNS
+from skyarm.log.metrics.accumulate import CONTINUOUS
+from skyarm.log.metrics.metric_catalogue import FREE, GROUPS, GUST, INTERACTION, PAPER, TRACKING, measures
+from skyarm.records.field_rules import defaults
+from skyarm.records.registry import find, names
+from skyarm.records.registry.registrations import registrations
+from skyarm.records.registry.shipped import SECTIONS
+from skyarm.records.units import Unit, declared_fields, units
+from skyarm.records.words import words_of_fields
+from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
+from skyarm.scenario.grammar import GrammarRow, default_in_words, entry_in_words, grammar
+from skyarm.studies.assess.check_list import CHECKS
+from skyarm.vehicle.attach import Mimic
+from skyarm.vehicle.linkage import Body, Joint
+from skyarm.vehicle.tilt import Tilt
+from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -145,7 +169,380 @@ def _table_rows(option: str, law: str, text: OptionText) -> list[Sequence[str]]:
     return rows
 
 
-KINDS: dict[str, Callable[..., str]] = {"law": law_block}
+FIELD_HEADS = ("field", "type and unit", "default", "allowed", "meaning", "effect")
+
+
+def coded(text: str, *, whole: bool = False) -> str:
+    """Text with values of a file in code: quoted words, numbers and lists; the whole of a single one."""
+    if "`" in text:
+        return text
+    if whole and re.fullmatch(r"-?[\d.]+(e[-+]?\d+)?|true|false|\[[^\]]*\]", text):
+        return f"`{text}`"
+    return re.sub(r'("[^"]*")', r"`\1`", text)
+
+
+def either(entry: str) -> str:
+    """Type in words, with a choice of texts as such."""
+    quoted = re.findall(r"'([^']*)'", entry)
+    return "text" if quoted and re.fullmatch(r"'[^']*'( or '[^']*')*( \(.* if left out\))?", entry) else entry
+
+
+def choices(entry: str) -> str:
+    """Texts that an entry may be, if it is a choice of few."""
+    quoted = re.findall(r"'([^']*)'", entry)
+    return ", ".join(f'`"{each}"`' for each in quoted) if either(entry) == "text" and len(quoted) <= 4 else ""
+
+
+def required_first(rows: list[Sequence[str]]) -> list[Sequence[str]]:
+    """Rows of required fields before the others, whose order is kept; rows of a table stay below it."""
+    groups: list[list[Sequence[str]]] = []
+    for row in rows:
+        inside = groups and row[0].strip("`").startswith(groups[-1][0][0].strip("`") + ".")
+        groups[-1].append(row) if inside else groups.append([row])
+    groups.sort(key=lambda group: not group[0][2].startswith("required"))
+    return [row for group in groups for row in group]
+
+
+def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
+    """Row of a field of a record."""
+    annotation, unit = declared_fields(kind)[name]
+    text = word_texts.of_field(tuple(each.__name__ for each in kind.__mro__), name)
+    entry = entry_in_words(annotation)
+    default = text.default or default_in_words(defaults(kind)[name])
+    return (
+        f"`{word or words_of_fields(kind).get(name, name)}`",
+        typed(either(entry), unit.unit),
+        coded(default, whole=True),
+        coded(text.allowed) or choices(entry) or bounds(unit),
+        unit.meaning or text.meaning,
+        text.effect or effect_of(unit),
+    )
+
+
+def loaded(path: str) -> Any:
+    """Object of a path such as skyarm.Joint or skyarm.vehicle.battery:Battery."""
+    module, _, name = path.partition(":") if ":" in path else path.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+def record_block(path: str, *more: str) -> str:
+    """Fields of records, required ones first; ``-NAME`` leaves a field out, further paths add records.
+
+    Of several records a column tells of which each field is.
+    """
+    kinds = [loaded(each) for each in (path, *(word for word in more if not word.startswith("-")))]
+    left_out = {word[1:] for word in more if word.startswith("-")}
+    if len(kinds) == 1:
+        rows = [field_row(kinds[0], name) for name in declared_fields(kinds[0]) if name not in left_out]
+        return table(FIELD_HEADS, required_first(rows))
+    listed: dict[str, tuple[list[str], Sequence[str]]] = {}
+    for kind in kinds:
+        for name in declared_fields(kind):
+            if name not in left_out:
+                listed.setdefault(name, ([], field_row(kind, name)))[0].append(registered_name(kind))
+    every = len(kinds)
+    cells = [(row[0], "all" if len(of) == every else ", ".join(of), *row[1:]) for of, row in listed.values()]
+    cells.sort(key=lambda row: not row[3].startswith("required"))
+    return table(("field", "of", *FIELD_HEADS[1:]), cells)
+
+
+def registered_name(kind: type) -> str:
+    """Name of a class in the registry, in code."""
+    of = getattr(kind, "registered_as", "")
+    return next((f"`{name}`" for name in names(of) if find(of, name) is kind), f"`{kind.__name__}`")
+
+
+def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
+    """Row of a key of a scenario file, named below a table."""
+    text = word_texts.of_path(row.path) if not row.of else word_texts.WordText()
+    name = row.path.removeprefix(prefix).removeprefix("[]").removeprefix(".").replace("[]", "")
+    # a star would be emphasis; it stands for a name
+    name = name.replace("*", "NAME")
+    allowed = text.allowed or choices(row.entry) or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
+    return (
+        f"`{name}`",
+        typed(either(row.entry).replace("list of tables", "tables"), row.unit),
+        coded(row.default, whole=True),
+        coded(allowed),
+        row.meaning,
+        text.effect or effect_of_path(row),
+    )
+
+
+def effect_of_path(row: GrammarRow) -> str:
+    """Effect that the unit of a field states, of a key of a scenario file."""
+    return str(getattr(row, "effect", ""))
+
+
+def words_block(prefix: str, *kinds: str) -> str:
+    """Keys of a scenario file below a table, or of the top; of some kinds, one after the other with their name.
+
+    ``-NAME`` leaves a key, and what is below it, out. ``+`` shows keys of tables inside, too.
+    """
+    left_out = [word[1:] for word in kinds if word.startswith("-")]
+    chosen = [word for word in kinds if word[0] not in "-+"]
+    rows = [row for row in grammar() if _is_below(row.path.replace("[]", ""), prefix, deep="+" in kinds)]
+    found: list[Sequence[str]] = []
+    for row in rows:
+        name = row.path.replace("[]", "").removeprefix(prefix).removeprefix(".")
+        if any(name == each or name.startswith(f"{each}.") for each in left_out):
+            continue
+        if row.of in chosen or (not row.of and not chosen):
+            of = (f"`{row.of}`",) if len(chosen) > 1 else ()
+            found.append((*of, *grammar_row(row, "" if prefix == "top" else prefix)))
+    assert found, f"no keys below {prefix}"
+    if len(chosen) > 1:
+        return table(("kind", *FIELD_HEADS), found)
+    return table(FIELD_HEADS, required_first(found))
+
+
+def _is_below(path: str, prefix: str, *, deep: bool) -> bool:
+    if prefix == "top":
+        return "." not in path
+    return path.startswith(f"{prefix}.") and (deep or path.count(".") == prefix.count(".") + 1)
+
+
+def hand_rows(words: Iterable[word_texts.HandWord], *, kinds: bool) -> list[Sequence[str]]:
+    """Rows of keys that functions read."""
+    return [
+        (
+            *((f"`{each.kind}`",) if kinds else ()),
+            f"`{each.name}`",
+            typed(each.entry, each.unit) if '"' not in each.entry else "text",
+            coded(each.default or "required", whole=True),
+            coded(each.allowed or (each.entry if '"' in each.entry else "")),
+            each.meaning,
+            "",
+        )
+        for each in words
+    ]
+
+
+def kinds_of_keys(kind: str, at: str) -> str:
+    """Keys of all signals, or of the motions that are no tasks, one kind after the other."""
+    rows = [row for row in grammar() if row.of and row.path.startswith(f"{at}.") and row.of in names(kind)]
+    assert rows
+    return table(("kind", *FIELD_HEADS), [(f"`{row.of}`", *_short_entry(grammar_row(row, at))) for row in rows])
+
+
+def _short_entry(cells: Sequence[str]) -> Sequence[str]:
+    entry = re.sub("number, list or table: a signal|list of signal", "signal", cells[1])
+    quoted = '"' in entry
+    return (cells[0], "text" if quoted else entry, cells[2], coded(entry) if quoted else cells[3], *cells[4:])
+
+
+VEHICLE_PARTS: dict[str, tuple[type, tuple[str, ...]]] = {
+    "joint": (Joint, ("name", "axis", "position", "rotation")),
+    "joints": (Joint, ("name", "kind", "axis", "position", "rotation")),
+    "body": (Body, ("inertia",)),
+    "rotors": (Rotor, ("name", "position", "direction")),
+    "tilt": (Tilt, ()),
+    "drag": (BodyDrag, ()),
+    "mimic": (Mimic, ()),
+}
+"""Table of a vehicle file -> record, and fields that the file states otherwise."""
+
+
+def vehicle_block(part: str) -> str:
+    """Keys of a table of a vehicle file."""
+    rows = hand_rows((each for each in word_texts.VEHICLE if each.kind == part), kinds=False)
+    kind, left_out = VEHICLE_PARTS.get(part, (None, ()))
+    for name in declared_fields(kind) if kind else ():
+        if name not in left_out:
+            row = field_row(kind, name, {"table": "thrust_table"}.get(name, ""))
+            unchanged = part == "joints"
+            rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
+    assert rows, f"no table {part}"
+    return table(FIELD_HEADS, required_first(rows))
+
+
+def kinds_block(kind: str) -> str:
+    """Names of a kind of the registry that ship, each with its title."""
+    return table(("kind", "meaning"), [(f"`{name}`", row.title) for name, row in registrations(kind).items()])
+
+
+def presets_block() -> str:
+    """Presets and the laws that they are of."""
+    return table(("preset", "law", "meaning"), [(f"`{n}`", f"`{p.law}`", p.title) for n, p in PRESETS.items()])
+
+
+def laws_block() -> str:
+    """Laws with their titles, and whether tuned gains ship."""
+    rows = [(f"`{name}`", "yes" if name in tuned_factors() else "no", each.title) for name, each in LAWS.items()]
+    return table(("law", "tuned gains", "meaning"), rows)
+
+
+WINDOWED = {"whole": "the whole flight"}
+
+
+def metrics_block(group: str) -> str:
+    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has."""
+    every = measures(1)
+    if group == "groups":
+        listed = [(f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name])) for name in GROUPS if name != "all"]
+        return table(("group", "metrics"), [*listed, ("`all`", "all below, without those of contact")])
+    twins = {name for name in every if name.endswith(CONTINUOUS)}
+    chosen = {
+        "tracking": (*TRACKING, *PAPER),
+        "gust": tuple(GUST),
+        "free": tuple(FREE),
+        "contact": tuple(INTERACTION),
+        "registered": tuple(name for name in names("metric")),
+    }[group]
+    rows: list[Sequence[str]] = []
+    for name in chosen:
+        each = every[name]
+        twin = f"`{name}{CONTINUOUS}`" if f"{name}{CONTINUOUS}" in twins else ""
+        rows.append((f"`{name}`", each.unit, each.window, each.words, twin))
+    if group == "free":
+        torque = every["tau1_rms"]
+        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N", ""))
+    return table(("metric", "unit", "window", "meaning", "against the continuous reference"), rows)
+
+
+SHAPES = {"joints": "N, joints", "rotors": "N, rotors", "tilting": "N, tilting rotors", "loops": "N, 2"}
+SCALARS = ("time", "yaw_held", "yaw_reference", "path_time", "phase", "load_mass_found", "push_deviation")
+NAMES = {"joints": "_JOINT", "rotors": "_ROTOR", "tilting": "_ROTOR", "loops": "_rotors, _joints"}
+
+
+def shape_of(array: str) -> str:
+    """Shape of an array of a log in words, N its instants."""
+    group = COLUMNS.get(array, ("", ""))[1]
+    return SHAPES[group] if group else "N" if array in SCALARS else "N, 4" if array == "quaternion" else "N, 3"
+
+
+def columns_of(array: str) -> str:
+    """Names of the columns of an array in CSV and MCAP files."""
+    begin, group = COLUMNS.get(array, (array, ""))
+    if group:
+        return ", ".join(f"`{begin}{end}`" for end in NAMES[group].split(", "))
+    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[shape_of(array)]
+    return ", ".join(f"`{begin}{axis}`" for axis in axes)
+
+
+def log_block(part: str) -> str:
+    """Arrays of a log: those of every flight, or those that only some flights have."""
+    listed = [name for name in units(Log) if (name in IF_ANY) == (part == "optional")]
+    assert part in ("arrays", "optional")
+    rows = [(f"`{n}`", shape_of(n), units(Log)[n].unit, units(Log)[n].meaning, columns_of(n)) for n in listed]
+    return table(("array", "shape", "unit", "meaning", "columns in CSV and MCAP"), rows)
+
+
+def command_block(*words: str) -> str:
+    """Arguments and options of a command, or of a command behind a word; those that every command has are left out."""
+    every: Any = typer.main.get_command(program([words[0]]))
+    command = every.commands[" ".join(words)]
+    parts = (
+        [each for name, each in every.commands.items() if name.startswith(f"{words[0]} ")] if len(words) == 1 else []
+    )
+    shared = [{each.name for each in part.params} for part in parts]
+    rows: list[Sequence[str]] = []
+    for each in command.params:
+        has = [each.name in own for own in shared]
+        older = any(has) and not all(has)
+        if each.name in ("help", *EVERY) or each.hidden or older:
+            continue
+        spelled = [word for word in each.opts if word not in OLDER]
+        is_option = each.param_type_name == "option"
+        value = "" if getattr(each, "is_flag", False) else (each.metavar or str(each.name).upper())
+        name = ", ".join(f"`{word}`" for word in spelled) if is_option else f"`{each.metavar or each.name.upper()}`"
+        default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
+        needed = "required" if each.required else default
+        rows.append((name, f"`{value}`" if value and is_option else "", needed, each.help or ""))
+    return table(("argument or option", "value", "default", "meaning"), rows)
+
+
+def commands_block() -> str:
+    """All commands with the lines of their help, section by section."""
+    rows = [
+        (s, f"[`skyarm {name}`](#skyarm-{name})", t) for s, part in SECTIONS.items() for name, (_, t) in part.items()
+    ]
+    return table(("section", "command", "what it does"), rows)
+
+
+def common_block() -> str:
+    """Options that every command has."""
+    every: Any = typer.main.get_command(program(["show"]))
+    rows = [
+        (", ".join(f"`{word}`" for word in each.opts), f"`{each.metavar}`" if each.metavar else "", each.help)
+        for each in every.commands["show"].params
+        if each.name in EVERY
+    ]
+    return table(("option", "value", "meaning"), rows)
+
+
+def keys_block(command: str) -> str:
+    """Keys of the JSON document of a command."""
+    rows = [
+        (f"`{name.rstrip('?')}`", "sometimes" if name.endswith("?") else "always", meaning)
+        for name, meaning in DOCUMENTS[command].items()
+    ]
+    return table(("key", "present", "meaning"), rows)
+
+
+def methods_block(path: str) -> str:
+    """Public methods and properties of a class of skyarm, with their signature and first line."""
+    kind = loaded(path)
+    rows: list[Sequence[str]] = []
+    for name, each in inspect.getmembers(kind):
+        home = next((base for base in kind.__mro__ if name in vars(base)), object)
+        if name.startswith("_") or not home.__module__.startswith("skyarm"):
+            continue
+        held = vars(home)[name]
+        if isinstance(held, property):
+            rows.append((f"`{name}`", "property", first_line(held)))
+        elif callable(each):
+            given = [word for word in inspect.signature(each).parameters if word not in ("self", "cls")]
+            rows.append((f"`{name}({', '.join(given)})`", "method", first_line(each)))
+    return table(("name", "is a", "meaning"), rows)
+
+
+def first_line(thing: object) -> str:
+    """First line of a docstring, without markup of Sphinx."""
+    line = (inspect.getdoc(thing) or "").split("\n")[0]
+    return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", line).replace("``", "`")
+
+
+def python_block(part: str) -> str:
+    """Public names of skyarm: functions, classes or modules, each with its first line."""
+    rows: list[Sequence[str]] = []
+    for name in sorted(set(skyarm.__all__) - {"__version__"}):
+        thing = getattr(skyarm, name)
+        is_class, is_module = inspect.isclass(thing), inspect.ismodule(thing)
+        kind = "classes" if is_class else "modules" if is_module else "functions"
+        if kind == part:
+            rows.append((f"`skyarm.{name}`", first_line(thing)))
+    assert rows, f"no {part}"
+    return table(("name", "meaning"), rows)
+
+
+def checks_block(part: str) -> str:
+    """Questions of ``skyarm check``: of a vehicle, or of a scenario."""
+    rows = [(each.question, each.levels, each.looks_at, each.remedy) for each in CHECKS if each.of == part]
+    assert rows, f"no checks of {part}"
+    return table(("question", "may end as", "what is computed", "usual remedy"), rows)
+
+
+KINDS: dict[str, Callable[..., str]] = {
+    "law": law_block,
+    "laws": laws_block,
+    "record": record_block,
+    "words": words_block,
+    "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
+    "motions": lambda: kinds_of_keys("motion", "reference.base"),
+    "vehicle": vehicle_block,
+    "kinds": kinds_block,
+    "presets": presets_block,
+    "metrics": metrics_block,
+    "log": log_block,
+    "commands": commands_block,
+    "common": common_block,
+    "command": command_block,
+    "keys": keys_block,
+    "methods": methods_block,
+    "python": python_block,
+    "checks": checks_block,
+}
 """Kind of a block -> function of its words that returns the table."""
 
 

@@ -1,11 +1,13 @@
 """Grammar of a scenario file: its keys with type, unit, bounds and the times at which they may change.
 
-Left out are words that a function reads from a table, which no record declares: those of the shipped motions, of
-``reference.tip`` and ``reference.push``, and of signals that are no records (:data:`BY_HAND`). The documents list them.
+Left out are the words of tasks (``waypoints``, ``phases``), of ``reference.tip`` and of ``reference.push``, which
+functions read from a table (:data:`BY_HAND`). The documents list them.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
@@ -19,6 +21,7 @@ from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
 from skyarm.plant.largest_step import INTEGRATORS
+from skyarm.records.field_rules import defaults
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
@@ -26,6 +29,7 @@ from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
 from skyarm.records.words import Slot, lifted_fields, slots, words_of_fields
 from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Signal
+from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
 from skyarm.scenario.scenario_record import Scenario
@@ -73,7 +77,7 @@ NO_WORDS = (("Fault", "signal"),)
 """Fields that a file states by the word of another one."""
 
 BY_HAND = ("reference.base", "reference.tip", "reference.push")
-"""Tables whose words, but the kinds, are left out, as those of signals that are no records."""
+"""Tables of which some or all words, but the kinds, are left out."""
 
 
 class GrammarRow(NamedTuple):
@@ -86,6 +90,7 @@ class GrammarRow(NamedTuple):
         unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
         whole: True if a change may replace all of it.
         meaning: meaning in words.
+        default: value of a key that is left out, or "required".
     """
 
     path: str
@@ -96,12 +101,37 @@ class GrammarRow(NamedTuple):
     varies: str = WHEN["never"]
     whole: bool = False
     meaning: str = ""
+    default: str = ""
 
 
 def grammar() -> tuple[GrammarRow, ...]:
     """List the keys of a scenario file in field order; keys of registered classes follow the key that holds them."""
     of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
-    return (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
+    rows = (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
+    return tuple(map(_with_texts, rows))
+
+
+def _with_texts(row: GrammarRow) -> GrammarRow:
+    """Row with the meaning and the default that only the texts of its path have."""
+    text = word_texts.of_path(row.path) if not row.of else word_texts.WordText()
+    return row._replace(meaning=row.meaning or text.meaning, default=text.default or row.default)
+
+
+def default_in_words(value: object) -> str:
+    """Default value as a file writes it; "required" if there is none, empty for a table."""
+    if value is dataclasses.MISSING:
+        return "required"
+    if value is None or value in ((), ""):
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, float | int):
+        return "no limit" if math.isinf(value) else f"{value:.10g}"
+    if isinstance(value, Vec3 | Quaternion | tuple) and all(isinstance(each, float | int) for each in value):
+        return "[" + ", ".join(f"{float(each):.10g}" for each in value) + "]"
+    return ""
 
 
 def _of_numbers() -> Iterator[GrammarRow]:
@@ -117,6 +147,18 @@ def _of_signals() -> Iterator[GrammarRow]:
         kind = find("signal", named)
         if isinstance(kind, type):
             yield from _of_record(kind, "SIGNAL", WHEN["always"], named)
+        yield from _by_hand(word_texts.SIGNALS, named, "SIGNAL")
+
+
+def _by_hand(words: tuple[word_texts.HandWord, ...], named: str, at: str) -> Iterator[GrammarRow]:
+    """Keys of a shipped kind that a function reads from its table."""
+    for each in words:
+        if each.kind == named:
+            entry = SIGNAL if each.entry == "signal" else each.entry
+            when = WHEN["always"] if "number" in entry or entry == SIGNAL else WHEN["never"]
+            yield GrammarRow(
+                f"{at}.{each.name}", named, entry, each.unit, "", when, False, each.meaning, each.default or "required"
+            )
 
 
 def _rows(slot: Slot) -> Iterator[GrammarRow]:
@@ -128,7 +170,8 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
         when = f"its numbers {varies}"
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
-    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
+    usual = default_in_words(slot.default)
+    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning, usual)
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
@@ -157,7 +200,7 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of(INTEGRATORS)
     if slot.path == "reference.governor":
         return "true, false or a table"
-    return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else _entry(slot.type)
+    return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else entry_in_words(slot.type)
 
 
 def _of_record(
@@ -173,7 +216,7 @@ def _of_record(
         called: fields that the record around it calls otherwise.
     """
     words = {**words_of_fields(kind), **(called or {})}
-    lifted, declared = lifted_fields(kind), declared_fields(kind)
+    lifted, declared, usual = lifted_fields(kind), declared_fields(kind), defaults(kind)
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
     for name, (annotation, unit) in declared.items():
@@ -183,11 +226,17 @@ def _of_record(
         lists = "[]" if typing.get_origin(annotation) is tuple and _records_in(annotation) and word == name else ""
         if words.get(name) not in declared:  # else it is another spelling of that field's word
             when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
-            when = when if annotation not in SHAPING and "'" not in _entry(annotation) else "never"
+            when = when if annotation not in SHAPING and "'" not in entry_in_words(annotation) else "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next((_one_of(each) for each in more), _entry(annotation))
+            entry = next((_one_of(each) for each in more), entry_in_words(annotation))
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
-            yield GrammarRow(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
+            text = word_texts.of_field(tuple(bases), name)
+            held = next((each.__name__ for each in _records_in(annotation)), "")
+            meaning = unit.meaning or text.meaning or word_texts.TYPES.get(held, "")
+            default = text.default or default_in_words(usual[name])
+            yield GrammarRow(
+                f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, meaning, default
+            )
         for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
@@ -201,9 +250,9 @@ def _of_record(
 MORE: Mapping[str, tuple[GrammarRow, ...]] = {
     "Reach": (GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
     Dryden.__name__: (
-        GrammarRow("altitude", "", "number", "m"),
-        GrammarRow("wind_20ft", "", "number", "m/s"),
-        GrammarRow("minimum_airspeed", "", "number", "m/s"),
+        GrammarRow("altitude", "", "number", "m", meaning="height above ground, 3.048 to 304.8 m", default="required"),
+        GrammarRow("wind_20ft", "", "number", "m/s", meaning="mean wind at 20 feet", default="required"),
+        GrammarRow("minimum_airspeed", "", "number", "m/s", meaning="least airspeed of the filters", default="1"),
     ),
 }
 """Words that a record's class reads beside those of its fields."""
@@ -220,7 +269,9 @@ def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     for name in JOINT_NUMBERS:
         unit = declared[name][1]
         words = "number, or one for each joint"
-        yield GrammarRow(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
+        yield GrammarRow(
+            f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning, "the vehicle's"
+        )
 
 
 def _of_controller() -> Iterator[GrammarRow]:
@@ -237,10 +288,11 @@ def _of_controller() -> Iterator[GrammarRow]:
         kinds, texts = declared_units(Options) | declared_units(entry_of(law).function()), option_texts(law)
         for word, option in option_words(law).items():
             text, annotation = texts[option], kinds.get(option, (None, NUMBER))[0]
-            entry = text.entry or ("as the law takes it" if annotation is None else _entry(annotation))
+            entry = text.entry or ("as the law takes it" if annotation is None else entry_in_words(annotation))
             bounds = text.allowed.replace("`", "") or _bounds(text.unit)
             unit = text.unit
-            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning)
+            default = text.usual or default_in_words(text.default)
+            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning, default)
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
@@ -251,13 +303,13 @@ def _of_reference() -> Iterator[GrammarRow]:
     yield GrammarRow("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
     yield GrammarRow("reference.base.kind", "", _one_of(names("motion")))
     for named in names("motion"):
+        yield from _by_hand(word_texts.MOTIONS, named, "reference.base")
         make = find("motion", named)
         if not takes_table(make) and "setting" not in declared_units(make):
             for name, (annotation, unit) in declared_units(make).items():
                 if name != "return":
-                    yield GrammarRow(
-                        f"reference.base.{name}", named, _entry(annotation), unit.unit, _bounds(unit), WHEN["always"]
-                    )
+                    entry = entry_in_words(annotation)
+                    yield GrammarRow(f"reference.base.{name}", named, entry, unit.unit, _bounds(unit), WHEN["always"])
     yield GrammarRow("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
     yield GrammarRow(
         "reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint"
@@ -306,7 +358,7 @@ def _in_words(annotation: object) -> str:
     return ENTRIES.get(annotation) or ENTRIES.get(getattr(annotation, "__name__", ""), "")
 
 
-def _entry(annotation: object) -> str:
+def entry_in_words(annotation: object) -> str:
     """Description of the entry for a type in a file."""
     options = [each for each in typing.get_args(annotation) if each is not type(None)]
     if words := _in_words(annotation):
@@ -314,10 +366,10 @@ def _entry(annotation: object) -> str:
     if typing.get_origin(annotation) is typing.Literal:
         return _one_of(options)
     if typing.get_origin(annotation) is tuple:
-        inner = _entry(options[0])
+        inner = entry_in_words(options[0])
         return {"number": "list of numbers", "table": "list of tables"}.get(inner, f"list of {inner}")
     if options and len(options) < len(typing.get_args(annotation)):
-        return _entry(options[0])
+        return entry_in_words(options[0])
     return SIGNAL if isinstance(annotation, type) and issubclass(annotation, Signal) else "table"
 
 
