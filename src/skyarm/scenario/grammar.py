@@ -13,7 +13,7 @@ from typing import NamedTuple
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
-from skyarm.control.model import Options, Terms
+from skyarm.control.model import Model, Options, Terms
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
@@ -85,6 +85,7 @@ class GrammarRow(NamedTuple):
         unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
         whole: True if a change may replace all of it.
         meaning: meaning in words.
+        effect: consequence of a higher or lower value, of a number that people tune.
     """
 
     path: str
@@ -95,6 +96,7 @@ class GrammarRow(NamedTuple):
     varies: str = WHEN["never"]
     whole: bool = False
     meaning: str = ""
+    effect: str = ""
 
 
 def grammar() -> tuple[GrammarRow, ...]:
@@ -127,7 +129,7 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
         when = f"its numbers {varies}"
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
-    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
+    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, *_words(unit))
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
@@ -186,7 +188,7 @@ def _of_record(
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
             entry = next((_one_of(each) for each in more), _entry(annotation))
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
-            yield GrammarRow(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
+            yield GrammarRow(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, *_words(unit))
         for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
@@ -200,18 +202,23 @@ def _of_record(
 MORE: Mapping[str, tuple[GrammarRow, ...]] = {
     "Reach": (GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
     Dryden.__name__: (
-        GrammarRow("altitude", "", "number", "m"),
-        GrammarRow("wind_20ft", "", "number", "m/s"),
-        GrammarRow("minimum_airspeed", "", "number", "m/s"),
+        GrammarRow("altitude", "", "number", "m", meaning="height above the ground, for intensity and scale lengths"),
+        GrammarRow("wind_20ft", "", "number", "m/s", meaning="wind speed 6.1 m (20 ft) above the ground"),
+        GrammarRow("minimum_airspeed", "", "number", "m/s", meaning="least speed at which the field passes"),
     ),
 }
 """Words that a record's class reads beside those of its fields."""
 
 
+def _words(unit: Unit) -> tuple[str, str]:
+    """Meaning and effect of a key."""
+    return unit.meaning, unit.effect
+
+
 def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     """Keys of [plant] and [model], without those of the vehicle, which has a file of its own."""
     always = WHEN["always"]
-    gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
+    gravity = declared_units(Model if truth is None else truth)["gravity"][1]
     yield GrammarRow(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
     yield GrammarRow(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
     yield from _of_record(Payload, f"{path}.payload", always, "")
@@ -219,7 +226,7 @@ def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     for name in JOINT_NUMBERS:
         unit = declared[name][1]
         words = "number, or one for each joint"
-        yield GrammarRow(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
+        yield GrammarRow(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, *_words(unit))
 
 
 def _of_controller() -> Iterator[GrammarRow]:
@@ -231,13 +238,20 @@ def _of_controller() -> Iterator[GrammarRow]:
     yield GrammarRow("controller.servos", "", "true or false", varies=WHOLE)
     yield GrammarRow("controller.safety", "", "true or false, or a table", varies=WHOLE)
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
-    yield GrammarRow("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
+    yield GrammarRow(
+        "controller.safety.stow",
+        "",
+        "list of numbers",
+        "rad or m",
+        varies=WHOLE,
+        meaning="joint positions of the stowed arm",
+    )
     for law in (*LAWS, *AUTOPILOTS):
         kinds = declared_units(Options) | declared_units(entry_of(law).function())
         for word, option in option_words(law).items():
             annotation, unit = kinds.get(option, (None, NUMBER))
             entry = "as the law takes it" if annotation is None else _entry(annotation)
-            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
+            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, *_words(unit))
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
@@ -255,7 +269,9 @@ def _of_reference() -> Iterator[GrammarRow]:
                     yield GrammarRow(
                         f"reference.base.{name}", named, _entry(annotation), unit.unit, _bounds(unit), WHEN["always"]
                     )
-    yield GrammarRow("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
+    yield GrammarRow(
+        "reference.yaw", "", SIGNAL, "rad", varies=always, whole=True, meaning="desired heading about world z"
+    )
     yield GrammarRow(
         "reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint"
     )
