@@ -53,9 +53,9 @@ class JointMotion:
     a stiff servo would turn the encoder's noise into torque.
     """
 
-    position: Annotated[Scalar, Unit("rad or m", "predicted for the next measurement")] = 0.0
-    rate: Annotated[Scalar, Unit("rad/s or m/s", "predicted for the next measurement")] = 0.0
-    unmodelled: Annotated[Scalar, Unit("rad/s^2 or m/s^2", "beyond the model's")] = 0.0
+    position: Annotated[Scalar, Unit("rad or m", "joint position predicted for the next measurement")] = 0.0
+    rate: Annotated[Scalar, Unit("rad/s or m/s", "joint rate predicted for the next measurement")] = 0.0
+    unmodelled: Annotated[Scalar, Unit("rad/s^2 or m/s^2", "joint acceleration beyond the model's, estimated")] = 0.0
 
     def correct(self, position: Scalar, rate: Scalar, started: Scalar, dt: Scalar) -> JointMotion:
         """Joint motion corrected by measured position and rate; equal to them at the first measurement."""

@@ -29,7 +29,9 @@ class Model:
     """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ from the simulated plant."""
 
     vehicle: Vehicle
-    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
+    gravity: Annotated[
+        Scalar, Unit("m/s^2", "gravitational acceleration of the controller's model, downwards", low=0.0, usual=25.0)
+    ] = 9.81
 
     def path_names(self) -> Names:
         """Names in parameter paths: the model's fields, and the loads carried by the vehicle."""
@@ -46,10 +48,42 @@ class GeometricGains:
         attitude: KR, N m/rad. rate: Kw, N m s/rad.
     """
 
-    position: Annotated[Vec3, Unit("N/m", "Kp", low=0.0)]
-    velocity: Annotated[Vec3, Unit("N s/m", "Kv", low=0.0)]
-    attitude: Annotated[Vec3, Unit("N m/rad", "KR", low=0.0)]
-    rate: Annotated[Vec3, Unit("N m s/rad", "Kw", low=0.0)]
+    position: Annotated[
+        Vec3,
+        Unit(
+            "N/m",
+            "Kp, force per position error, along each axis",
+            low=0.0,
+            effect="higher values correct position errors faster and need faster attitude loops",
+        ),
+    ]
+    velocity: Annotated[
+        Vec3,
+        Unit(
+            "N s/m",
+            "Kv, force per velocity error, along each axis",
+            low=0.0,
+            effect="higher values damp the position more and amplify noise of the velocity",
+        ),
+    ]
+    attitude: Annotated[
+        Vec3,
+        Unit(
+            "N m/rad",
+            "KR, torque per attitude error, about each body axis",
+            low=0.0,
+            effect="higher values turn the base faster; motor lag and delay limit them",
+        ),
+    ]
+    rate: Annotated[
+        Vec3,
+        Unit(
+            "N m s/rad",
+            "Kw, torque per body rate error, about each body axis",
+            low=0.0,
+            effect="higher values damp the attitude more and amplify noise of the gyroscope",
+        ),
+    ]
 
 
 @immutable
@@ -57,8 +91,24 @@ class GeometricGains:
 class JointGains:
     """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), depending on the law."""
 
-    stiffness: Annotated[tuple[float, ...], Unit("1/s^2", "acceleration per error of the joint", low=0.0)]
-    damping: Annotated[tuple[float, ...], Unit("1/s", "acceleration per error of the joint's rate", low=0.0)]
+    stiffness: Annotated[
+        tuple[float, ...],
+        Unit(
+            "1/s^2",
+            "acceleration (or torque, by the law) per position error of each joint",
+            low=0.0,
+            effect="higher values hold the joints more tightly, amplify noise and tolerate less delay",
+        ),
+    ]
+    damping: Annotated[
+        tuple[float, ...],
+        Unit(
+            "1/s",
+            "acceleration (or torque, by the law) per rate error of each joint",
+            low=0.0,
+            effect="higher values damp the joints more and amplify noise of the rates",
+        ),
+    ]
 
 
 TORQUE_GAINS: Mapping[str, Unit] = {
@@ -117,8 +167,24 @@ class Parameters:
     mixer: Mixer
     rate_error: str = "rotors_sim"
     terms: Terms = Terms()
-    friction_compensation: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
-    rate_weights: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
+    friction_compensation: Annotated[
+        tuple[float, ...],
+        Unit(
+            "",
+            "fraction of the modelled friction that the torque of each joint compensates; empty: none",
+            low=0.0,
+            effect="higher values remove more of the friction; above 1 the compensation drives the joint itself",
+        ),
+    ] = ()
+    rate_weights: Annotated[
+        tuple[float, ...],
+        Unit(
+            "",
+            "set-point weight of each joint's desired rate; empty: 1",
+            low=0.0,
+            effect="lower values overshoot less and track a moving reference later",
+        ),
+    ] = ()
     euler: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
 

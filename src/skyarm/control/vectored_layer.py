@@ -70,7 +70,14 @@ class VectoredParameters(LayerParameters):
         lead: lead factor of each servo's setpoint.
     """
 
-    lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
+    lead: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "",
+            "lead factor of each tilt servo's setpoint, times its remaining angle",
+            effect="higher values turn the servo faster and amplify noise",
+        ),
+    ]
 
     turns_rotors: ClassVar[bool] = True
 
@@ -91,9 +98,9 @@ class VectoredMemory:
     """
 
     inner: Any
-    goals: Annotated[tuple[Scalar, ...], Unit("rad", "angles that the last wrench asked for")]
-    angles: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the believed servos")]
-    matched: Annotated[tuple[Scalar, ...], Unit("rad", "angles of servos that lag as the motors do")]
+    goals: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles that the last wrench requires")]
+    angles: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles of the modelled servos")]
+    matched: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles of servos with the lag of the motors")]
 
 
 def law_inside(controller: Controller) -> Controller:

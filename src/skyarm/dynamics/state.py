@@ -24,14 +24,16 @@ ANGLES = ("roll", "pitch", "yaw")
 class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes", usual=1000.0)]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world"), Word("quaternion_wxyz")]
-    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
+    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes", usual=1000.0)]
+    quaternion: Annotated[
+        Quaternion, Unit("", "attitude as a unit quaternion w x y z, base to world"), Word("quaternion_wxyz")
+    ]
+    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "of the rotors that tilt")] = field(
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the tilting rotors")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
 

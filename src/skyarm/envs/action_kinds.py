@@ -68,7 +68,15 @@ class Actions:
             A joint without an effort, a passive one, has its number, too, which does nothing.
     """
 
-    joints: Annotated[float | None, Unit("N m, N, rad or m", "setpoint of a joint at full action", low=0.0)] = None
+    joints: Annotated[
+        float | None,
+        Unit(
+            "N m, N, rad or m",
+            "setpoint of a joint at an action of 1",
+            low=0.0,
+            effect="higher values give the policy more authority over the arm",
+        ),
+    ] = None
 
     asks_law = False
     """Whether the scenario's law is asked."""
@@ -108,7 +116,16 @@ class Actions:
         return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
 
 
-HoverShare = Annotated[float, above_zero("", "share of the hover speed")]
+_AUTHORITY = "higher values give the policy more authority and make first flights wilder"
+
+HoverShare = Annotated[
+    float,
+    above_zero(
+        "",
+        "change of rotor speed at an action of 1, as a fraction of the hover speed",
+        effect=_AUTHORITY,
+    ),
+]
 
 
 @immutable
@@ -136,9 +153,16 @@ class RatesAndThrust(Actions):
         bandwidth: bandwidth of the rate controller, 1/s.
     """
 
-    rate: Annotated[float, above_zero("rad/s", "at full action")] = 4.0
-    thrust: Annotated[float, above_zero("", "share of the weight at full action")] = 0.8
-    bandwidth: Annotated[float, above_zero("1/s")] = 20.0
+    rate: Annotated[float, above_zero("rad/s", "body rate at an action of 1", effect=_AUTHORITY)] = 4.0
+    thrust: Annotated[
+        float, above_zero("", "change of thrust at an action of 1, as a fraction of the weight", effect=_AUTHORITY)
+    ] = 0.8
+    bandwidth: Annotated[
+        float,
+        above_zero(
+            "1/s", "bandwidth of the rate controller", effect="higher values follow the action faster and amplify noise"
+        ),
+    ] = 20.0
 
     def size(self, vehicle: Vehicle) -> int:
         """Number of action components: three body rates, thrust, and one for each joint."""
@@ -165,8 +189,8 @@ class References(Actions):
         position: offset at full action, m, world axes. angle: offset of a joint at full action, rad or m.
     """
 
-    position: Annotated[float, above_zero("m", "at full action")] = 0.5
-    angle: Annotated[float, above_zero("rad or m", "of a joint at full action")] = 0.5
+    position: Annotated[float, above_zero("m", "displacement of the position reference at an action of 1")] = 0.5
+    angle: Annotated[float, above_zero("rad or m", "displacement of a joint reference at an action of 1")] = 0.5
 
     asks_law = True
 

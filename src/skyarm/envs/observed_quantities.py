@@ -22,14 +22,16 @@ Scalars = tuple[Scalar, ...]
 """Numbers of an observation, an action or the like, as they are or traced."""
 
 
-def above_zero(unit: str, meaning: str = "") -> Unit:
+def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:
     """Unit declaration of a parameter that must be positive."""
-    return Unit(unit, meaning, low=0.0, strict=True)
+    return Unit(unit, meaning, low=0.0, strict=True, effect=effect)
 
 
-Metres = Annotated[float, above_zero("m")]
-JointTravel = Annotated[float, above_zero("rad or m")]
-RadPerSecond = Annotated[float, above_zero("rad/s")]
+_LESS = "higher values make it count less"
+
+Metres = Annotated[float, above_zero("m", "distance that counts as 1", effect=_LESS)]
+JointTravel = Annotated[float, above_zero("rad or m", "joint displacement that counts as 1", effect=_LESS)]
+RadPerSecond = Annotated[float, above_zero("rad/s", "angular rate that counts as 1", effect=_LESS)]
 """Scales, by which a number is divided."""
 
 
@@ -96,7 +98,7 @@ class PositionError(Observed):
 class VelocityError(Observed):
     """Observed velocity error: reference minus measured velocity of the base origin, world axes."""
 
-    scale: Annotated[float, above_zero("m/s")] = 1.0
+    scale: Annotated[float, above_zero("m/s", "velocity error that counts as 1", effect=_LESS)] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the velocity error for the observation vector."""
@@ -128,7 +130,7 @@ class BodyRate(Observed):
 class SpecificForce(Observed):
     """Observed specific force: accelerometer reading in base axes, +g along z in hover."""
 
-    scale: Annotated[float, above_zero("m/s^2")] = 10.0
+    scale: Annotated[float, above_zero("m/s^2", "specific force that counts as 1", effect=_LESS)] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the specific force for the observation vector."""
@@ -162,7 +164,7 @@ class JointAngles(Observed):
 class JointRates(Observed):
     """Observed joint rates."""
 
-    scale: Annotated[float, above_zero("rad/s or m/s")] = 5.0
+    scale: Annotated[float, above_zero("rad/s or m/s", "joint rate that counts as 1", effect=_LESS)] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The scaled rate of each joint for the observation vector."""

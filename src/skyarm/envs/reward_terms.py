@@ -25,7 +25,14 @@ class RewardTerm:
         weight: factor of its value in the reward.
     """
 
-    weight: Annotated[float, Unit("", "by which its value counts")] = 1.0
+    weight: Annotated[
+        float,
+        Unit(
+            "",
+            "factor of the term's value in the reward",
+            effect="higher values make the policy care more for this term than for the others",
+        ),
+    ] = 1.0
 
     of_state = True
     """Whether it reads the state; it then counts nothing in the period in which that has diverged."""

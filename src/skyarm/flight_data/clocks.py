@@ -89,12 +89,14 @@ class ClockOffset:
 
     reference: str
     stream: str
-    offset: Annotated[float, Unit("s")]
-    offset_error: Annotated[float, Unit("s", "half-width of the interval of 95 %")]
-    drift: Annotated[float, Unit("s/s")]
-    drift_error: Annotated[float, Unit("s/s", "half-width of the interval of 95 %")]
-    middle: Annotated[float, Unit("s", "time of the stream's clock at which the offset holds")]
-    wander: Annotated[float, Unit("s", "largest distance of the offset of a part of the flight")]
+    offset: Annotated[
+        float, Unit("s", "estimated offset from the stream's clock to the reference's, at the stamp middle")
+    ]
+    offset_error: Annotated[float, Unit("s", "half-width of the 95 % interval of the offset")]
+    drift: Annotated[float, Unit("s/s", "estimated drift of the stream's clock against the reference's")]
+    drift_error: Annotated[float, Unit("s/s", "half-width of the 95 % interval of the drift")]
+    middle: Annotated[float, Unit("s", "stamp of the stream's clock at which the offset holds")]
+    wander: Annotated[float, Unit("s", "largest deviation of the offset in a part of the flight")]
     correlation: float
 
     @property

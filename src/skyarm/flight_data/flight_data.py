@@ -34,7 +34,7 @@ class Channel:
         ValueError: one line: wrong shapes, times that do not rise, or numbers that are not finite.
     """
 
-    time: Annotated[Array, Unit("s", "the flight's clock")]
+    time: Annotated[Array, Unit("s", "time of the samples, the flight's clock")]
     values: Array
     source: str
     names: tuple[str, ...] = ()

@@ -46,9 +46,9 @@ class JointPortError(ValueError):
 class JointReading:
     """Joint angles and rates at a time of the arm's own clock."""
 
-    time: Annotated[float, Unit("s")]
-    joints: Annotated[tuple[float, ...], Unit("rad or m")]
-    joint_rates: Annotated[tuple[float, ...], Unit("rad/s or m/s")]
+    time: Annotated[float, Unit("s", "time of the reading, the arm's own clock")]
+    joints: Annotated[tuple[float, ...], Unit("rad or m", "measured joint positions, in the vehicle's order")]
+    joint_rates: Annotated[tuple[float, ...], Unit("rad/s or m/s", "measured joint rates, in the vehicle's order")]
 
 
 class JointLink(ABC):

@@ -84,16 +84,16 @@ class Log:
             ``phases`` are the kinds of the phases of a task that waits; ``received`` describes readings and estimate.
     """
 
-    time: Annotated[Array, Unit("s")]
+    time: Annotated[Array, Unit("s", "time of the control instants")]
     position: Annotated[Array, units(State)["position"]]
     quaternion: Annotated[Array, units(State)["quaternion"]]
     velocity: Annotated[Array, units(State)["velocity"]]
     rate: Annotated[Array, units(State)["rate"]]
     joints: Annotated[Array, units(State)["joints"]]
     joint_rates: Annotated[Array, units(State)["joint_rates"]]
-    efforts: Annotated[Array, Unit("N m or N", "commanded")]
+    efforts: Annotated[Array, Unit("N m or N", "commanded joint efforts")]
     rotor_speeds: Annotated[Array, units(State)["rotor_speeds"]]
-    rotor_commands: Annotated[Array, Unit("rad/s", "commanded, unsigned")]
+    rotor_commands: Annotated[Array, Unit("rad/s", "commanded rotor speeds, unsigned")]
     position_held: Annotated[Array, Unit("m", f"{HELD}, world axes")]
     velocity_held: Annotated[Array, Unit("m/s", f"{HELD}, world axes")]
     joints_held: Annotated[Array, Unit("rad or m", HELD)]
@@ -102,22 +102,28 @@ class Log:
     position_reference: Annotated[Array, Unit("m", f"{CONTINUOUS}, world axes")]
     joints_reference: Annotated[Array, Unit("rad or m", CONTINUOUS)]
     yaw_reference: Annotated[Array, Unit("rad", CONTINUOUS)]
-    tool: Annotated[Array, Unit("m", "the tip, world axes")]
+    tool: Annotated[Array, Unit("m", "position of the tip, world axes")]
     tool_held: Annotated[Array, Unit("m", f"the tip of a level base, {HELD}, world axes")]
     tool_reference: Annotated[Array, Unit("m", f"the tip of a level base, {CONTINUOUS}, world axes")]
-    wind_force: Annotated[Array, Unit("N", "world axes")]
-    air_velocity: Annotated[Array, Unit("m/s", "world axes")]
-    measured_position: Annotated[Array, Unit("m", "measured, world axes")] = _if_any()
-    measured_joints: Annotated[Array, Unit("rad or m", "measured")] = _if_any()
-    lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = _if_any()
-    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = _if_any()
-    load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = _if_any()
-    push_found: Annotated[Array, Unit("N", "estimated at the tip, world axes")] = _if_any()
-    push_deviation: Annotated[Array, Unit("N", "its standard error along the normal")] = _if_any()
-    path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = _if_any()
-    phase: Annotated[Array, Unit("", "number of the task's phase")] = _if_any()
+    wind_force: Annotated[Array, Unit("N", "force of wind and disturbances on the base, world axes")]
+    air_velocity: Annotated[Array, Unit("m/s", "velocity of the air at the base origin, world axes")]
+    measured_position: Annotated[Array, Unit("m", "measured position of the base origin, world axes")] = _if_any()
+    measured_joints: Annotated[Array, Unit("rad or m", "measured joint positions")] = _if_any()
+    lag_found: Annotated[Array, Unit("s", "lag estimated by the law beyond its nominal delay")] = _if_any()
+    load_mass_found: Annotated[Array, Unit("kg", "mass of the load, estimated by the law")] = _if_any()
+    load_place_found: Annotated[
+        Array, Unit("m", "centre of mass of the load, estimated by the law, axes of the tip")
+    ] = _if_any()
+    push_found: Annotated[Array, Unit("N", "force at the tip, estimated by the law, world axes")] = _if_any()
+    push_deviation: Annotated[Array, Unit("N", "standard error of the estimated tip force along the normal")] = (
+        _if_any()
+    )
+    path_time: Annotated[Array, Unit("s", "path time of the governed reference")] = _if_any()
+    phase: Annotated[
+        Array, Unit("", "index of the task's current phase, from 0; one past the last once all are done")
+    ] = _if_any()
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()
-    tilt_commands: Annotated[Array, Unit("rad", "commanded")] = _if_any()
+    tilt_commands: Annotated[Array, Unit("rad", "commanded angles of the tilting rotors")] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
     info: Info
 

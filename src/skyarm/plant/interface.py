@@ -28,7 +28,9 @@ class Truth:
     """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model."""
 
     vehicle: Vehicle
-    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
+    gravity: Annotated[
+        Scalar, Unit("m/s^2", "true gravitational acceleration, downwards", low=0.0, rule=coerce.number, usual=25.0)
+    ] = 9.81
 
     def path_names(self) -> Names:
         """Parameter paths of the true vehicle and gravity, added loads, all joints at once, and joint drives."""

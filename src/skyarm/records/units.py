@@ -12,10 +12,8 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
-from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records import coerce
 from skyarm.records.immutable import immutable, memoize
 from skyarm.records.leaves import field_names
 
@@ -42,6 +40,7 @@ class Unit:
         rule: coercion in place of that of the field's type.
         fixed: equal in all episodes and throughout a flight: it shapes the program.
         usual: size beyond which a number is allowed and probably in another unit; two for a unit "rad or m".
+        effect: consequence of a higher or lower value, for those who tune it; empty for a field that nobody tunes.
     """
 
     unit: str = ""
@@ -54,6 +53,7 @@ class Unit:
     rule: Callable[[str, object], object] | None = None
     fixed: bool = False
     usual: float | tuple[float, float] = math.inf
+    effect: str = ""
 
     @property
     def largest(self) -> float:
@@ -68,11 +68,11 @@ class Unit:
         return ", ".join(part for part in (self.unit, self.meaning) if part)
 
 
-Name = Annotated[str, Unit(rule=coerce.name)]
-"""Text that is not empty."""
-
 NUMBER = Unit(infinite=True)
-"""Of a field without one."""
+"""Unit of a field that declares none: any number, infinity included."""
+
+OF_SIGNAL = "in the unit of the signal"
+"""Last words of the meaning of a signal's parameter, whose unit is that of the field that holds the signal."""
 
 
 @memoize

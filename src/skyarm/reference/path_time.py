@@ -40,8 +40,8 @@ class PathTime:
         step: time between control points, s.
     """
 
-    points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the reference's time")]
-    step: Annotated[Scalar, Unit("s", "between control points", low=0.0, strict=True)]
+    points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the spline of path time")]
+    step: Annotated[Scalar, Unit("s", "time between control points", low=0.0, strict=True)]
 
     def __post_init__(self) -> None:
         accept_fields(self, "path_time")

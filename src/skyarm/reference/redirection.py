@@ -41,12 +41,12 @@ class Redirected(Signal):
     """
 
     signal: Signal
-    start: Annotated[Scalar, Unit("s")] = NEVER
-    duration: Annotated[Scalar, Unit("s", low=0.0, strict=True)] = 1.0
-    value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
-    velocity: Annotated[Scalar, Unit("1/s", "in the unit of the signal")] = 0.0
-    acceleration: Annotated[Scalar, Unit("1/s^2", "in the unit of the signal")] = 0.0
-    goal: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+    start: Annotated[Scalar, Unit("s", "time at which the new motion begins")] = NEVER
+    duration: Annotated[Scalar, Unit("s", "duration of the motion to the goal", low=0.0, strict=True)] = 1.0
+    value: Annotated[Scalar, Unit("", "value at the start, in the unit of the signal")] = 0.0
+    velocity: Annotated[Scalar, Unit("1/s", "first derivative at the start, in the unit of the signal")] = 0.0
+    acceleration: Annotated[Scalar, Unit("1/s^2", "second derivative at the start, in the unit of the signal")] = 0.0
+    goal: Annotated[Scalar, Unit("", "value at the end, in the unit of the signal")] = 0.0
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""

@@ -98,7 +98,7 @@ def switch_times(record: object) -> tuple[float, ...]:
 class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
-    value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+    value: Annotated[Scalar, Unit("", "constant value, in the unit of the signal")] = 0.0
 
     def to_entry(self) -> Any:
         """Entry for a file: the constant value."""
@@ -120,9 +120,9 @@ class Ramp(Signal):
         shape: "linear", or "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends.
     """
 
-    start: Annotated[Scalar, Unit("s")]
-    duration: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
-    height: Annotated[Scalar, Unit("", "in the unit of the signal")]
+    start: Annotated[Scalar, Unit("s", "time at which the ramp begins")]
+    duration: Annotated[Scalar, Unit("s", "duration of the ramp", low=0.0, strict=True)]
+    height: Annotated[Scalar, Unit("", "value after the ramp, in the unit of the signal")]
     shape: Literal["linear", "quintic"] = "linear"
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -169,9 +169,9 @@ def _quintic(u: Scalar) -> Derivatives:
 class Sine(Signal):
     """Sine signal: amplitude sin(2 pi frequency_hz t + phase)."""
 
-    amplitude: Annotated[Scalar, Unit("", "in the unit of the signal")]
-    frequency_hz: Annotated[Scalar, Unit("Hz")]
-    phase: Annotated[Scalar, Unit("rad")] = 0.0
+    amplitude: Annotated[Scalar, Unit("", "amplitude, in the unit of the signal")]
+    frequency_hz: Annotated[Scalar, Unit("Hz", "frequency")]
+    phase: Annotated[Scalar, Unit("rad", "phase at time 0")] = 0.0
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four of the sine at time t (s)."""
@@ -186,8 +186,8 @@ class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
     signal: Signal
-    start: Annotated[Scalar, Unit("s", infinite=True)] = -math.inf
-    stop: Annotated[Scalar, Unit("s", infinite=True)] = math.inf
+    start: Annotated[Scalar, Unit("s", "begin of the interval, included", infinite=True)] = -math.inf
+    stop: Annotated[Scalar, Unit("s", "end of the interval, excluded", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:
         Signal.__post_init__(self)
@@ -222,7 +222,7 @@ class Shifted(Signal):
     """Time signal delayed by ``delay`` seconds."""
 
     signal: Signal
-    delay: Annotated[Scalar, Unit("s")]
+    delay: Annotated[Scalar, Unit("s", "time by which the signal is shifted to later")]
 
     def path_names(self) -> Names:
         """Names, in parameter paths, of the delay and of the delayed signal's parameters."""
@@ -281,11 +281,11 @@ class Pulses(Signal):
     The value jumps; its derivatives are those of the flat pieces, structural zeros.
     """
 
-    start: Annotated[Scalar, Unit("s")] = 0.0
-    period: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
-    width: Annotated[Scalar, Unit("s", "of a pulse", low=0.0)]
-    height: Annotated[Scalar, Unit("", "in the unit of the signal")] = 1.0
-    count: Annotated[int, Unit("", "of pulses", low=1, high=100_000)]
+    start: Annotated[Scalar, Unit("s", "time of the first pulse")] = 0.0
+    period: Annotated[Scalar, Unit("s", "time from one pulse to the next", low=0.0, strict=True)]
+    width: Annotated[Scalar, Unit("s", "width of a pulse", low=0.0)]
+    height: Annotated[Scalar, Unit("", "value within a pulse, in the unit of the signal")] = 1.0
+    count: Annotated[int, Unit("", "number of pulses", low=1, high=100_000)]
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value ``height`` or 0, and zeros as derivatives."""
@@ -334,11 +334,11 @@ class Turning(Signal):
     Archimedean spiral.
     """
 
-    angle: Annotated[Signal, Unit("rad", "from 0")]
-    radius: Annotated[Scalar, Unit("m", "at the beginning")]
-    growth: Annotated[Scalar, Unit("m/rad", "of the radius")] = 0.0
-    u: Annotated[Scalar, Unit("", "this coordinate of the direction at the beginning")]
-    w: Annotated[Scalar, Unit("", "the same a quarter of a turn later")]
+    angle: Annotated[Signal, Unit("rad", "angle of the turn from its beginning")]
+    radius: Annotated[Scalar, Unit("m", "radius at the beginning")]
+    growth: Annotated[Scalar, Unit("m/rad", "growth of the radius per angle")] = 0.0
+    u: Annotated[Scalar, Unit("", "this coordinate of the radial unit vector at the beginning")]
+    w: Annotated[Scalar, Unit("", "this coordinate of the radial unit vector a quarter of a turn later")]
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""

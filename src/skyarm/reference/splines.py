@@ -33,8 +33,10 @@ class Polynomials(Signal):
         coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the seconds since its knot.
     """
 
-    knots: Annotated[tuple[Scalar, ...], Unit("s", "rising")]
-    coefficients: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "of the powers of seconds, in the signal's unit")]
+    knots: Annotated[tuple[Scalar, ...], Unit("s", "times at which the pieces join, rising")]
+    coefficients: Annotated[
+        tuple[tuple[Scalar, ...], ...], Unit("", "coefficients of the powers of seconds, in the signal's unit")
+    ]
 
     def __post_init__(self) -> None:
         Signal.__post_init__(self)

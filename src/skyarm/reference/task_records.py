@@ -27,7 +27,7 @@ class Phase:
     """
 
     name: str
-    end: Annotated[float, Unit("s", low=0.0)]
+    end: Annotated[float, Unit("s", "planned end of the phase", low=0.0)]
     back: tuple[float, float] | None = None
 
     def later(self, seconds: float) -> Phase:
@@ -60,16 +60,30 @@ class Guard:
         loads: names of the payloads that the task takes and leaves, at the reference's time.
     """
 
-    at: Annotated[Scalar, Unit("s", low=0.0)]
-    begin: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    at: Annotated[Scalar, Unit("s", "planned end of the guarded phase, where the reference waits", low=0.0)]
+    begin: Annotated[
+        Scalar, Unit("s", "planned beginning of the guarded phase; distances count from there", low=0.0)
+    ] = 0.0
     phase: int = 0
-    error: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
-    force: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
-    force_below: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
-    distance: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
-    direction: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the surface, world axes")] = (0.0, 0.0, 1.0)
-    hold: Annotated[Scalar, Unit("s", low=0.0)] = 0.5
-    timeout: Annotated[Scalar, Unit("s", low=0.0, strict=True)] = 5.0
+    error: Annotated[
+        Scalar | None,
+        Unit("m", "largest tip error; across the normal in contact, of the base without a tip", low=0.0, strict=True),
+    ] = None
+    force: Annotated[Scalar | None, Unit("N", "least tip force along the direction", low=0.0, strict=True)] = None
+    force_below: Annotated[Scalar | None, Unit("N", "largest tip force along the direction", low=0.0, strict=True)] = (
+        None
+    )
+    distance: Annotated[
+        Scalar | None,
+        Unit("m", "least displacement of the tip against the direction since the phase began", low=0.0, strict=True),
+    ] = None
+    direction: Annotated[
+        tuple[Scalar, Scalar, Scalar], Unit("", "unit vector of force and distance, out of the surface, world axes")
+    ] = (0.0, 0.0, 1.0)
+    hold: Annotated[Scalar, Unit("s", "time for which all conditions must hold", low=0.0)] = 0.5
+    timeout: Annotated[
+        Scalar, Unit("s", "longest wait; then the reference continues or the flight fails", low=0.0, strict=True)
+    ] = 5.0
     fails: bool = False
     early: bool = False
     loads: tuple[str, ...] = ()

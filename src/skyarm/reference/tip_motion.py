@@ -57,7 +57,7 @@ class Arm:
 
     carriers: tuple[int, ...]
     joints: tuple[Joint, ...]
-    tip: Annotated[Vec3, Unit("m", "axes of the last link")] = ZERO3
+    tip: Annotated[Vec3, Unit("m", "position of the tip, axes of the last link")] = ZERO3
 
     def tip_position(self, joints: Sequence[Taylor]) -> Vec3:
         """Tip position (m, base axes) as Taylor series of time, from joint positions as Taylor series."""
@@ -88,9 +88,9 @@ def arm_of(vehicle: Vehicle) -> Arm:
 class TipMotion:
     """Desired tip motion: position in world axes, and the arm that carries the tip."""
 
-    x: Annotated[Signal, Unit("m", "the tip, world axes")] = STILL
-    y: Annotated[Signal, Unit("m")] = STILL
-    z: Annotated[Signal, Unit("m")] = STILL
+    x: Annotated[Signal, Unit("m", "desired x of the tip, world axes")] = STILL
+    y: Annotated[Signal, Unit("m", "desired y of the tip, world axes")] = STILL
+    z: Annotated[Signal, Unit("m", "desired z of the tip, world axes")] = STILL
     arm: Arm
 
     def path_names(self) -> Names:
@@ -155,17 +155,19 @@ UPRIGHT = (0.0, 0.0, 1.0)
 class TipPush:
     """Desired tip contact: force signal, surface normal, approach speed, and the arc of a held handle."""
 
-    force: Annotated[Signal, Unit("N", "that the tip presses with; 0 asks for no contact")]
-    normal: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the believed surface, world axes")]
-    speed: Annotated[Scalar, Unit("m/s", "with which the tip comes", low=0.0)] = SPEED
+    force: Annotated[Signal, Unit("N", "desired contact force of the tip on the surface; 0 requests no contact")]
+    normal: Annotated[
+        tuple[Scalar, Scalar, Scalar], Unit("", "outward unit normal of the modelled surface, world axes")
+    ]
+    speed: Annotated[Scalar, Unit("m/s", "approach speed of the tip", low=0.0)] = SPEED
     grip: Annotated[Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")] = field(
         default=None, metadata=WRITTEN_IF_ANY
     )
-    pivot: Annotated[tuple[Scalar, Scalar, Scalar] | None, Unit("m", "on the axis that the tip goes about")] = field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
-    axis: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "through the pivot, world axes")] = field(
-        default=UPRIGHT, metadata=WRITTEN_IF_ANY
+    pivot: Annotated[
+        tuple[Scalar, Scalar, Scalar] | None, Unit("m", "point on the axis about which the tip turns, world axes")
+    ] = field(default=None, metadata=WRITTEN_IF_ANY)
+    axis: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "direction of the axis through the pivot, world axes")] = (
+        field(default=UPRIGHT, metadata=WRITTEN_IF_ANY)
     )
 
     def at(self, t: Scalar) -> tuple[Scalar, ...]:

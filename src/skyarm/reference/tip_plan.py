@@ -224,12 +224,41 @@ class TipChoices:
         rate: rate of the plan's samples, Hz.
     """
 
-    posture: Annotated[tuple[float, ...], Unit("rad or m", "of each joint")] = ()
-    base_share: Annotated[float, Unit("", "of the tip's way that the base takes", low=0.0, high=1.0)] = 1.0
-    arm_range: Annotated[float, Unit("m", "of the tip's way that the arm takes", low=1e-3, high=1e6)] = 0.1
-    joint_speed: Annotated[float, Unit("rad/s or m/s", "largest of a plan", low=1e-3, high=1e6)] = 2.0
+    posture: Annotated[tuple[float, ...], Unit("rad or m", "preferred position of each joint")] = ()
+    base_share: Annotated[
+        float,
+        Unit(
+            "",
+            "fraction of the tip's displacement that the base takes",
+            low=0.0,
+            high=1.0,
+            effect="higher values move the base more and the arm less",
+        ),
+    ] = 1.0
+    arm_range: Annotated[float, Unit("m", "largest displacement of the tip that the arm takes", low=1e-3, high=1e6)] = (
+        0.1
+    )
+    joint_speed: Annotated[
+        float,
+        Unit(
+            "rad/s or m/s",
+            "largest joint speed of a plan",
+            low=1e-3,
+            high=1e6,
+            effect="lower values plan slower motions of the arm",
+        ),
+    ] = 2.0
     orientation: SignalList | None = None
-    rate: Annotated[float, Unit("Hz", "of the plan's samples", low=1e-3, high=1e6)] = 10.0
+    rate: Annotated[
+        float,
+        Unit(
+            "Hz",
+            "sampling rate of the plan",
+            low=1e-3,
+            high=1e6,
+            effect="higher values follow the path more closely and make larger plans",
+        ),
+    ] = 10.0
 
     def __post_init__(self) -> None:
         accept_fields(self, "")

@@ -39,25 +39,33 @@ class Reference:
     0.5 while the tip has to hold a load. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
     """
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
-    velocity: Annotated[Vec3, Unit("m/s", "world axes")] = ZERO3
-    acceleration: Annotated[Vec3, Unit("m/s^2", "world axes")] = ZERO3
-    jerk: Annotated[Vec3, Unit("m/s^3", "world axes")] = ZERO3
-    snap: Annotated[Vec3, Unit("m/s^4", "world axes")] = ZERO3
-    yaw: Annotated[Scalar, Unit("rad", "heading about world z")] = 0
-    yaw_rate: Annotated[Scalar, Unit("rad/s")] = 0
-    yaw_acceleration: Annotated[Scalar, Unit("rad/s^2")] = 0
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
-    joint_accelerations: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2")] = ()
-    joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
-    joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
-    tip: Annotated[tuple[Scalar, ...], Unit("m", "the tip, world axes")] = ()
-    push: Annotated[
-        tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+    position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
+    velocity: Annotated[Vec3, Unit("m/s", "desired velocity of the base origin, world axes")] = ZERO3
+    acceleration: Annotated[Vec3, Unit("m/s^2", "desired acceleration of the base origin, world axes")] = ZERO3
+    jerk: Annotated[Vec3, Unit("m/s^3", "desired jerk of the base origin, world axes")] = ZERO3
+    snap: Annotated[Vec3, Unit("m/s^4", "desired snap of the base origin, world axes")] = ZERO3
+    yaw: Annotated[Scalar, Unit("rad", "desired heading about world z")] = 0
+    yaw_rate: Annotated[Scalar, Unit("rad/s", "desired rate of the heading")] = 0
+    yaw_acceleration: Annotated[Scalar, Unit("rad/s^2", "desired acceleration of the heading")] = 0
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "desired joint rates, in the vehicle's order")] = ()
+    joint_accelerations: Annotated[
+        tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "desired joint accelerations, in the vehicle's order")
     ] = ()
-    load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip is told to hold a load")] = ()
-    ahead: Annotated[tuple[Scalar, ...], Unit("", "samples to come: value, rate and acceleration of each signal")] = ()
+    joint_jerks: Annotated[
+        tuple[Scalar, ...], Unit("rad/s^3 or m/s^3", "desired joint jerks, in the vehicle's order")
+    ] = ()
+    joint_snaps: Annotated[
+        tuple[Scalar, ...], Unit("rad/s^4 or m/s^4", "desired joint snaps, in the vehicle's order")
+    ] = ()
+    tip: Annotated[
+        tuple[Scalar, ...], Unit("m", "desired position of the tip, world axes; empty: that of a level base")
+    ] = ()
+    push: Annotated[
+        tuple[Scalar, ...], Unit("", "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+    ] = ()
+    load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip must hold a load")] = ()
+    ahead: Annotated[tuple[Scalar, ...], Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -108,11 +116,11 @@ class Trajectory:
     With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
     """
 
-    x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
-    y: Annotated[Signal, Unit("m")] = ZERO
-    z: Annotated[Signal, Unit("m")] = ZERO
-    yaw: Annotated[Signal, Unit("rad", "heading about world z")] = ZERO
-    joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
+    x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = ZERO
+    y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = ZERO
+    z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
+    yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
+    joints: Annotated[tuple[Signal, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
     tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     push: TipPush | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = dataclasses.field(

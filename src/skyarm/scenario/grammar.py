@@ -15,7 +15,7 @@ from typing import NamedTuple
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
-from skyarm.control.model import Options, Terms
+from skyarm.control.model import Model, Options, Terms
 from skyarm.control.option_units import option_texts
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
@@ -90,6 +90,7 @@ class GrammarRow(NamedTuple):
         unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
         whole: True if a change may replace all of it.
         meaning: meaning in words.
+        effect: consequence of a higher or lower value, of a number that people tune.
         default: value of a key that is left out, or "required".
     """
 
@@ -101,6 +102,7 @@ class GrammarRow(NamedTuple):
     varies: str = WHEN["never"]
     whole: bool = False
     meaning: str = ""
+    effect: str = ""
     default: str = ""
 
 
@@ -114,7 +116,12 @@ def grammar() -> tuple[GrammarRow, ...]:
 def _with_texts(row: GrammarRow) -> GrammarRow:
     """Row with the meaning and the default that only the texts of its path have."""
     text = word_texts.of_path(row.path) if not row.of else word_texts.WordText()
-    return row._replace(meaning=row.meaning or text.meaning, default=text.default or row.default)
+    return row._replace(
+        entry=text.entry or row.entry,
+        meaning=text.meaning or row.meaning,
+        effect=text.effect or row.effect,
+        default=text.default or row.default,
+    )
 
 
 def default_in_words(value: object) -> str:
@@ -128,10 +135,16 @@ def default_in_words(value: object) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, float | int):
-        return "no limit" if math.isinf(value) else f"{value:.10g}"
+        return "no limit" if math.isinf(value) else _few_digits(value)
     if isinstance(value, Vec3 | Quaternion | tuple) and all(isinstance(each, float | int) for each in value):
         return "[" + ", ".join(f"{float(each):.10g}" for each in value) + "]"
     return ""
+
+
+def _few_digits(value: float) -> str:
+    """Number with as many digits as its source states; four where it was computed."""
+    text = f"{value:.10g}"
+    return text if len(text) <= 7 or float(f"{value:.6g}") == value else f"{value:.4g}"
 
 
 def _of_numbers() -> Iterator[GrammarRow]:
@@ -157,7 +170,16 @@ def _by_hand(words: tuple[word_texts.HandWord, ...], named: str, at: str) -> Ite
             entry = SIGNAL if each.entry == "signal" else each.entry
             when = WHEN["always"] if "number" in entry or entry == SIGNAL else WHEN["never"]
             yield GrammarRow(
-                f"{at}.{each.name}", named, entry, each.unit, "", when, False, each.meaning, each.default or "required"
+                f"{at}.{each.name}",
+                named,
+                entry,
+                each.unit,
+                "",
+                when,
+                False,
+                each.meaning,
+                "",
+                each.default or "required",
             )
 
 
@@ -171,7 +193,7 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
     usual = default_in_words(slot.default)
-    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning, usual)
+    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, *_words(unit), usual)
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
@@ -232,10 +254,10 @@ def _of_record(
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
             text = word_texts.of_field(tuple(bases), name)
             held = next((each.__name__ for each in _records_in(annotation)), "")
-            meaning = unit.meaning or text.meaning or word_texts.TYPES.get(held, "")
-            default = text.default or default_in_words(usual[name])
+            meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
+            default, effect = text.default or default_in_words(usual[name]), text.effect or unit.effect
             yield GrammarRow(
-                f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, meaning, default
+                f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, meaning, effect, default
             )
         for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
@@ -248,20 +270,51 @@ def _of_record(
 
 
 MORE: Mapping[str, tuple[GrammarRow, ...]] = {
-    "Reach": (GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
+    "Reach": (
+        GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant", default="0"),
+    ),
     Dryden.__name__: (
-        GrammarRow("altitude", "", "number", "m", meaning="height above ground, 3.048 to 304.8 m", default="required"),
-        GrammarRow("wind_20ft", "", "number", "m/s", meaning="mean wind at 20 feet", default="required"),
-        GrammarRow("minimum_airspeed", "", "number", "m/s", meaning="least airspeed of the filters", default="1"),
+        GrammarRow(
+            "altitude",
+            "",
+            "number",
+            "m",
+            "at least 3.048, at most 304.8",
+            meaning="height above the ground, for intensity and scale lengths",
+            default="required",
+        ),
+        GrammarRow(
+            "wind_20ft",
+            "",
+            "number",
+            "m/s",
+            "at least 0",
+            meaning="wind speed 6.1 m (20 ft) above the ground",
+            default="required",
+        ),
+        GrammarRow(
+            "minimum_airspeed",
+            "",
+            "number",
+            "m/s",
+            "at least 0.001",
+            meaning="least speed at which the field passes",
+            default="1",
+        ),
     ),
 }
 """Words that a record's class reads beside those of its fields."""
 
 
+def _words(unit: Unit) -> tuple[str, str]:
+    """Meaning and effect of a key."""
+    return unit.meaning, unit.effect
+
+
 def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     """Keys of [plant] and [model], without those of the vehicle, which has a file of its own."""
     always = WHEN["always"]
-    gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
+    gravity = declared_units(Model if truth is None else truth)["gravity"][1]
     yield GrammarRow(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
     yield GrammarRow(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
     yield from _of_record(Payload, f"{path}.payload", always, "")
@@ -269,9 +322,8 @@ def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     for name in JOINT_NUMBERS:
         unit = declared[name][1]
         words = "number, or one for each joint"
-        yield GrammarRow(
-            f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning, "the vehicle's"
-        )
+        at = f"{path}.joints.{name}"
+        yield GrammarRow(at, "", words, unit.unit, _bounds(unit), always, False, *_words(unit), "the vehicle's")
 
 
 def _of_controller() -> Iterator[GrammarRow]:
@@ -283,16 +335,25 @@ def _of_controller() -> Iterator[GrammarRow]:
     yield GrammarRow("controller.servos", "", "true or false", varies=WHOLE)
     yield GrammarRow("controller.safety", "", "true or false, or a table", varies=WHOLE)
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
-    yield GrammarRow("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
+    yield GrammarRow(
+        "controller.safety.stow",
+        "",
+        "list of numbers",
+        "rad or m",
+        varies=WHOLE,
+        meaning="joint positions of the stowed arm",
+    )
     for law in (*LAWS, *AUTOPILOTS):
         kinds, texts = declared_units(Options) | declared_units(entry_of(law).function()), option_texts(law)
         for word, option in option_words(law).items():
             text, annotation = texts[option], kinds.get(option, (None, NUMBER))[0]
             entry = text.entry or ("as the law takes it" if annotation is None else entry_in_words(annotation))
             bounds = text.allowed.replace("`", "") or _bounds(text.unit)
-            unit = text.unit
+            unit, effect = text.unit, text.effect or text.unit.effect
             default = text.usual or default_in_words(text.default)
-            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning, default)
+            yield GrammarRow(
+                f"controller.{word}", law, entry, unit.unit, bounds, WHOLE, False, unit.meaning, effect, default
+            )
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
@@ -310,7 +371,9 @@ def _of_reference() -> Iterator[GrammarRow]:
                 if name != "return":
                     entry = entry_in_words(annotation)
                     yield GrammarRow(f"reference.base.{name}", named, entry, unit.unit, _bounds(unit), WHEN["always"])
-    yield GrammarRow("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
+    yield GrammarRow(
+        "reference.yaw", "", SIGNAL, "rad", varies=always, whole=True, meaning="desired heading about world z"
+    )
     yield GrammarRow(
         "reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint"
     )

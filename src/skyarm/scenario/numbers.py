@@ -34,7 +34,7 @@ from skyarm.records.field_rules import accept_scalar
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, Record, part, replace_at
 from skyarm.records.path_names import Viewed
-from skyarm.records.units import Unit, units
+from skyarm.records.units import OF_SIGNAL, Unit, units
 from skyarm.scenario.paths import Target, places_of, target_of
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
@@ -249,7 +249,7 @@ def _declaration(record: object, place: Place) -> Unit:
             record = record[int(name)]
             continue
         said = units(type(record)).get(name)
-        if said is not None and said.meaning != "in the unit of the signal":
+        if said is not None and not said.meaning.endswith(OF_SIGNAL):
             unit = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
         if " or " in unit.unit and hasattr(record, "kind"):

@@ -167,6 +167,9 @@ LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
 
+_SLOWER = "lower values plan slower paths"
+
+
 @immutable
 class GovernorOptions:
     """Options of the path governor: reserve of the actuators, and limits of tilt, turning and joint speed.
@@ -177,10 +180,40 @@ class GovernorOptions:
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
     """
 
-    reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = 0.2
-    tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.6
-    turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
-    joint_speed: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, infinite=True)] = math.inf
+    reserve: Annotated[
+        float,
+        Unit(
+            "",
+            "fraction of rotor and joint limits reserved for feedback",
+            low=0.0,
+            high=0.9,
+            effect="higher values plan slower paths and leave more for disturbances",
+        ),
+    ] = 0.2
+    tilt: Annotated[
+        float, Unit("rad", "largest tilt of the base on the governed path", low=0.0, strict=True, effect=_SLOWER)
+    ] = 0.6
+    turning: Annotated[
+        float,
+        Unit(
+            "rad/s^2",
+            "largest angular acceleration of the base on the governed path",
+            low=0.0,
+            strict=True,
+            effect=_SLOWER,
+        ),
+    ] = 10.0
+    joint_speed: Annotated[
+        Scalar,
+        Unit(
+            "rad/s or m/s",
+            "largest speed of every joint on the governed path; servos add limits of their own",
+            low=0.0,
+            strict=True,
+            infinite=True,
+            effect=_SLOWER,
+        ),
+    ] = math.inf
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")

@@ -73,9 +73,36 @@ def whole(value: object) -> int | None:
 class Rates:
     """Rates of physics, control and reference, Hz; physics / control and control / reference are whole numbers."""
 
-    physics: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 1000
-    control: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 200
-    reference: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 50
+    physics: Annotated[
+        int,
+        Unit(
+            "Hz",
+            "integration steps a second",
+            low=1.0,
+            high=HIGHEST_RATE,
+            effect="higher rates integrate more exactly and take more time; stiff contact needs them",
+        ),
+    ] = 1000
+    control: Annotated[
+        int,
+        Unit(
+            "Hz",
+            "calls of the law a second",
+            low=1.0,
+            high=HIGHEST_RATE,
+            effect="higher rates shorten the delay of the loop and take more time",
+        ),
+    ] = 200
+    reference: Annotated[
+        int,
+        Unit(
+            "Hz",
+            "samples of the held reference a second",
+            low=1.0,
+            high=HIGHEST_RATE,
+            effect="lower rates make the law follow coarser steps of the reference",
+        ),
+    ] = 50
 
     def __post_init__(self) -> None:
         accept_fields(self, "rates", ScenarioError)
@@ -102,11 +129,38 @@ class Delays:
     have the same.
     """
 
-    measurement: Annotated[float, Unit("s", "age of the measurement", low=0.0, usual=1.0)] = 0.0
-    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0), QUEUED] = 0.0
-    longest_command: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
-    rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0), QUEUED] = 0
-    joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0), QUEUED] = 0
+    measurement: Annotated[
+        float,
+        Unit(
+            "s",
+            "age of the measurement, a whole number of control periods",
+            low=0.0,
+            usual=1.0,
+            effect="older measurements take phase margin from every loop",
+        ),
+    ] = 0.0
+    command: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "dead time before a command takes effect",
+            low=0.0,
+            usual=1.0,
+            effect="longer dead times take phase margin from every loop",
+        ),
+        QUEUED,
+    ] = 0.0
+    longest_command: Annotated[
+        float | None,
+        Unit(
+            "s",
+            "longest total command delay in a batch that varies it; None: equal in all episodes",
+            low=0.0,
+            strict=True,
+        ),
+    ] = None
+    rotors: Annotated[Scalar, Unit("s", "additional dead time of rotor commands", low=0.0), QUEUED] = 0
+    joints: Annotated[Scalar, Unit("s", "additional dead time of joint commands", low=0.0), QUEUED] = 0
 
     @property
     def apart(self) -> bool:
@@ -165,7 +219,7 @@ class Change:
             tuples) or tables.
     """
 
-    at: Annotated[float, Unit("s", low=0.0)]
+    at: Annotated[float, Unit("s", "time of the change; it takes effect at the next control period", low=0.0)]
     path: str
     value: Any
 
@@ -313,7 +367,9 @@ class Agent:
         ),
     ]
     tracking_start: Annotated[
-        Scalar, Unit("s", "when the law begins to follow", low=0.0), Word("reference.tracking_start")
+        Scalar,
+        Unit("s", "time at which the law begins to track; before, it holds the initial reference", low=0.0),
+        Word("reference.tracking_start"),
     ] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
@@ -407,7 +463,7 @@ class Scenario:
 
     name: Annotated[str, STRUCTURAL]
     title: Annotated[str, STRUCTURAL] = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True), STRUCTURAL]
+    duration: Annotated[float, Unit("s", "duration of the flight", low=0.0, strict=True), STRUCTURAL]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agent: Annotated[Agent, Word("", group=True)]

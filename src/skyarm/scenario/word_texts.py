@@ -18,12 +18,14 @@ class WordText(NamedTuple):
         default: value that a left-out key has, in words, where the program computes it.
         allowed: allowed values in words, where bounds do not say them.
         effect: effect of a higher or lower value.
+        entry: type in words, where that of the field says less.
     """
 
     meaning: str = ""
     default: str = ""
     allowed: str = ""
     effect: str = ""
+    entry: str = ""
 
 
 VEHICLES = "a shipped name, or a path relative to this file"

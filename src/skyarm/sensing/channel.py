@@ -44,13 +44,45 @@ class Channel:
         scale: error of the scale factor. resolution: step of the reading, which is rounded to the nearest.
     """
 
-    sigma: Annotated[Scalar, Unit("u", "white noise of a reading", low=0.0)] = 0
-    density: Annotated[Scalar, Unit("u/sqrt(Hz)", "white noise", low=0.0)] = 0
-    bias: Annotated[tuple[Scalar, ...], Unit("u", "fixed, one number for each component")] = ()
-    turn_on: Annotated[Scalar, Unit("u", "deviation of the first bias of an episode", low=0.0)] = 0
-    walk: Annotated[Scalar, Unit("u/s/sqrt(Hz)", "random walk of the bias", low=0.0)] = 0
-    scale: Annotated[Scalar, Unit("", "error of the scale factor")] = 0
-    resolution: Annotated[Scalar, Unit("u", "step of the reading", low=0.0)] = 0
+    sigma: Annotated[
+        Scalar,
+        Unit(
+            "u",
+            "standard deviation of the white noise of a reading",
+            low=0.0,
+            effect="higher values make readings noisier",
+        ),
+    ] = 0
+    density: Annotated[
+        Scalar,
+        Unit(
+            "u/sqrt(Hz)",
+            "noise density; adds density^2 / dt to the variance of a reading",
+            low=0.0,
+            effect="higher values make readings noisier, more so at high rates",
+        ),
+    ] = 0
+    bias: Annotated[tuple[Scalar, ...], Unit("u", "constant bias, one number for each component")] = ()
+    turn_on: Annotated[
+        Scalar,
+        Unit(
+            "u",
+            "standard deviation of the bias at the start of an episode",
+            low=0.0,
+            effect="higher values make episodes differ more",
+        ),
+    ] = 0
+    walk: Annotated[
+        Scalar,
+        Unit(
+            "u/s/sqrt(Hz)",
+            "density of the bias's random walk",
+            low=0.0,
+            effect="higher values make the bias drift faster",
+        ),
+    ] = 0
+    scale: Annotated[Scalar, Unit("", "relative error of the scale factor")] = 0
+    resolution: Annotated[Scalar, Unit("u", "step to which readings are rounded; 0: none", low=0.0)] = 0
     offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     @property
@@ -156,9 +188,14 @@ class Dropouts:
         intervals: first and last instant of each interval in which no reading is taken, s.
     """
 
-    share: Annotated[Scalar, Unit("", "share of the readings that is lost", low=0.0, high=0.99)] = 0
-    duration: Annotated[Scalar, Unit("s", "mean length of a run of lost readings", low=0.0)] = 0
-    intervals: Annotated[tuple[tuple[Scalar, Scalar], ...], Unit("s", "without readings")] = ()
+    share: Annotated[Scalar, Unit("", "fraction of the readings lost at random", low=0.0, high=0.99)] = 0
+    duration: Annotated[
+        Scalar,
+        Unit("s", "mean duration of a run of lost readings", low=0.0, effect="longer runs demand more prediction"),
+    ] = 0
+    intervals: Annotated[
+        tuple[tuple[Scalar, Scalar], ...], Unit("s", "first and last instant of each interval without readings")
+    ] = ()
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
@@ -219,7 +256,16 @@ class ChannelMemory:
     own: Any = ()
 
 
-SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0, fixed=True)]
+SampleRate = Annotated[
+    float,
+    Unit(
+        "Hz",
+        "readings a second; 0: one each control period",
+        low=0.0,
+        fixed=True,
+        effect="lower rates leave the estimator with older readings",
+    ),
+]
 
 
 @immutable
@@ -234,7 +280,16 @@ class ChannelSensor(Sensor):
     """
 
     frequency: SampleRate = 0.0
-    latency: Annotated[float, Unit("s", "age of a reading when it arrives", low=0.0, fixed=True)] = 0.0
+    latency: Annotated[
+        float,
+        Unit(
+            "s",
+            "age of a reading when it arrives",
+            low=0.0,
+            fixed=True,
+            effect="older readings make the estimate lag more",
+        ),
+    ] = 0.0
     dropouts: Dropouts = Dropouts()
 
     def __post_init__(self) -> None:

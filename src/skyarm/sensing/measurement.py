@@ -30,23 +30,23 @@ class Measurement:
     ``time`` is when it was taken: older than now if the measurement is delayed.
     """
 
-    time: Annotated[Scalar, Unit("s")]
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
-    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
-    rate: Annotated[Vec3, Unit("rad/s", "gyroscope, base axes")]
+    time: Annotated[Scalar, Unit("s", "time at which the measurement was taken")]
+    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "attitude as a unit quaternion w x y z, base to world")]
+    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity by the gyroscope, base axes")]
     specific_force: Annotated[Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the rotors that tilt")] = field(
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the tilting rotors")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
-    tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = (
+    tip_force: Annotated[
+        tuple[Scalar, ...], Unit("N", "reading of the force sensor: force on the tip, axes of the tip")
+    ] = field(default=(), metadata=WRITTEN_IF_ANY)
+    switches: Annotated[tuple[Scalar, ...], Unit("", "state of each tactile switch that phases wait for; 1 closed")] = (
         field(default=(), metadata=WRITTEN_IF_ANY)
-    )
-    switches: Annotated[tuple[Scalar, ...], Unit("", "1 closed; tactile switches that phases wait for")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
     )
     holds: Annotated[tuple[Scalar, ...], Unit("", "1 while a gripper at the tip reports a grasp")] = field(
         default=(), metadata=WRITTEN_IF_ANY
@@ -73,6 +73,9 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
     return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
 
+_NOISIER = "higher values make the measurement noisier"
+
+
 @immutable
 @checked("sensors")
 class SensorNoise(Sensor):
@@ -81,14 +84,53 @@ class SensorNoise(Sensor):
     Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
     """
 
-    position: Annotated[Scalar, Unit("m", low=0.0, usual=1.0)] = 0
-    velocity: Annotated[Scalar, Unit("m/s", low=0.0, usual=5.0)] = 0
-    attitude: Annotated[Scalar, Unit("rad", "rotation vector, base axes", low=0.0, usual=0.5)] = 0
-    rate: Annotated[Scalar, Unit("rad/s", low=0.0, usual=5.0)] = 0
-    specific_force: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=50.0)] = 0
-    joints: Annotated[Scalar, Unit("rad or m", low=0.0, usual=0.5)] = 0
-    joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, usual=5.0)] = 0
-    rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0, usual=200.0)] = 0
+    position: Annotated[
+        Scalar,
+        Unit("m", "standard deviation of the position noise, each world axis", low=0.0, usual=1.0, effect=_NOISIER),
+    ] = 0
+    velocity: Annotated[
+        Scalar,
+        Unit("m/s", "standard deviation of the velocity noise, each world axis", low=0.0, usual=5.0, effect=_NOISIER),
+    ] = 0
+    attitude: Annotated[
+        Scalar,
+        Unit(
+            "rad",
+            "standard deviation of the attitude noise, a rotation vector in base axes",
+            low=0.0,
+            usual=0.5,
+            effect=_NOISIER,
+        ),
+    ] = 0
+    rate: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "standard deviation of the angular velocity noise, each base axis",
+            low=0.0,
+            usual=5.0,
+            effect=_NOISIER,
+        ),
+    ] = 0
+    specific_force: Annotated[
+        Scalar,
+        Unit(
+            "m/s^2",
+            "standard deviation of the accelerometer noise, each base axis",
+            low=0.0,
+            usual=50.0,
+            effect=_NOISIER,
+        ),
+    ] = 0
+    joints: Annotated[
+        Scalar, Unit("rad or m", "standard deviation of the joint position noise", low=0.0, usual=0.5, effect=_NOISIER)
+    ] = 0
+    joint_rates: Annotated[
+        Scalar, Unit("rad/s or m/s", "standard deviation of the joint rate noise", low=0.0, usual=5.0, effect=_NOISIER)
+    ] = 0
+    rotor_speeds: Annotated[
+        Scalar, Unit("rad/s", "standard deviation of the rotor speed noise", low=0.0, usual=200.0, effect=_NOISIER)
+    ] = 0
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> SensorNoise:

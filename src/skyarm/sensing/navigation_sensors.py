@@ -45,7 +45,7 @@ KELVIN = 273.15
 class MagnetometerReading(Reading):
     """Reading of a magnetometer: magnetic flux density."""
 
-    field: Annotated[Vec3, Unit("gauss", "base axes")]
+    field: Annotated[Vec3, Unit("gauss", "magnetic field, base axes")]
 
 
 @immutable
@@ -60,8 +60,8 @@ class BarometerReading(Reading):
 class GnssReading(Reading):
     """Reading of satellite navigation: position and velocity of the base origin."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
-    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
+    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
 
 
 @immutable
@@ -102,7 +102,9 @@ class Barometer(ChannelSensor):
     record: ClassVar[type] = BarometerReading
 
     frequency: SampleRate = 50.0
-    altitude: Annotated[Scalar, Unit("m", "world's origin above mean sea level", low=-5000.0, high=11000.0)] = 488.0
+    altitude: Annotated[
+        Scalar, Unit("m", "altitude of the world's origin above mean sea level", low=-5000.0, high=11000.0)
+    ] = 488.0
     pressure: Channel = Channel(sigma=0.012)
     temperature: Channel = Channel()
 

@@ -18,8 +18,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class Push:
     """External wrench at a vehicle frame: resultant of all external forces on the frame's link and the links beyond."""
 
-    force: Annotated[Vec3, Unit("N", "axes of the frame")]
-    torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
+    force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
+    torque: Annotated[Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")]
 
 
 NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))

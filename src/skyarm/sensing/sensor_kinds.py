@@ -34,60 +34,60 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class Reading:
     """Base class of sensor readings, with the time at which a reading was taken."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
+    time: Annotated[Scalar, Unit("s", "time at which the reading was taken")]
 
 
 @immutable
 class ImuReading(Reading):
     """Reading of an inertial unit: angular rate and specific force of the base origin."""
 
-    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
-    specific_force: Annotated[Vec3, Unit("m/s^2", "base axes, +g along z in hover")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes")]
+    specific_force: Annotated[Vec3, Unit("m/s^2", "specific force, base axes, +g along z in hover")]
 
 
 @immutable
 class PoseReading(Reading):
     """Reading of motion capture: position of the base origin and attitude of the base."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
+    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "attitude w x y z, base to world")]
 
 
 @immutable
 class PositionReading(Reading):
     """Reading of satellite navigation: position of the base origin."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
 
 
 @immutable
 class HeadingReading(Reading):
     """Reading of a heading sensor: yaw of the base's x axis about the vertical."""
 
-    heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]
+    heading: Annotated[Scalar, Unit("rad", "yaw, continuous over full turns")]
 
 
 @immutable
 class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")]
 
 
 @immutable
 class ForceReading(Reading):
     """Reading of a force-torque sensor: external wrench at a frame."""
 
-    force: Annotated[Vec3, Unit("N", "axes of the frame")]
-    torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
+    force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
+    torque: Annotated[Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")]
 
 
 @immutable
 class SwitchReading(Reading):
     """Reading of a tactile switch at a frame: closed while a force acts."""
 
-    closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
+    closed: Annotated[Scalar, Unit("", "state of the switch: 1 closed, 0 open")]
 
 
 LOG_2 = 0.6931471805599453
@@ -182,8 +182,17 @@ class Encoders(ChannelSensor):
         joints: errors of the positions. rates: "difference" or "measured". rate: errors of measured rates.
     """
 
-    bits: Annotated[Scalar, Unit("", "of an absolute encoder, 0: none", low=0.0, high=52.0)] = 12
-    span: Annotated[Scalar, Unit("rad or m", "that the bits divide", low=0.0, strict=True)] = TURN
+    bits: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "resolution of an absolute encoder in bits; 0: no rounding",
+            low=0.0,
+            high=52.0,
+            effect="fewer bits make coarser positions and noisier rates",
+        ),
+    ] = 12
+    span: Annotated[Scalar, Unit("rad or m", "range of a joint that the bits divide", low=0.0, strict=True)] = TURN
     joints: Channel = Channel()
     rates: str = "difference"
     rate: Channel = Channel()
@@ -242,7 +251,15 @@ class FramedSensor(ChannelSensor):
     """
 
     frame: str = ""
-    bandwidth: Annotated[Scalar, Unit("rad/s", "of a first-order low pass, 0: none", low=0.0)] = 0
+    bandwidth: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the sensor's first-order low pass; 0: none",
+            low=0.0,
+            effect="lower values smooth the reading and add lag",
+        ),
+    ] = 0
 
     @property
     def feels(self) -> str:  # type: ignore[override]
@@ -305,8 +322,8 @@ class TactileSwitch(FramedSensor):
 
     senses: ClassVar[str] = "switch"
 
-    on: Annotated[Scalar, Unit("N", "above which it closes", low=0.0)] = 0.5
-    off: Annotated[Scalar, Unit("N", "below which it opens", low=0.0)] = 0.25
+    on: Annotated[Scalar, Unit("N", "force above which the switch closes", low=0.0)] = 0.5
+    off: Annotated[Scalar, Unit("N", "force below which the switch opens", low=0.0)] = 0.25
     force: Channel = Channel()
 
     def __post_init__(self) -> None:

@@ -24,8 +24,10 @@ HOUR = 3600.0
 class CellCurve:
     """Open-circuit voltage of one cell against its charge, by monotone cubic interpolation."""
 
-    charge: Annotated[tuple[Scalar, ...], Unit("", "share of the capacity", low=0.0, high=1.0)]
-    voltage: Annotated[tuple[Scalar, ...], Unit("V", low=0.0)]
+    charge: Annotated[
+        tuple[Scalar, ...], Unit("", "charge of the cell, as a fraction of the capacity, rising", low=0.0, high=1.0)
+    ]
+    voltage: Annotated[tuple[Scalar, ...], Unit("V", "open-circuit voltage of one cell at each charge", low=0.0)]
 
     def __post_init__(self) -> None:
         accept_fields(self, "battery.open_circuit", VehicleError)
@@ -69,13 +71,27 @@ class Battery:
     """
 
     cells: int
-    capacity: Annotated[Scalar, Unit("A h", low=0.0, strict=True, usual=1000.0)]
-    resistance: Annotated[Scalar, Unit("ohm", "of the whole pack", low=0.0, usual=5.0)]
+    capacity: Annotated[Scalar, Unit("A h", "charge from full to empty", low=0.0, strict=True, usual=1000.0)]
+    resistance: Annotated[
+        Scalar,
+        Unit(
+            "ohm",
+            "internal resistance of the whole pack and its wires",
+            low=0.0,
+            usual=5.0,
+            effect="higher values make the voltage sag more under load",
+        ),
+    ]
     open_circuit: CellCurve
-    reference_voltage: Annotated[Scalar, Unit("V", "of the whole pack", low=0.0, strict=True)]
-    charge: Annotated[Scalar, Unit("", "share of the capacity at the start", low=0.0, high=1.0)] = 1.0
-    standing_power: Annotated[Scalar, Unit("W", "of all but the rotors", low=0.0)] = 0.0
-    efficiency: Annotated[Scalar, Unit("", "of motors and their controllers", low=0.0, high=1.0)] = 0.7
+    reference_voltage: Annotated[
+        Scalar,
+        Unit("V", "voltage of the whole pack at which rotor speeds and thrust tables hold", low=0.0, strict=True),
+    ]
+    charge: Annotated[Scalar, Unit("", "charge at the start, as a fraction of the capacity", low=0.0, high=1.0)] = 1.0
+    standing_power: Annotated[Scalar, Unit("W", "power of all consumers except the rotors", low=0.0)] = 0.0
+    efficiency: Annotated[
+        Scalar, Unit("", "mechanical over electrical power of motors and speed controllers", low=0.0, high=1.0)
+    ] = 0.7
     esc: str = "governed"
 
     def __post_init__(self) -> None:

@@ -36,9 +36,11 @@ class Body:
             exists in a controller's model only; a plant refuses it.
     """
 
-    mass: Annotated[Scalar, Unit("kg", low=0.0, rule=coefficient)]
-    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link", rule=vector, usual=FARTHEST)] = ZERO3
-    inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link", rule=inertia)] = Sym3(0, 0, 0)
+    mass: Annotated[Scalar, Unit("kg", "mass of the link", low=0.0, rule=coefficient)]
+    com: Annotated[Vec3, Unit("m", "centre of mass of the link, link axes", rule=vector, usual=FARTHEST)] = ZERO3
+    inertia: Annotated[Sym3, Unit("kg m^2", "inertia about the centre of mass, link axes", rule=inertia)] = Sym3(
+        0, 0, 0
+    )
     planar: bool = False
 
     @classmethod
@@ -92,24 +94,67 @@ class Joint:
 
     name: str
     kind: str = "revolute"
-    axis: Annotated[Vec3, Unit("", "unit vector, joint axes", rule=unit_vector)] = Vec3(0, 1, 0)
-    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link", rule=vector, usual=FARTHEST)] = ZERO3
-    rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link", rule=proper_rotation)] = Mat3.identity()
-    lower: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number, usual=TURN)] = -math.inf
-    upper: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number, usual=TURN)] = math.inf
-    effort_limit: Annotated[
-        Scalar, Unit("N m or N", "largest effort of the joint", low=0.0, infinite=True, rule=number, usual=1e4)
+    axis: Annotated[Vec3, Unit("", "unit vector of the joint axis, joint axes", rule=unit_vector)] = Vec3(0, 1, 0)
+    position: Annotated[
+        Vec3, Unit("m", "origin of the joint frame, axes of the parent link", rule=vector, usual=FARTHEST)
+    ] = ZERO3
+    rotation: Annotated[Mat3, Unit("", "rotation from joint axes to axes of the parent link", rule=proper_rotation)] = (
+        Mat3.identity()
+    )
+    lower: Annotated[
+        Scalar, Unit("rad or m", "lower position limit of the joint", infinite=True, rule=number, usual=TURN)
+    ] = -math.inf
+    upper: Annotated[
+        Scalar, Unit("rad or m", "upper position limit of the joint", infinite=True, rule=number, usual=TURN)
     ] = math.inf
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", **SHARE)] = 0
-    coulomb: Annotated[Scalar, Unit("N m or N", **SHARE)] = 0
-    coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, rule=number)] = 0.01
-    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint", **SHARE)] = field(
-        default=0, metadata=WRITTEN_IF_ANY
+    effort_limit: Annotated[
+        Scalar,
+        Unit(
+            "N m or N",
+            "largest effort of the joint's actuator; 0 for a passive joint",
+            low=0.0,
+            infinite=True,
+            rule=number,
+            usual=1e4,
+        ),
+    ] = math.inf
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "viscous damping of the joint", **SHARE)] = 0
+    coulomb: Annotated[
+        Scalar,
+        Unit("N m or N", "Coulomb friction of the joint, smoothed as coulomb tanh(rate / coulomb_rate)", **SHARE),
+    ] = 0
+    coulomb_rate: Annotated[
+        Scalar,
+        Unit(
+            "rad/s or m/s",
+            "joint rate at which Coulomb friction reaches 76 % of its value",
+            low=0.0,
+            strict=True,
+            rule=number,
+            effect="lower values make friction sharper and need smaller physics steps",
+        ),
+    ] = 0.01
+    armature: Annotated[Scalar, Unit("kg m^2 or kg", "rotor inertia of the drive, reflected to the joint", **SHARE)] = (
+        field(default=0, metadata=WRITTEN_IF_ANY)
     )
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits", **SHARE)] = field(
-        default=0, metadata=WRITTEN_IF_ANY
-    )
-    stop_damping: Annotated[Scalar, Unit("s/rad or s/m", **SHARE)] = field(default=0, metadata=WRITTEN_IF_ANY)
+    stop_stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N m/rad or N/m",
+            "stiffness of the stops at both limits; 0 for none",
+            **SHARE,
+            effect="higher values stop the joint in less distance and need smaller physics steps",
+        ),
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
+    stop_damping: Annotated[
+        Scalar,
+        Unit(
+            "s/rad or s/m",
+            "relative increase of the stop's force per speed into it",
+            **SHARE,
+            effect="higher values let the joint bounce less off its stops",
+        ),
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_named(self, "joint")
@@ -168,8 +213,10 @@ class Follower:
 
     link: Link
     leader: int
-    ratio: Annotated[Scalar, Unit("rad or m per rad or m", rule=number)] = 1.0
-    offset: Annotated[Scalar, Unit("rad or m", rule=coefficient)] = 0
+    ratio: Annotated[
+        Scalar, Unit("rad or m per rad or m", "displacement per displacement of the leading joint", rule=number)
+    ] = 1.0
+    offset: Annotated[Scalar, Unit("rad or m", "position at which the leading joint is at zero", rule=coefficient)] = 0
 
     def __post_init__(self) -> None:
         accept_named(self, "follower")

@@ -29,12 +29,22 @@ class ThrustTable:
         thrust_coefficient, moment_coefficient: coefficients of the parabolas; 0 where they follow from the columns.
     """
 
-    speed: Annotated[tuple[Scalar, ...], Unit("rad/s", low=0.0)]
-    thrust: Annotated[tuple[Scalar, ...], Unit("N", low=0.0)]
-    torque: Annotated[tuple[Scalar, ...], Unit("N m", "drag torque", low=0.0)] = ()
-    current: Annotated[tuple[Scalar, ...], Unit("A", "of one rotor", low=0.0, usual=500.0)] = ()
-    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0)] = 0
-    moment_coefficient: Annotated[Scalar, Unit("m", low=0.0)] = 0
+    speed: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds of the table, rising", low=0.0)]
+    thrust: Annotated[tuple[Scalar, ...], Unit("N", "thrust at each speed, rising", low=0.0)]
+    torque: Annotated[
+        tuple[Scalar, ...], Unit("N m", "drag torque at each speed, rising; may be left out", low=0.0)
+    ] = ()
+    current: Annotated[
+        tuple[Scalar, ...],
+        Unit("A", "current of one rotor at each speed, rising; may be left out", low=0.0, usual=500.0),
+    ] = ()
+    thrust_coefficient: Annotated[
+        Scalar,
+        Unit("N s^2/rad^2", "coefficient of the fitted parabola of the thrust; 0: fitted to the columns", low=0.0),
+    ] = 0
+    moment_coefficient: Annotated[
+        Scalar, Unit("m", "fitted drag torque per thrust; 0: fitted to the columns", low=0.0)
+    ] = 0
 
     def __post_init__(self) -> None:
         accept_fields(self, "thrust_table", VehicleError)

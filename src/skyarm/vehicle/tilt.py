@@ -36,11 +36,13 @@ class Tilt:
     """
 
     axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes", rule=unit_vector)]
-    lower: Annotated[Scalar, Unit("rad", "least angle", rule=number)]
-    upper: Annotated[Scalar, Unit("rad", "largest angle", rule=number)]
-    time_constant: Annotated[Scalar, Unit("s", "lag of the angle", low=0.0, strict=True, rule=number)]
+    lower: Annotated[Scalar, Unit("rad", "least tilt angle", rule=number)]
+    upper: Annotated[Scalar, Unit("rad", "largest tilt angle", rule=number)]
+    time_constant: Annotated[
+        Scalar, Unit("s", "time constant of the angle's first-order lag", low=0.0, strict=True, rule=number)
+    ]
     max_rate: Annotated[
-        Scalar, Unit("rad/s", "largest rate of the angle", low=0.0, strict=True, infinite=True, rule=number)
+        Scalar, Unit("rad/s", "largest rate of the tilt angle", low=0.0, strict=True, infinite=True, rule=number)
     ] = math.inf
 
     def require(self, field: str, thrust_axis: Vec3) -> None:

@@ -29,7 +29,7 @@ from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
-LOAD = Unit("kg", "point mass on top of the vehicle's own", low=0.0, high=1e4)
+LOAD = Unit("kg", "mass of the payload, in addition to the vehicle's", low=0.0, high=1e4)
 """Unit of a carried mass: more would leave nothing of the vehicle in a sum of both."""
 
 
@@ -63,23 +63,62 @@ class Rotor:
     """
 
     name: str
-    position: Annotated[Vec3, Unit("m", "hub, base axes", rule=vector, usual=FARTHEST)]
+    position: Annotated[Vec3, Unit("m", "position of the hub, base axes", rule=vector, usual=FARTHEST)]
     axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
-    direction: Annotated[int, Unit(rule=rotation_sense)]
-    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0, strict=True, rule=number)]
-    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust", usual=0.5, **SHARE)]
-    drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag", **SHARE)] = 0
-    rolling_moment_coefficient: Annotated[Scalar, Unit("N s^2/rad", **SHARE)] = 0
+    direction: Annotated[
+        int,
+        Unit(
+            "",
+            "direction of rotation seen against the axis: +1 (ccw) counter-clockwise, -1 (cw) clockwise",
+            rule=rotation_sense,
+        ),
+    ]
+    thrust_coefficient: Annotated[
+        Scalar, Unit("N s^2/rad^2", "k_f: thrust per squared speed", low=0.0, strict=True, rule=number)
+    ]
+    moment_coefficient: Annotated[Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)]
+    drag_coefficient: Annotated[
+        Scalar, Unit("N s^2/(rad m)", "hub drag per speed of the rotor and air velocity across the axis", **SHARE)
+    ] = 0
+    rolling_moment_coefficient: Annotated[
+        Scalar, Unit("N s^2/rad", "rolling moment per speed of the rotor and air velocity across the axis", **SHARE)
+    ] = 0
     time_constant_up: Annotated[
-        Scalar, Unit("s", "lag of a rising speed", low=0.0, strict=True, rule=number, usual=1.0)
+        Scalar,
+        Unit(
+            "s",
+            "time constant of a rising speed",
+            low=0.0,
+            strict=True,
+            rule=number,
+            usual=1.0,
+            effect="longer lags take phase margin from the attitude loop",
+        ),
     ] = 0.0125
     time_constant_down: Annotated[
-        Scalar, Unit("s", "lag of a falling speed", low=0.0, strict=True, rule=number, usual=1.0)
+        Scalar,
+        Unit(
+            "s",
+            "time constant of a falling speed",
+            low=0.0,
+            strict=True,
+            rule=number,
+            usual=1.0,
+            effect="longer lags take phase margin from the attitude loop",
+        ),
     ] = 0.025
-    max_speed: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True, infinite=True, rule=number)] = math.inf
-    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns", usual=1.0, **SHARE)] = field(
-        default=0, metadata=WRITTEN_IF_ANY
-    )
+    max_speed: Annotated[
+        Scalar, Unit("rad/s", "largest speed of the rotor", low=0.0, strict=True, infinite=True, rule=number)
+    ] = math.inf
+    inertia: Annotated[
+        Scalar,
+        Unit(
+            "kg m^2",
+            "inertia of the rotating parts about the axis; an int 0: no reaction on the base",
+            usual=1.0,
+            **SHARE,
+        ),
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
     table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
     tilt: Tilt | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
@@ -93,10 +132,10 @@ class Frame:
 
     name: str
     link: int
-    position: Annotated[Vec3, Unit("m", "a named frame (the tool), link axes", rule=vector, usual=FARTHEST)]
-    rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link", rule=proper_rotation)] = (
-        Mat3.identity()
-    )
+    position: Annotated[Vec3, Unit("m", "origin of a named frame, axes of its link", rule=vector, usual=FARTHEST)]
+    rotation: Annotated[
+        Mat3, Unit("", "rotation from the axes of a named frame to those of its link", rule=proper_rotation)
+    ] = Mat3.identity()
 
     def __post_init__(self) -> None:
         accept_named(self, "frame" if type(self) is Frame else "look")
@@ -112,7 +151,9 @@ class Look(Frame):
     """
 
     file: str
-    scale: Annotated[Vec3, Unit("m", "of one of the file's numbers, along its axes", rule=vector)] = Vec3(1.0, 1.0, 1.0)
+    scale: Annotated[Vec3, Unit("m", "length of one unit of the mesh file, along each axis", rule=vector)] = Vec3(
+        1.0, 1.0, 1.0
+    )
 
 
 @immutable
@@ -128,7 +169,7 @@ class BodyDrag:
     area: Annotated[Vec3, Unit("m^2", "drag coefficient times reference area along x, y, z", low=0.0, rule=vector)] = (
         ZERO3
     )
-    air_density: Annotated[Scalar, Unit("kg/m^3", **SHARE)] = 1.225
+    air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", **SHARE)] = 1.225
 
 
 @immutable
@@ -180,7 +221,9 @@ class Vehicle:
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
-    sources: Annotated[tuple[tuple[str, str], ...], Unit(rule=pairs)] = field(default=(), repr=False)
+    sources: Annotated[
+        tuple[tuple[str, str], ...], Unit("", "source of each number, as pairs of field and source", rule=pairs)
+    ] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:

@@ -36,9 +36,11 @@ class GroundEffect(Force[tuple[()]]):
     Source: Cheeseman, Bennett 1955 (a rotor alone); Sanchez-Cuevas, Heredia, Ollero 2017 (several, by their images).
     """
 
-    radius: Annotated[Scalar, Unit("m", "of a rotor", low=0.0, strict=True)]
+    radius: Annotated[Scalar, Unit("m", "radius of a rotor", low=0.0, strict=True)]
     others: bool = True
-    lowest: Annotated[Scalar, Unit("", "radii above the ground", low=0.5)] = 0.5
+    lowest: Annotated[
+        Scalar, Unit("", "least height above the ground, in rotor radii; the effect grows no further below", low=0.5)
+    ] = 0.5
 
     def wrenches(
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
@@ -72,8 +74,11 @@ class LinkDrag(Force[tuple[()]]):
     Source: Hoerner 1965, chapter 1 (quadratic drag).
     """
 
-    area: Annotated[tuple[Scalar, ...], Unit("m^2", "drag coefficient times reference area", low=0.0)]
-    air_density: Annotated[Scalar, Unit("kg/m^3", low=0.0)] = 1.225
+    area: Annotated[
+        tuple[Scalar, ...],
+        Unit("m^2", "drag coefficient times reference area of each link, in the vehicle's order", low=0.0),
+    ]
+    air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", low=0.0)] = 1.225
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle whose number of links differs from the number of drag areas."""
@@ -103,8 +108,10 @@ class RotorDrag(Force[tuple[()]]):
     Source: Svacha, Mohta, Kumar 2017, section II; Folk, Paulos, Kumar 2023 (RotorPy), eqs. 4 and 5.
     """
 
-    inflow: Annotated[Scalar, Unit("N s^2/(rad m)", "thrust lost by climbing", low=0.0)] = 0
-    lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift", low=0.0)] = 0
+    inflow: Annotated[
+        Scalar, Unit("N s^2/(rad m)", "thrust lost per speed of the rotor and climb speed along its axis", low=0.0)
+    ] = 0
+    lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift per squared air speed across the axis", low=0.0)] = 0
 
     def wrenches(
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]

@@ -48,9 +48,9 @@ class Wrench:
         body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
     """
 
-    force_W: Annotated[Vec3, Unit("N", "world axes")] = ZERO3
-    torque_W: Annotated[Vec3, Unit("N m", "world axes")] = ZERO3
-    point: Annotated[Vec3, Unit("m", "where the force acts, axes of its body")] = ZERO3
+    force_W: Annotated[Vec3, Unit("N", "force, world axes")] = ZERO3
+    torque_W: Annotated[Vec3, Unit("N m", "torque, world axes")] = ZERO3
+    point: Annotated[Vec3, Unit("m", "point at which the force acts, axes of its body")] = ZERO3
     body: int = BASE
 
     def __post_init__(self) -> None:

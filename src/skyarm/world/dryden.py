@@ -40,10 +40,36 @@ class Dryden:
     MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its spectra: the same turbulence).
     """
 
-    intensity: Annotated[Vec3, Unit("m/s", "standard deviation of u, v, w", low=0.0)]
-    scale_length: Annotated[Vec3, Unit("m", "of u, v, w", low=0.0, strict=True)]
-    airspeed: Annotated[Scalar, Unit("m/s", "with which the field passes the vehicle", low=0.0, strict=True)]
-    direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of u, world axes", folds=True)] = E_X
+    intensity: Annotated[
+        Vec3,
+        Unit(
+            "m/s",
+            "standard deviation of the air velocity u, v, w",
+            low=0.0,
+            effect="higher values make stronger turbulence",
+        ),
+    ]
+    scale_length: Annotated[
+        Vec3,
+        Unit(
+            "m",
+            "length scale of the turbulence u, v, w",
+            low=0.0,
+            strict=True,
+            effect="longer scales make slower gusts",
+        ),
+    ]
+    airspeed: Annotated[
+        Scalar,
+        Unit(
+            "m/s",
+            "speed at which the turbulence passes the vehicle",
+            low=0.0,
+            strict=True,
+            effect="higher speeds make faster gusts",
+        ),
+    ]
+    direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of the component u, world axes", folds=True)] = E_X
 
     def __post_init__(self) -> None:
         accept_fields(self, "turbulence")

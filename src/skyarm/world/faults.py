@@ -35,8 +35,8 @@ class Fault:
 
     rotor: str = ""
     joint: str = ""
-    effectiveness: Annotated[Scalar, Unit("", "share of the force that is left", low=0.0, high=1.0)] = 1.0
-    start: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    effectiveness: Annotated[Scalar, Unit("", "fraction of the actuator's force that remains", low=0.0, high=1.0)] = 1.0
+    start: Annotated[Scalar, Unit("s", "time at which the fault begins", low=0.0)] = 0.0
     stuck: bool = field(default=False, metadata=WRITTEN_IF_ANY)
     signal: Signal | None = field(default=None, metadata=WRITTEN_IF_ANY)
 

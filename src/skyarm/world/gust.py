@@ -25,9 +25,12 @@ class Gust:
         shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t - start)/duration)), smooth at both ends.
     """
 
-    peak: Annotated[Vec3, Unit("N or m/s", "of a ForceWind or of MovingAir, world axes", folds=True)] = ZERO3
-    start: Annotated[Scalar, Unit("s")] = 0.0
-    duration: Annotated[Scalar, Unit("s")] = 0.0
+    peak: Annotated[
+        Vec3,
+        Unit("N or m/s", "largest force (force wind) or air velocity (moving air) of the gust, world axes", folds=True),
+    ] = ZERO3
+    start: Annotated[Scalar, Unit("s", "time at which the gust begins")] = 0.0
+    duration: Annotated[Scalar, Unit("s", "duration of the gust")] = 0.0
     shape: str = "step"
 
     def path_names(self) -> Names:

@@ -67,9 +67,19 @@ class HangingPayload(TimedPayload):
         stretch: extension of the cord under the load's weight, by its length: it determines the cord's stiffness.
     """
 
-    cord: Annotated[Scalar, Unit("m", "length without load", low=0.0, strict=True)] = 0.5
-    stretch: Annotated[Scalar, Unit("", "of the cord by the load's weight", low=0.0, high=1.0, strict=True)] = 0.02
-    damping_ratio: Annotated[Scalar, Unit("", "of the cord's own swing", low=0.0)] = 0.2
+    cord: Annotated[Scalar, Unit("m", "length of the unloaded cord", low=0.0, strict=True)] = 0.5
+    stretch: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "relative stretch of the cord by the weight of the load",
+            low=0.0,
+            high=1.0,
+            strict=True,
+            effect="lower values make a stiffer cord, which needs a higher control rate",
+        ),
+    ] = 0.02
+    damping_ratio: Annotated[Scalar, Unit("", "damping ratio of the cord's own stretching", low=0.0)] = 0.2
 
     def __post_init__(self) -> None:
         # not super(): a dataclass with slots is another class than the one that is being made here

@@ -31,12 +31,16 @@ class LaunchStand(Force[tuple[()]]):
         frequency: w.
     """
 
-    place: Annotated[Vec3, Unit("m", "world axes")]
-    yaw: Annotated[Scalar, Unit("rad")] = 0.0
-    mass: Annotated[Scalar, Unit("kg", "of the vehicle", low=0.0, strict=True)]
-    inertia: Annotated[Scalar, Unit("kg m^2", "of its base", low=0.0, strict=True)]
-    frequency: Annotated[Scalar, Unit("rad/s", "of the vehicle on its spring", low=0.0, strict=True)] = 40.0
-    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, strict=True)] = 9.81
+    place: Annotated[Vec3, Unit("m", "position of the base origin at which the stand begins to push, world axes")]
+    yaw: Annotated[Scalar, Unit("rad", "heading at which the stand holds the base")] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "mass of the vehicle on the stand", low=0.0, strict=True)]
+    inertia: Annotated[
+        Scalar, Unit("kg m^2", "moment of inertia of the vehicle's base, the least of the three", low=0.0, strict=True)
+    ]
+    frequency: Annotated[
+        Scalar, Unit("rad/s", "natural frequency of the vehicle on the stand's spring", low=0.0, strict=True)
+    ] = 40.0
+    gravity: Annotated[Scalar, Unit("m/s^2", "gravitational acceleration, downwards", low=0.0, strict=True)] = 9.81
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]

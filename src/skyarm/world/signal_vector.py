@@ -72,7 +72,16 @@ class ColouredNoise:
     force: Annotated[Vec3, Unit("N", "standard deviation of the force", low=0.0, folds=True)] = ZERO3
     torque: Annotated[Vec3, Unit("N m", "standard deviation of the torque", low=0.0, folds=True)] = ZERO3
     velocity: Annotated[Vec3, Unit("m/s", "standard deviation of the velocity of the air", low=0.0, folds=True)] = ZERO3
-    bandwidth_hz: Annotated[Scalar, Unit("Hz", "where its spectrum has fallen to a half", low=0.0, strict=True)]
+    bandwidth_hz: Annotated[
+        Scalar,
+        Unit(
+            "Hz",
+            "frequency at which the spectrum has fallen to a half",
+            low=0.0,
+            strict=True,
+            effect="higher values make faster changes of the same size",
+        ),
+    ]
 
     def require_only(self, *own: str) -> None:
         """Refuse noise of other quantities than those named, such as a force noise of the wind.

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 class Reach:
     """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
 
-    within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
-    of: Annotated[Vec3, Unit("m", "world axes")]
+    within: Annotated[Scalar, Unit("m", "largest distance of the frame from the point", low=0.0, strict=True)]
+    of: Annotated[Vec3, Unit("m", "point that the frame must reach, world axes")]
 
     def holds(self, position_W: Vec3) -> Scalar:
         """True if a position (m, world axes) lies within the sphere."""
@@ -83,12 +83,18 @@ class TimedPayload(Component[PayloadMemory]):
 
     name: str = ""
     mass: Annotated[Scalar, LOAD]
-    inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, axes of its frame", low=0.0)] = ZERO3
-    com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = ZERO3
+    inertia: Annotated[
+        Vec3, Unit("kg m^2", "moments of inertia about the payload's centre of mass, frame axes", low=0.0)
+    ] = ZERO3
+    com: Annotated[Vec3, Unit("m", "centre of mass of the payload, axes of the frame that holds it")] = ZERO3
     frame: str = ""
-    pick: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    pick: Annotated[
+        Scalar, Unit("s", "time at which the payload is picked up; with a place, the earliest", low=0.0)
+    ] = 0.0
     pick_place: Annotated[Reach | None, Word("pick")] = None
-    drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
+    drop: Annotated[
+        Scalar, Unit("s", "time at which the payload is set down; with a place, the earliest", low=0.0, infinite=True)
+    ] = math.inf
     drop_place: Annotated[Reach | None, Word("drop")] = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 

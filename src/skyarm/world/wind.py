@@ -161,9 +161,13 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
     force_W: Annotated[
         Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0), Word("force")
     ] = ZERO3
-    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True), Word("point")] = ZERO3
+    point_B: Annotated[
+        Vec3, Unit("m", "point at which mean and gust force act, base axes", folds=True), Word("point")
+    ] = ZERO3
     air_velocity_W: Annotated[
-        Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0), Word("air_velocity")
+        Vec3,
+        Unit("m/s", "constant air velocity for the drag of rotors and airframe, world axes", folds=True, usual=60.0),
+        Word("air_velocity"),
     ] = ZERO3
     gust: Gust | None = None
     gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)

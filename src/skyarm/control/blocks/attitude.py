@@ -190,7 +190,35 @@ class BaseGains:
         attitude: 1/s^2. rate: 1/s. Body axes.
     """
 
-    position: Annotated[Vec3, Unit("1/s^2", "acceleration of the centre of mass per error")]
-    velocity: Annotated[Vec3, Unit("1/s")]
-    attitude: Annotated[Vec3, Unit("1/s^2", "angular acceleration per error")]
-    rate: Annotated[Vec3, Unit("1/s")]
+    position: Annotated[
+        Vec3,
+        Unit(
+            "1/s^2",
+            "acceleration of the centre of mass per position error, world axes",
+            effect="higher values correct position errors faster and need faster attitude loops",
+        ),
+    ]
+    velocity: Annotated[
+        Vec3,
+        Unit(
+            "1/s",
+            "acceleration of the centre of mass per velocity error, world axes",
+            effect="higher values damp the position more and amplify noise of the velocity",
+        ),
+    ]
+    attitude: Annotated[
+        Vec3,
+        Unit(
+            "1/s^2",
+            "angular acceleration per attitude error, body axes",
+            effect="higher values turn the base faster; motor lag and delay limit them",
+        ),
+    ]
+    rate: Annotated[
+        Vec3,
+        Unit(
+            "1/s",
+            "angular acceleration per body rate error, body axes",
+            effect="higher values damp the attitude more and amplify noise of the gyroscope",
+        ),
+    ]

@@ -60,8 +60,22 @@ class AccelerometerGains:
         velocity: bandwidth below which the measured velocity outweighs the accelerometer.
     """
 
-    force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
-    velocity: Annotated[Scalar, Unit("rad/s", "below which velocities are believed more than the accelerometer")]
+    force: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth at which the estimated force follows the accelerometer",
+            effect="higher values find a disturbance faster and pass more accelerometer noise to the rotors",
+        ),
+    ]
+    velocity: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth below which the measured velocity outweighs the accelerometer",
+            effect="higher values rely more on the measured velocity, lower ones more on the accelerometer",
+        ),
+    ]
 
 
 @immutable
@@ -384,18 +398,18 @@ class Observed:
             force's row. Both () without an accelerometer.
     """
 
-    position: Annotated[Vec3, Unit("m", "filtered")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, filtered")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered")]
-    velocity: Annotated[Vec3, Unit("m/s", "world axes")]
-    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
-    force: Annotated[Vec3, Unit("N", "unknown force on the base, world axes")]
-    torque: Annotated[Vec3, Unit("N m", "unknown torque on the base, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
-    bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
-    joint_residuals: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured less estimated joint rates")] = ()
+    position: Annotated[Vec3, Unit("m", "filtered position of the base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "filtered attitude w x y z, base to world")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered joint positions")]
+    velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the base origin, world axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "estimated angular velocity, base axes")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "estimated joint rates")]
+    force: Annotated[Vec3, Unit("N", "estimated disturbance force at the base origin, world axes")]
+    torque: Annotated[Vec3, Unit("N m", "estimated disturbance torque on the base, base axes")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "estimated disturbance efforts of the joints")]
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "speeds of the modelled motors, unsigned")]
+    bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
+    joint_residuals: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
 
     def state(self) -> State:
         """Vehicle state as estimated by the disturbance observer."""
@@ -427,10 +441,44 @@ class ObserverGains:
     ``accelerometer`` is None where the measured velocity alone gives the force.
     """
 
-    force: Annotated[Scalar, Unit("rad/s", "bandwidth of the force's disturbance", low=0.0, strict=True)]
-    torque: Annotated[Scalar, Unit("rad/s", "of the torque's", low=0.0, strict=True)]
-    joints: Annotated[Scalar, Unit("rad/s", "of the joints'", low=0.0, strict=True)]
-    pose: Annotated[Scalar, Unit("rad/s", "of the filter of position, attitude and joints")]
+    force: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the force estimate",
+            low=0.0,
+            strict=True,
+            effect="higher values reject wind faster, amplify noise and tolerate less delay",
+        ),
+    ]
+    torque: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the torque estimate",
+            low=0.0,
+            strict=True,
+            effect="higher values reject torques on the base faster, amplify noise and tolerate less delay",
+        ),
+    ]
+    joints: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the joint effort estimates",
+            low=0.0,
+            strict=True,
+            effect="higher values reject joint friction and loads faster, amplify noise and tolerate less delay",
+        ),
+    ]
+    pose: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the filter of position, attitude and joint positions",
+            effect="lower values smooth a noisy pose and add lag",
+        ),
+    ]
     accelerometer: AccelerometerGains | None = None
 
 

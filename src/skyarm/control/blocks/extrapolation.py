@@ -158,9 +158,11 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
 class Channel:
     """State of one signal's extrapolator: last sample, two earlier accelerations, and count of continuous samples."""
 
-    value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw, joints")] = 0.0
-    rate: Annotated[Scalar, Unit("", "per second")] = 0.0
-    acceleration: Annotated[Scalar, Unit("", "per second squared")] = 0.0
-    before: Annotated[Scalar, Unit("", "acceleration one sample earlier")] = 0.0
-    earlier: Annotated[Scalar, Unit("", "acceleration two samples earlier")] = 0.0
-    count: Annotated[Scalar, Unit("", "samples of one motion, at most 2")] = 0.0
+    value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw or joint")] = 0.0
+    rate: Annotated[Scalar, Unit("", "first derivative of the signal at the last sample, per second")] = 0.0
+    acceleration: Annotated[
+        Scalar, Unit("", "second derivative of the signal at the last sample, per second squared")
+    ] = 0.0
+    before: Annotated[Scalar, Unit("", "second derivative one sample earlier")] = 0.0
+    earlier: Annotated[Scalar, Unit("", "second derivative two samples earlier")] = 0.0
+    count: Annotated[Scalar, Unit("", "number of consecutive samples of one smooth motion, at most 2")] = 0.0

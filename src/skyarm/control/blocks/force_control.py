@@ -301,37 +301,151 @@ SENSING = 60.0
 class InteractionGains:
     """Constants of the contact force controller."""
 
-    touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
-    lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
+    touch: Annotated[
+        Scalar,
+        Unit(
+            "N",
+            "normal force above which the tip is in contact",
+            effect="higher values ignore noise and wind, and detect contact later",
+        ),
+    ]
+    lost: Annotated[
+        Scalar,
+        Unit(
+            "N",
+            "normal force below which contact is lost after loss_time",
+            effect="lower values keep contact through a weak push",
+        ),
+    ]
     errors: ForceErrors = ForceErrors()
-    loss_time: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
-    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
-    escape_time: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
-    rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
-    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force, up and back to none")] = 0.15
-    fall: Annotated[Scalar, Unit("s", "ramp to none, of a force whose contact is lost")] = 0.02
-    integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
-    integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
-    integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
-    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
-    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 53.0
-    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
-    wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
-    rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
-    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 3.5
-    coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
-    follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
-    relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
-    relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
-    relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
-    cone: Annotated[Scalar, Unit("", "of the normal force, that is compensated across it at most")] = 1.0
-    standing: Annotated[Scalar, Unit("", "the same while the reference stands, at most")] = 0.25
-    starting: Annotated[Scalar, Unit("s", "ramp from the one to the other in a slow motion")] = 2.0
-    yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
-    tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
-    again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
-    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
-    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface from its last touch")] = 0.5
+    loss_time: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "time below the force threshold lost until contact is lost",
+            effect="longer times ride over short gaps and notice a lost surface later",
+        ),
+    ] = 0.04
+    escape: Annotated[
+        Scalar,
+        Unit(
+            "m/s",
+            "speed into the surface above which the surface counts as gone",
+            effect="lower values stop a tip that breaks through sooner, and soft surfaces trigger it",
+        ),
+    ] = 0.1
+    escape_time: Annotated[Scalar, Unit("s", "time above the speed escape until contact is lost")] = 0.015
+    rebound: Annotated[Scalar, Unit("s", "time after the end of a push in which a returning tip is not in contact")] = (
+        0.05
+    )
+    rise: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "rise time of the commanded force, and of its decrease to zero",
+            effect="longer times press more gently and later",
+        ),
+    ] = 0.15
+    fall: Annotated[Scalar, Unit("s", "ramp-down time of the force after contact is lost")] = 0.02
+    integral: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "integral gain of the force error",
+            effect="higher values reach the commanded force sooner and bounce more with delay",
+        ),
+    ] = 4.0
+    integral_share: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "fraction of the commanded force that the integral may add",
+            effect="higher values correct larger force errors and overshoot more",
+        ),
+    ] = 0.5
+    integral_least: Annotated[Scalar, Unit("N", "force that the integral may add to any command, however small")] = 0.3
+    damping: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "damping of the tip along the normal in contact",
+            effect="higher values bounce less and follow a moving surface later",
+        ),
+    ] = 20.0
+    catching: Annotated[
+        Scalar,
+        Unit(
+            "1/s", "damping of a tip that breaks through the surface", effect="higher values stop it in a shorter way"
+        ),
+    ] = 53.0
+    bias_rate: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the filter of the tip force observed in free motion",
+            effect="higher values follow a drifting bias faster and absorb a slow contact",
+        ),
+    ] = 0.5
+    wind_rate: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of the base force that is not the tip's")] = 1.0
+    rest: Annotated[Scalar, Unit("s", "time after contact before loads, friction and lag are estimated again")] = 0.5
+    follow: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the base that follows the surface",
+            effect="higher values follow a moving surface better and react more to estimation errors",
+        ),
+    ] = 3.5
+    coming: Annotated[Scalar, Unit("1/s", "rate at which the base takes the approach speed")] = 8.0
+    follow_limit: Annotated[
+        Scalar, Unit("m/s^2", "acceleration at which the base's motion along the normal saturates")
+    ] = 4.0
+    relief_start: Annotated[
+        Scalar, Unit("", "fraction of an actuator limit above which friction compensation is reduced")
+    ] = 0.9
+    relief_end: Annotated[Scalar, Unit("", "fraction of an actuator limit at which its reduction is complete")] = 1.0
+    relief: Annotated[
+        Scalar, Unit("", "largest reduction of friction compensation, 0 to 1 of the observed friction")
+    ] = 0.2
+    cone: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "largest friction compensated across the normal, as a fraction of the normal force",
+            effect="higher values slide on rougher surfaces and slip away on smooth ones",
+        ),
+    ] = 1.0
+    standing: Annotated[Scalar, Unit("", "the same fraction while the reference stands still")] = 0.25
+    starting: Annotated[Scalar, Unit("s", "ramp time from standing to cone in a slow motion")] = 2.0
+    yielding: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "fraction of the observed tangential force that is followed while a tip grips, 0 to 1",
+            effect="higher values yield more to a door or valve whose path differs from the reference",
+        ),
+    ] = 0.7
+    tilting: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "rate at which a slide corrects the surface normal",
+            effect="higher values follow a curved surface better and pass more noise of the force",
+        ),
+    ] = 1.0
+    again: Annotated[Scalar, Unit("m/s", "highest speed of the tip on its return to a lost surface")] = 0.1
+    sensing: (
+        Annotated[
+            Scalar,
+            Unit(
+                "rad/s",
+                "bandwidth of the filter of the force sensor",
+                effect="lower values pass less sensor noise and add lag",
+            ),
+        ]
+        | None
+    ) = None
+    furthest: Annotated[Scalar, Unit("m", "longest search distance of the base beyond its last contact")] = 0.5
     tolerances: Tolerances | None = None
 
 
@@ -339,23 +453,27 @@ class InteractionGains:
 class InteractionMemory:
     """State of the contact force controller: contact flags, force integral, reference offset, disturbance bias."""
 
-    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
-    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
-    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")] = 0.0
-    order: Annotated[Scalar, Unit("N", "along the normal")] = 0.0
-    integral: Annotated[Scalar, Unit("N", "beside the wanted force")] = 0.0
-    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")] = 0.0
-    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0
-    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")] = 0.0
-    reached: Annotated[Scalar, Unit("m", "of the shift where this push touched last")] = 0.0
-    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")] = 0.0
+    touching: Annotated[Scalar, Unit("", "1 while the tip is in a requested contact")] = 0.0
+    losing: Annotated[Scalar, Unit("", "progress towards lost contact, 0 to 1")] = 0.0
+    share: Annotated[Scalar, Unit("", "fraction of the desired force that is commanded, 0 to 1")] = 0.0
+    order: Annotated[Scalar, Unit("N", "commanded force along the normal")] = 0.0
+    integral: Annotated[Scalar, Unit("N", "integral part of the commanded force")] = 0.0
+    found: Annotated[Scalar, Unit("", "0.5 once the push has met its surface, 1 once the full force was reached")] = 0.0
+    shift: Annotated[Scalar, Unit("m", "displacement of the reference along the normal")] = 0.0
+    shift_rate: Annotated[Scalar, Unit("m/s", "rate of the reference's displacement along the normal")] = 0.0
+    reached: Annotated[Scalar, Unit("m", "displacement of the reference at the last contact of this push")] = 0.0
+    free: Annotated[Scalar, Unit("s", "time since the command of the last contact ended")] = 0.0
     met: Annotated[Scalar, Unit("", "1 from the first contact of the flight on")] = 0.0
-    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
+    gap: Annotated[Scalar, Unit("m", "distance of the tip from its shifted reference along the normal")] = 0.0
     bias: Disturbance
-    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = ZERO3_DATA
-    lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = ZERO3_DATA
-    moving: Annotated[Scalar, Unit("", "0 to 1, share of a slide that the reference has begun along the surface")] = 0.0
-    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
+    force: Annotated[Vec3, Unit("N", "estimated force at the tip, world axes")] = ZERO3_DATA
+    lean: Annotated[Vec3, Unit("", "tilt of the surface normal against the model, estimated while sliding")] = (
+        ZERO3_DATA
+    )
+    moving: Annotated[
+        Scalar, Unit("", "fraction of a slide along the surface that the reference has begun, 0 to 1")
+    ] = 0.0
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "filtered reading of the force sensor at the tip, world axes")] = ()
     scale: TorqueScale | tuple[()] = ()
 
 

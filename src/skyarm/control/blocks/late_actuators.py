@@ -31,9 +31,9 @@ class Past:
     Ages are at most the number of rows less one.
     """
 
-    squares: Annotated[Rows, Unit("(rad/s)^2", "mean squared speeds of the motors in a period")]
-    speeds: Annotated[Rows, Unit("rad/s", "of the motors at the end of a period")]
-    efforts: Annotated[Rows, Unit("N m or N", "of the joints")]
+    squares: Annotated[Rows, Unit("(rad/s)^2", "mean squared motor speeds of a past period")]
+    speeds: Annotated[Rows, Unit("rad/s", "motor speeds at the end of a past period, unsigned")]
+    efforts: Annotated[Rows, Unit("N m or N", "joint efforts of a past period")]
 
     def after(self, model: Model, command: Command, dt: Scalar) -> Past:
         """History of rotor speeds and joint efforts after one more control period under a constant command."""

@@ -23,9 +23,9 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class Disturbance:
     """Disturbance on the model: force (N, world axes) and torque (N m, base axes) on the base, and joint efforts."""
 
-    force: Annotated[Vec3, Unit("N", "fed forward, world axes")]
-    torque: Annotated[Vec3, Unit("N m", "fed forward, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "fed forward")]
+    force: Annotated[Vec3, Unit("N", "disturbance force fed forward, world axes")]
+    torque: Annotated[Vec3, Unit("N m", "disturbance torque fed forward, base axes")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "disturbance efforts of the joints fed forward")]
 
     def __add__(self, other: Disturbance) -> Disturbance:
         return Disturbance(

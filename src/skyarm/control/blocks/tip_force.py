@@ -32,9 +32,11 @@ Term = TypeVar("Term", Scalar, Vec3)
 class ForceErrors:
     """Errors of base torque and joint efforts that count as much as 1 N of base force in the tip force estimate."""
 
-    turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
-    sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
-    base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
+    turning: Annotated[Scalar, Unit("N m", "effort error of a revolute joint that weighs as 1 N of base force")] = (
+        0.0045
+    )
+    sliding: Annotated[Scalar, Unit("N", "effort error of a prismatic joint that weighs as 1 N of base force")] = 0.02
+    base: Annotated[Scalar, Unit("N m", "torque error of the base that weighs as 1 N of base force")] = 0.055
 
     def weight_of(self, link: Link) -> Scalar:
         """Least-squares weight of a joint's effort relative to the base force."""

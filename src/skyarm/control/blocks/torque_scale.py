@@ -40,8 +40,8 @@ CORRELATED = 0.1
 class Tolerances:
     """Standard deviations of joint torque scales and arm weight in a tip force estimate from joint torques."""
 
-    torques: Annotated[Scalar, Unit("", "of the scale of a joint's torque")]
-    masses: Annotated[Scalar, Unit("", "of the arm's weight torques, relative")]
+    torques: Annotated[Scalar, Unit("", "standard deviation of the scale of a joint's torque, relative")]
+    masses: Annotated[Scalar, Unit("", "standard deviation of the arm's weight torques, relative")]
 
 
 @immutable
@@ -55,11 +55,15 @@ class TorqueScale:
         deviation: standard error of the tip's force along the normal.
     """
 
-    squares: Annotated[tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "of each joint")]
-    products: Annotated[tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "of each joint")]
-    unlearned: Annotated[Scalar, Unit("", "0 to 1")] = 1.0
-    met: Annotated[Scalar, Unit("", "1 once the tip has touched anything")] = 0.0
-    deviation: Annotated[Scalar, Unit("N", "of the tip's force along the normal")] = 0.0
+    squares: Annotated[tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "fading sum of the squared torque of each joint")]
+    products: Annotated[
+        tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "fading sum of torque times observed torque error of each joint")
+    ]
+    unlearned: Annotated[
+        Scalar, Unit("", "fraction of the weight's error that the force bias has not absorbed, 0 to 1")
+    ] = 1.0
+    met: Annotated[Scalar, Unit("", "1 once the tip has been in contact")] = 0.0
+    deviation: Annotated[Scalar, Unit("N", "standard error of the tip force along the normal")] = 0.0
 
     def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> tuple[Scalar, ...]:
         """Ratio of each joint's torque scale error to the integral of disturbance times torque, 1 / (N^2 m^2 s)."""

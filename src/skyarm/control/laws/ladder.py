@@ -69,9 +69,19 @@ class StepParameters(Parameters):
     """
 
     observer: ObserverGains
-    steps: Annotated[int, Unit("", low=1, high=6)] = LAG_INVERSION
-    reference_period: Annotated[float, Unit("s", "between published reference samples", low=0.0, strict=True)] = 0.02
-    lag_share: Annotated[float, Unit("", "1: rotor commands undo the motors' lag, 0: they do not", low=0.0)] = 1.0
+    steps: Annotated[int, Unit("", "number of extensions of the ablation ladder in use", low=1, high=6)] = LAG_INVERSION
+    reference_period: Annotated[float, Unit("s", "time between published reference samples", low=0.0, strict=True)] = (
+        0.02
+    )
+    lag_share: Annotated[
+        float,
+        Unit(
+            "",
+            "fraction of the motor lag that rotor commands invert; above 1 counts as 1",
+            low=0.0,
+            effect="higher values answer faster and amplify noise",
+        ),
+    ] = 1.0
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
 

@@ -84,7 +84,9 @@ class FilterReadings:
     position: PositionReading | tuple[()] = ()
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
-    tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
+    tip_force: Annotated[
+        tuple[Scalar, ...], Unit("N", "reading of the force sensor: force on the tip, axes of the tip")
+    ] = ()
 
 
 @immutable
@@ -93,7 +95,7 @@ class EstimatedConstants:
 
     parameters: Any
     estimator: ErrorStateFilter
-    period: Annotated[float, Unit("s", "between two calls")]
+    period: Annotated[float, Unit("s", "time between two calls")]
 
 
 @immutable
@@ -167,7 +169,7 @@ class Constants:
     """Constants of an exported law, and the time between two calls (s)."""
 
     parameters: Any
-    period: Annotated[float, Unit("s", "between two calls")]
+    period: Annotated[float, Unit("s", "time between two calls")]
 
 
 @immutable

@@ -80,6 +80,9 @@ _finite = partial(Unit, low=0.0, strict=True)
 _limit = partial(_finite, infinite=True)
 
 
+_SOONER = "lower values replace the law sooner"
+
+
 @immutable
 class Limits:
     """Limits of references, commands and states in the safety layer.
@@ -104,29 +107,151 @@ class Limits:
         calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
     """
 
-    tilt: Annotated[float, _limit("rad", "asked for")] = math.radians(40.0)
-    climb: Annotated[float, _limit("m/s^2", "asked for, up or down")]
-    speed: Annotated[float, _limit("m/s", "asked for")] = 4.0
-    step: Annotated[float, _limit("m", "error that passes")] = 0.4
-    step_speed: Annotated[float, _limit("m/s", "error that passes")] = 1.5
-    stiffness: Annotated[float, _finite("1/s^2", "acceleration the law asks per position error")]
-    damping: Annotated[float, _finite("1/s", "acceleration the law asks per velocity error")]
-    joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of the joints")]
-    joint_step: Annotated[tuple[float, ...], _limit("rad or m", "step of a reference that passes")]
-    joint_slew: Annotated[tuple[float, ...], _limit("rad/s or m/s", "of longer steps of a reference")]
-    joint_margin: Annotated[tuple[float, ...], Unit("rad or m", "kept from the joints' limits", low=0.0)]
-    joint_pole: Annotated[float, _finite("1/s", "how fast a joint closes in on a limit")] = 25.0
-    effort: Annotated[tuple[float, ...], _limit("N m or N")]
-    rotor_slew: Annotated[float, _limit("rad/s^2", "of the commanded speeds")]
-    effort_slew: Annotated[tuple[float, ...], _limit("N m/s or N/s")]
-    trusted_tilt: Annotated[float, _limit("rad", "largest for longer than patience")] = math.radians(70.0)
-    trusted_rate: Annotated[float, _limit("rad/s", "largest for longer than patience")] = 12.0
-    trusted_joint_error: Annotated[tuple[float, ...], _limit("rad or m", "largest for longer than patience")]
-    lost_rate: Annotated[float, _limit("rad/s", "largest for a moment")] = 40.0
-    lost_speed: Annotated[float, _limit("m/s", "largest for a moment")] = 15.0
-    lost_joint_speed: Annotated[tuple[float, ...], _limit("rad/s or m/s", "largest for a moment")]
-    patience: Annotated[float, Unit("s", low=0.0, infinite=True)] = 0.25
-    calm: Annotated[float, _limit("s", "of calm flight before the law starts anew")] = math.inf
+    tilt: Annotated[
+        float,
+        _limit(
+            "rad",
+            "largest tilt that the errors of position and velocity may request",
+            effect="lower values fly more calmly and resist less wind",
+        ),
+    ] = math.radians(40.0)
+    climb: Annotated[
+        float,
+        _limit(
+            "m/s^2",
+            "largest vertical acceleration that the errors may request, up or down",
+            effect="lower values climb and sink more gently",
+        ),
+    ]
+    speed: Annotated[
+        float,
+        _limit("m/s", "largest speed that the errors may request", effect="lower values return from afar more slowly"),
+    ] = 4.0
+    step: Annotated[
+        float,
+        _limit(
+            "m",
+            "position error that is passed to the law unbounded, whatever its stiffness",
+            effect="higher values let a stiff law answer jumps of the reference harder",
+        ),
+    ] = 0.4
+    step_speed: Annotated[
+        float,
+        _limit(
+            "m/s",
+            "velocity error that is passed to the law unbounded, whatever its damping",
+            effect="higher values let a stiff law answer jumps of the reference harder",
+        ),
+    ] = 1.5
+    stiffness: Annotated[
+        float,
+        _finite(
+            "1/s^2",
+            "acceleration that the law commands per position error",
+            effect="higher values bound the position error passed to the law more tightly",
+        ),
+    ]
+    damping: Annotated[
+        float,
+        _finite(
+            "1/s",
+            "acceleration that the law commands per velocity error",
+            effect="higher values bound the velocity error passed to the law more tightly",
+        ),
+    ]
+    joint_speed: Annotated[
+        tuple[float, ...],
+        _limit("rad/s or m/s", "largest speed of each joint", effect="lower values slow the arm down"),
+    ]
+    joint_step: Annotated[
+        tuple[float, ...],
+        _limit("rad or m", "largest step of a joint reference that passes unchanged; longer ones are slewed"),
+    ]
+    joint_slew: Annotated[
+        tuple[float, ...],
+        _limit(
+            "rad/s or m/s",
+            "rate at which longer steps of a joint reference are slewed",
+            effect="lower values move the arm more slowly after a step",
+        ),
+    ]
+    joint_margin: Annotated[
+        tuple[float, ...],
+        Unit(
+            "rad or m",
+            "distance kept from the joint limits; references keep twice as much",
+            low=0.0,
+            effect="higher values stop the joints earlier and shrink the workspace",
+        ),
+    ]
+    joint_pole: Annotated[
+        float,
+        _finite(
+            "1/s",
+            "rate at which a joint may approach a limit of position or speed",
+            effect="higher values brake later and harder",
+        ),
+    ] = 25.0
+    effort: Annotated[
+        tuple[float, ...],
+        _limit(
+            "N m or N",
+            "largest commanded effort of each joint",
+            effect="lower values protect the drives and slow the arm down",
+        ),
+    ]
+    rotor_slew: Annotated[
+        float,
+        _limit(
+            "rad/s^2",
+            "largest rate of the commanded rotor speeds",
+            effect="lower values spare the motors and delay the thrust",
+        ),
+    ]
+    effort_slew: Annotated[
+        tuple[float, ...],
+        _limit(
+            "N m/s or N/s",
+            "largest rate of the commanded joint efforts",
+            effect="lower values spare the drives and delay the torque",
+        ),
+    ]
+    trusted_tilt: Annotated[
+        float, _limit("rad", "tilt beyond which the law is replaced after the time patience", effect=_SOONER)
+    ] = math.radians(70.0)
+    trusted_rate: Annotated[
+        float, _limit("rad/s", "body rate beyond which the law is replaced after the time patience", effect=_SOONER)
+    ] = 12.0
+    trusted_joint_error: Annotated[
+        tuple[float, ...],
+        _limit("rad or m", "joint error beyond which the law is replaced after the time patience", effect=_SOONER),
+    ]
+    lost_rate: Annotated[
+        float, _limit("rad/s", "body rate beyond which the law is replaced at once", effect=_SOONER)
+    ] = 40.0
+    lost_speed: Annotated[float, _limit("m/s", "speed beyond which the law is replaced at once", effect=_SOONER)] = 15.0
+    lost_joint_speed: Annotated[
+        tuple[float, ...],
+        _limit("rad/s or m/s", "joint speed beyond which the law is replaced at once", effect=_SOONER),
+    ]
+    patience: Annotated[
+        float,
+        Unit(
+            "s",
+            "time beyond a trusted limit after which the recovery law takes over; inf: never",
+            low=0.0,
+            infinite=True,
+            effect="longer times let a law recover by itself and risk the vehicle longer",
+        ),
+    ] = 0.25
+    calm: Annotated[
+        float,
+        _limit(
+            "s",
+            "time of calm flight after which the law takes over again; inf: never",
+            effect="longer times make sure that the vehicle is settled",
+        ),
+    ] = math.inf
 
 
 STEEPEST = math.radians(85.0)

@@ -58,9 +58,9 @@ class Confidence:
         calm: s, for how long the recovery has flown calmly.
     """
 
-    given_up: Annotated[Scalar, Unit("", "1 while the recovery flies")]
-    outside: Annotated[Scalar, Unit("s", "beyond the trusted limits so far")]
-    calm: Annotated[Scalar, Unit("s", "of calm flight in the recovery so far")]
+    given_up: Annotated[Scalar, Unit("", "1 while the recovery law flies")]
+    outside: Annotated[Scalar, Unit("s", "time beyond the trusted limits so far")]
+    calm: Annotated[Scalar, Unit("s", "time of calm flight in the recovery so far")]
 
 
 def finite(record: Tree) -> Scalar:
@@ -132,8 +132,11 @@ class Recovery:
 
     gains: GeometricGains
     joint_gains: JointGains
-    stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "pose of the arm")]
-    stow_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "on the way there")]
+    stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "stowed joint positions of the arm in the recovery")]
+    stow_speed: Annotated[
+        tuple[Scalar, ...],
+        Unit("rad/s or m/s", "joint speed on the way to the stowed pose", effect="lower values disturb the base less"),
+    ]
 
 
 def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:

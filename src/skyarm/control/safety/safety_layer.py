@@ -75,13 +75,13 @@ class SafetyMemory:
 
     inner: Any
     started: Annotated[Scalar, Unit("", "0 before the first step")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed references of the law")]
-    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is on its way")]
-    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "references of the recovery")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed joint references of the law")]
+    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is being slewed")]
+    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint references of the recovery")]
     sent: Command
     confidence: Confidence
-    hold: Annotated[Vec3, Unit("m", "where the recovery hovers, world axes")]
-    yaw: Annotated[Scalar, Unit("rad", "heading in the recovery")]
+    hold: Annotated[Vec3, Unit("m", "hover position of the recovery, world axes")]
+    yaw: Annotated[Scalar, Unit("rad", "heading of the recovery")]
 
 
 def first_memory(controller: Controller) -> SafetyMemory:

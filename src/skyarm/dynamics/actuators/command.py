@@ -19,9 +19,13 @@ class Command:
     ``tilts`` may be left out: then every rotor stays in the middle, at angle 0.
     """
 
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned, in the order of the rotors above")] = ()
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "in the order of the joints above")] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "of the rotors that tilt")] = field(
+    rotor_speeds: Annotated[
+        tuple[Scalar, ...], Unit("rad/s", "commanded rotor speeds, unsigned, in the order of the vehicle's rotors")
+    ] = ()
+    efforts: Annotated[
+        tuple[Scalar, ...], Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")
+    ] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "commanded angles of the tilting rotors")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
 

@@ -155,7 +155,16 @@ class LaggedTorque(TorqueDrive):
     the setpoint, which is a torque: laws fly it as they are.
     """
 
-    time_constant: Annotated[Scalar, Unit("s", "of the first-order lag", low=0.0, strict=True)]
+    time_constant: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "time constant of the first-order lag from commanded to applied effort",
+            low=0.0,
+            strict=True,
+            effect="longer lags make the joint loop oscillate sooner",
+        ),
+    ]
 
     def start(self, position: Scalar) -> LaggedTorqueMemory:
         """Initial state of a lagged torque drive: zero torque."""

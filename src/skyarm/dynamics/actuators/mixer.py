@@ -127,16 +127,19 @@ class Mixer:
 
     inverse: Annotated[
         tuple[tuple[Scalar, ...], ...],
-        Unit("(rad/s)^2 per N m or N", "for torque x, y, z and thrust, a row a rotor; follows from the rotors"),
+        Unit(
+            "(rad/s)^2 per N m or N",
+            "squared rotor speeds per torque about x, y, z and thrust, a row for each rotor; by the rotors",
+        ),
     ]
     highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
     policy: str = "clip"
-    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque against the wanted one that keeping the thrust may take")] = (
-        0.0
-    )
+    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque that may be given up to keep the thrust")] = 0.0
     across: Annotated[
         tuple[tuple[Scalar, ...], ...],
-        Unit("(rad/s)^2 per N", "for force along body x and y, a row a rotor; follows from the rotors"),
+        Unit(
+            "(rad/s)^2 per N", "squared rotor speeds per force along body x and y, a row for each rotor; by the rotors"
+        ),
     ] = ()
 
 

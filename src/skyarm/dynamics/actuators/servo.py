@@ -30,10 +30,10 @@ class ServoMemory:
         waiting: setpoints on their way, oldest first.
     """
 
-    goal: Annotated[Scalar, Unit("rad or m, or per s", "setpoint that the loop holds")]
-    integral: Annotated[Scalar, Unit("rad s or rad", "of the loop's error")]
-    rounding: Annotated[Scalar, Unit("rad or m", "added to the position when it was read")]
-    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints on their way, oldest first")]
+    goal: Annotated[Scalar, Unit("rad or m, or per s", "goal of the servo's loop")]
+    integral: Annotated[Scalar, Unit("rad s or rad", "integral of the loop's error")]
+    rounding: Annotated[Scalar, Unit("rad or m", "rounding error of the position when it was read")]
+    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints in transit, oldest first")]
 
 
 NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
@@ -57,17 +57,80 @@ class Servo(Drive):
             how long a step of the integrator may be.
     """
 
-    inertia: Annotated[Scalar, Unit("kg m^2 or kg", "least inertia that the joint moves", low=0.0, strict=True)]
-    integral: Annotated[Scalar, Unit("N m/(rad s) or N m/rad", "of position or rate", low=0.0)] = 0.0
-    gear: Annotated[Scalar, Unit("", "turns of the motor per turn of the joint", low=0.0, strict=True)] = 1.0
-    efficiency: Annotated[Scalar, Unit("", "of the gear", low=0.0, high=1.0)] = 1.0
-    torque_constant: Annotated[Scalar, Unit("N m/A", "of the motor", low=0.0, strict=True)] = 1.0
-    resistance: Annotated[Scalar, Unit("ohm", "of the winding", low=0.0, strict=True)] = 1.0
-    voltage: Annotated[Scalar, Unit("V", "of the supply", low=0.0, infinite=True, usual=1000.0)] = math.inf
-    current_limit: Annotated[Scalar, Unit("A", low=0.0, infinite=True)] = math.inf
-    torque_limit: Annotated[Scalar, Unit("N m or N", "of the joint", low=0.0, infinite=True)] = math.inf
-    speed_limit: Annotated[Scalar, Unit("rad/s or m/s", "of the goal", low=0.0, infinite=True)] = math.inf
-    latency: Annotated[Scalar, Unit("s", "before a setpoint is heard; the same in all episodes", low=0.0)] = 0.0
+    inertia: Annotated[
+        Scalar,
+        Unit(
+            "kg m^2 or kg", "least inertia that the joint moves about its axis, armature included", low=0.0, strict=True
+        ),
+    ]
+    integral: Annotated[
+        Scalar,
+        Unit(
+            "N m/(rad s) or N m/rad",
+            "torque per integral of the loop's error",
+            low=0.0,
+            effect="higher values remove a steady error sooner and overshoot more",
+        ),
+    ] = 0.0
+    gear: Annotated[Scalar, Unit("", "gear ratio: turns of the motor per turn of the joint", low=0.0, strict=True)] = (
+        1.0
+    )
+    efficiency: Annotated[
+        Scalar,
+        Unit("", "efficiency of the gear", low=0.0, high=1.0, effect="lower values leave less torque at the joint"),
+    ] = 1.0
+    torque_constant: Annotated[Scalar, Unit("N m/A", "torque constant of the motor", low=0.0, strict=True)] = 1.0
+    resistance: Annotated[
+        Scalar,
+        Unit(
+            "ohm",
+            "resistance of the motor's winding",
+            low=0.0,
+            strict=True,
+            effect="higher values lower the stall torque",
+        ),
+    ] = 1.0
+    voltage: Annotated[
+        Scalar,
+        Unit(
+            "V",
+            "voltage of the servo's supply",
+            low=0.0,
+            infinite=True,
+            usual=1000.0,
+            effect="lower values lower stall torque and no-load speed",
+        ),
+    ] = math.inf
+    current_limit: Annotated[
+        Scalar,
+        Unit(
+            "A",
+            "largest current of the motor",
+            low=0.0,
+            infinite=True,
+            effect="lower values limit the torque at low speed",
+        ),
+    ] = math.inf
+    torque_limit: Annotated[Scalar, Unit("N m or N", "largest effort at the joint", low=0.0, infinite=True)] = math.inf
+    speed_limit: Annotated[
+        Scalar,
+        Unit(
+            "rad/s or m/s",
+            "largest rate of the servo's goal",
+            low=0.0,
+            infinite=True,
+            effect="lower values make the joint lag behind fast setpoints",
+        ),
+    ] = math.inf
+    latency: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "dead time before a setpoint takes effect; the same in all episodes",
+            low=0.0,
+            effect="longer dead times delay the joint and destabilize loops around it",
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
@@ -199,9 +262,34 @@ class PositionServo(Servo):
 
     takes: ClassVar[str] = "rad or m"
 
-    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", low=0.0, strict=True)]
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "on the measured rate", low=0.0)] = 0.0
-    resolution: Annotated[Scalar, Unit("rad or m", "of positions; an int of 0 is structure", low=0.0)] = 0
+    stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N m/rad or N/m",
+            "torque per position error of the joint",
+            low=0.0,
+            strict=True,
+            effect="higher values hold the joint more tightly and oscillate sooner with latency",
+        ),
+    ]
+    damping: Annotated[
+        Scalar,
+        Unit(
+            "N m s/rad or N s/m",
+            "torque per measured rate of the joint",
+            low=0.0,
+            effect="higher values damp the joint more and make it slower",
+        ),
+    ] = 0.0
+    resolution: Annotated[
+        Scalar,
+        Unit(
+            "rad or m",
+            "resolution of goal and measured position; an int 0 disables rounding",
+            low=0.0,
+            effect="coarser steps make the joint chatter within one step",
+        ),
+    ] = 0
 
     def __post_init__(self) -> None:
         # a subclass of slots is made anew: super() without its class would look at the first
@@ -253,7 +341,16 @@ class VelocityServo(Servo):
 
     takes: ClassVar[str] = "rad/s or m/s"
 
-    gain: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0, strict=True)]
+    gain: Annotated[
+        Scalar,
+        Unit(
+            "N m s/rad or N s/m",
+            "torque per rate error of the joint",
+            low=0.0,
+            strict=True,
+            effect="higher values hold the commanded rate more tightly and oscillate sooner with latency",
+        ),
+    ]
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]

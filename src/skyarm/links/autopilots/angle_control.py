@@ -32,14 +32,16 @@ class AngleGains:
         reach: largest position error that is acted upon; drift: largest acceleration of the integral.
     """
 
-    position: Annotated[float, Unit("1/s^2")] = 9.0
-    velocity: Annotated[float, Unit("1/s")] = 5.0
-    integral: Annotated[float, Unit("1/s^3")] = 6.0
+    position: Annotated[float, Unit("1/s^2", "acceleration per position error")] = 9.0
+    velocity: Annotated[float, Unit("1/s", "acceleration per velocity error")] = 5.0
+    integral: Annotated[float, Unit("1/s^3", "rate of acceleration per position error: integral gain")] = 6.0
     height: float = 1.3
-    yaw: Annotated[float, Unit("1/s")] = 2.0
-    tilt: Annotated[float, Unit("rad")] = 0.45
-    reach: Annotated[float, Unit("m")] = 0.5
-    drift: Annotated[float, Unit("m/s^2")] = 3.0
+    yaw: Annotated[float, Unit("1/s", "yaw rate per yaw error")] = 2.0
+    tilt: Annotated[float, Unit("rad", "largest angle of the thrust from the vertical")] = 0.45
+    reach: Annotated[float, Unit("m", "largest position error that is corrected; longer ones are shortened to it")] = (
+        0.5
+    )
+    drift: Annotated[float, Unit("m/s^2", "largest acceleration of the integral part")] = 3.0
 
     def slow_down(self, factor: float) -> AngleGains:
         """Gains of a position controller whose bandwidth is reduced by a factor below 1; the yaw gain is unchanged."""

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 Numbers = Sequence[float]
 
-Patience = Annotated[float, Unit("s", "of silence, by the wall clock", low=0.1, high=600.0)]
+Patience = Annotated[float, Unit("s", "longest silence of the autopilot, by the wall clock", low=0.1, high=600.0)]
 
-Preparation = Annotated[float, Unit("s", "from power-on to hover, simulated", low=1.0, high=1000.0)]
+Preparation = Annotated[float, Unit("s", "longest time from power-on to hover, simulated", low=1.0, high=1000.0)]
 
 FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(density=3e-3, walk=1e-4))
 """Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and 300 micro-g per root Hz)."""
@@ -131,7 +131,9 @@ class Autopilot(ABC):
 
     program: str = field(default="", metadata={"restored": False})
     parameters: tuple[tuple[str, float], ...] = ()
-    climb: Annotated[float, Unit("m", "above the launch stand", low=0.2, high=100.0)] = 0.5
+    climb: Annotated[
+        float, Unit("m", "height of the hover above the launch stand, in which a flight begins", low=0.2, high=100.0)
+    ] = 0.5
     patience: Patience = 20.0
     preparation: Preparation = 120.0
     transcript: str = field(default="", metadata={"restored": False})

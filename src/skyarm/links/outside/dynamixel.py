@@ -57,9 +57,26 @@ class ServoBus:
 
     device: str
     ids: tuple[int, ...]
-    baud: Annotated[int, Unit("1/s", low=9600)] = 1_000_000
-    torque: Annotated[float | None, Unit("N m/A", low=0.0, strict=True)] = None
-    most: Annotated[float, Unit("A", low=0.0, strict=True)] = 1.2
+    baud: Annotated[int, Unit("1/s", "baud rate of the serial bus", low=9600)] = 1_000_000
+    torque: Annotated[
+        float | None,
+        Unit(
+            "N m/A",
+            "torque per ampere of a servo, for setpoints in N m; None for setpoints of position",
+            low=0.0,
+            strict=True,
+        ),
+    ] = None
+    most: Annotated[
+        float,
+        Unit(
+            "A",
+            "largest current sent to a servo",
+            low=0.0,
+            strict=True,
+            effect="lower values protect the servo and limit its torque",
+        ),
+    ] = 1.2
 
 
 class DynamixelJoints(JointLink):

@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class MotorCommand:
     """Set point for an autopilot: thrust of each rotor as a share of its highest, in the vehicle's order."""
 
-    thrusts: Annotated[tuple[Scalar, ...], Unit("", "0 to 1")]
+    thrusts: Annotated[tuple[Scalar, ...], Unit("", "normalized thrust set point of each motor, 0 to 1")]
 
 
 SetPoint = RateCommand | MotorCommand
@@ -38,7 +38,7 @@ SetPoint = RateCommand | MotorCommand
 class MotorSettings:
     """Settings of the loop around a control law whose rotor commands go directly to the motors."""
 
-    period: Annotated[float, Unit("s", "of the law", low=0.0, strict=True)]
+    period: Annotated[float, Unit("s", "control period of the law", low=0.0, strict=True)]
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
         """Zero integral torque, since motor set points bypass the autopilot's rate loop."""

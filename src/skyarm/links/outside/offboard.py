@@ -77,11 +77,40 @@ class OffboardSettings:
     """
 
     rate_bandwidth: Three | None = None
-    hover_share: Annotated[float | None, Unit("", low=0.05, high=0.95)] = None
+    hover_share: Annotated[
+        float | None,
+        Unit(
+            "",
+            "thrust set point in hover, 0 to 1; None: the autopilot's own parameter",
+            low=0.05,
+            high=0.95,
+            effect="higher values lower the thrust that the law assumes at full set point",
+        ),
+    ] = None
     here: bool = True
-    patience: Annotated[float, Unit("s", low=0.1)] = 60.0
-    stale: Annotated[float, Unit("s", low=0.02, high=2.0)] = 0.25
-    leash: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.5
+    patience: Annotated[
+        float, Unit("s", "longest wait for the first messages, and for a vehicle that hovers", low=0.1)
+    ] = 60.0
+    stale: Annotated[
+        float,
+        Unit(
+            "s",
+            "longest gap in the estimates or joint readings in flight",
+            low=0.02,
+            high=2.0,
+            effect="shorter gaps give control back to the autopilot sooner",
+        ),
+    ] = 0.25
+    leash: Annotated[
+        float,
+        Unit(
+            "m",
+            "largest distance of the base from its reference",
+            low=0.0,
+            strict=True,
+            effect="shorter distances give control back to the autopilot sooner",
+        ),
+    ] = 1.5
 
 
 class HandBackError(Exception):

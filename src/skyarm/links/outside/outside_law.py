@@ -43,10 +43,12 @@ class LoopSettings:
         center: point about which the autopilot shares torques among the rotors.
     """
 
-    period: Annotated[float, Unit("s", low=0.0, strict=True)]
+    period: Annotated[float, Unit("s", "control period of the law", low=0.0, strict=True)]
     rate_loop: RateLoop
-    full_thrust: Annotated[float, Unit("N", low=0.0, strict=True)]
-    center: Annotated[Vec3, Unit("m", "base axes")] = Vec3(0.0, 0.0, 0.0)
+    full_thrust: Annotated[float, Unit("N", "thrust of the vehicle at a thrust set point of 1", low=0.0, strict=True)]
+    center: Annotated[
+        Vec3, Unit("m", "point about which the autopilot distributes torques among the rotors, base axes")
+    ] = Vec3(0.0, 0.0, 0.0)
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[Scalar]) -> Vec3:
         """Initial integral torque (N m) of the rate loop in a hover at given rotor speeds (rad/s)."""
@@ -68,8 +70,8 @@ class OutsideMemory:
     """Internal state between two periods: of the law, of the modelled rotors, and of the rate loop's integral."""
 
     law: Any
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "modelled")]
-    integral: Annotated[Vec3, Unit("N m", "torque of the rate loop's integral, modelled")]
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "modelled rotor speeds, unsigned")]
+    integral: Annotated[Vec3, Unit("N m", "modelled torque of the rate loop's integral, base axes")]
 
 
 @immutable

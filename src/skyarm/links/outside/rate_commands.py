@@ -50,7 +50,16 @@ class RateLoop(Protocol):
 class IdealRateLoop:
     """Rate loop with an angular acceleration of bandwidth times rate error, whatever the external torques."""
 
-    bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
+    bandwidth: Annotated[
+        Three,
+        Unit(
+            "rad/s",
+            "bandwidth of the rate loop about x, y and z",
+            low=0.0,
+            strict=True,
+            effect="higher values assume a faster autopilot and send smaller corrections",
+        ),
+    ]
 
     def begin(self, torque: Vec3) -> Vec3:
         """Zero integral torque, since an ideal rate loop has no integral."""
@@ -70,7 +79,7 @@ class GuidedRateLoop(IdealRateLoop):
     it is zero of a vehicle that hovers, whose desired attitude is its own.
     """
 
-    gain: Annotated[Three, Unit("1/s", "of the attitude loop", low=0.0)]
+    gain: Annotated[Three, Unit("1/s", "gain of the autopilot's attitude loop", low=0.0)]
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Angle (rad) of the desired attitude ahead of the actual one after ``dt``, and the rate error (rad/s)."""
@@ -84,10 +93,12 @@ class GuidedRateLoop(IdealRateLoop):
 class PidRateLoop:
     """PID rate loop: torque p e + z - d dw/dt about each axis with rate error e, and dz/dt = i e within a limit."""
 
-    proportional: Annotated[Three, Unit("N m s/rad", "p", low=0.0, strict=True)]
-    integral: Annotated[Three, Unit("N m/rad", "i", low=0.0)]
-    derivative: Annotated[Three, Unit("N m s^2/rad", "d", low=0.0)]
-    limit: Annotated[Three, Unit("N m", "of the integral torque", low=0.0)]
+    proportional: Annotated[
+        Three, Unit("N m s/rad", "proportional gain p of the autopilot's rate loop", low=0.0, strict=True)
+    ]
+    integral: Annotated[Three, Unit("N m/rad", "integral gain i of the autopilot's rate loop", low=0.0)]
+    derivative: Annotated[Three, Unit("N m s^2/rad", "derivative gain d of the autopilot's rate loop", low=0.0)]
+    limit: Annotated[Three, Unit("N m", "largest torque of the rate loop's integral", low=0.0)]
 
     def begin(self, torque: Vec3) -> Vec3:
         """Initial integral torque (N m): the whole hover torque, within the limit of the integral."""
@@ -105,8 +116,8 @@ class PidRateLoop:
 class RateCommand:
     """Set point for an autopilot: body rates (rad/s, base axes), and thrust as a share of the highest."""
 
-    rates: Annotated[Vec3, Unit("rad/s", "base axes")]
-    thrust: Annotated[Scalar, Unit("", "0 to 1")]
+    rates: Annotated[Vec3, Unit("rad/s", "commanded body rates, base axes")]
+    thrust: Annotated[Scalar, Unit("", "normalized thrust set point, 0 to 1")]
 
 
 def rotor_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:

@@ -22,12 +22,14 @@ from skyarm.sensing.measurement import Measurement
 class AutopilotState:
     """State estimate of an autopilot (pose, velocities, specific force) at a time of its own clock."""
 
-    time: Annotated[float, Unit("s", "the autopilot's clock")]
-    position: Annotated[Vec3, Unit("m", "north, west, up")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, base (forward, left, up) to north, west, up")]
-    velocity: Annotated[Vec3, Unit("m/s", "north, west, up")]
-    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
-    specific_force: Annotated[Vec3 | None, Unit("m/s^2", "base axes; None where it is not sent")] = None
+    time: Annotated[float, Unit("s", "time of the estimate, the autopilot's clock")]
+    position: Annotated[Vec3, Unit("m", "position of the base: north, west, up")]
+    quaternion: Annotated[Quaternion, Unit("", "attitude w x y z, base (forward, left, up) to north, west, up")]
+    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base: north, west, up")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes")]
+    specific_force: Annotated[
+        Vec3 | None, Unit("m/s^2", "accelerometer reading, base axes; None where it is not sent")
+    ] = None
 
 
 def is_whole(state: AutopilotState) -> bool:
@@ -40,9 +42,11 @@ def is_whole(state: AutopilotState) -> bool:
 class WorldFrame:
     """Transformation from an autopilot's local frame to the world: p_world = R_z(turn) (p_local - origin) + start."""
 
-    origin: Annotated[Vec3, Unit("m", "north, west, up")] = Vec3(0.0, 0.0, 0.0)
-    start: Annotated[Vec3, Unit("m", "of the origin, world axes")] = Vec3(0.0, 0.0, 0.0)
-    turn: Annotated[float, Unit("rad", "from the local frame to the world")] = 0.0
+    origin: Annotated[Vec3, Unit("m", "place of the origin in the autopilot's local frame: north, west, up")] = Vec3(
+        0.0, 0.0, 0.0
+    )
+    start: Annotated[Vec3, Unit("m", "place of the origin in the scenario's world, world axes")] = Vec3(0.0, 0.0, 0.0)
+    turn: Annotated[float, Unit("rad", "yaw from the autopilot's local frame to the world")] = 0.0
 
     @classmethod
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:

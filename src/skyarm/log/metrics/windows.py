@@ -110,7 +110,9 @@ class Windows:
     gust: Window | None = None
     hover: Window | None = None
     holds: tuple[Window, ...] | None = None
-    last: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
+    last: Annotated[
+        float | None, Unit("s", "length of the window before the end of the general flight", low=0.0, strict=True)
+    ] = None
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
         """Complete the requested windows by the scenario's windows and defaults, for a flight of given duration.

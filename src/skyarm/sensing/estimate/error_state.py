@@ -126,12 +126,12 @@ def gate_of(deviations: Scalar, count: int) -> Scalar:
 class Navigated:
     """Nominal state of the error-state filter: position, velocity, attitude, biases, unmodelled acceleration."""
 
-    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
-    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
-    gyro_bias: Annotated[Vec3, Unit("rad/s", "base axes")]
-    accelerometer_bias: Annotated[Vec3, Unit("m/s^2", "base axes")]
-    push: Annotated[Vec3, Unit("m/s^2", "what the modelled force lacks, by mass, world axes")] = ZERO3
+    position: Annotated[Vec3, Unit("m", "estimated position of the base origin, world axes")]
+    velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "estimated attitude w x y z, base to world")]
+    gyro_bias: Annotated[Vec3, Unit("rad/s", "estimated bias of the gyroscope, base axes")]
+    accelerometer_bias: Annotated[Vec3, Unit("m/s^2", "estimated bias of the accelerometer, base axes")]
+    push: Annotated[Vec3, Unit("m/s^2", "estimated specific force beyond the model, world axes")] = ZERO3
 
 
 def navigate(

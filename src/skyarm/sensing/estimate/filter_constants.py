@@ -127,6 +127,9 @@ def only(kind: type, readings: Mapping[str, Any]) -> Any:
 FORCES = ("measured", "modelled")
 
 
+_DRIFT = "higher values follow a drifting bias faster and estimate it less exactly"
+
+
 @immutable
 class FilterNumbers(Estimator):
     """Parameters of the error-state filter: assumed sensor noise, innovation gate, initial standard deviations.
@@ -148,28 +151,131 @@ class FilterNumbers(Estimator):
     """
 
     aiding: str = "pose"
-    delay_periods: Annotated[int, Unit("", "control periods by which the filter lags", low=0, high=100)] = 0
+    delay_periods: Annotated[
+        int,
+        Unit("", "control periods by which the filter lags, at least the oldest aiding reading's age", low=0, high=100),
+    ] = 0
     force: str = "measured"
-    gyro: Annotated[Scalar, Unit("rad/s/sqrt(Hz)", "noise", low=0.0)] = 0.005
-    gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
-    accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
-    accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
-    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.02
-    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.2
-    position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
-    attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
-    heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
-    gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
-    inflation: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
-    first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
-    first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
-    first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5
-    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "deviation at the start", low=0.0)] = 0.01
-    first_accelerometer_bias: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 0.1
-    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 2.0
-    start_heading: Annotated[Scalar, Unit("rad", "at the start, without reading")] = 0.0
-    joint_bandwidth: Annotated[Scalar, Unit("rad/s", "of the encoders' filter, 0: as read", low=0.0)] = 300.0
-    gravity: Annotated[Scalar | None, Unit("m/s^2", low=0.0)] = None
+    gyro: Annotated[
+        Scalar,
+        Unit(
+            "rad/s/sqrt(Hz)",
+            "assumed noise density of the gyroscope",
+            low=0.0,
+            effect="higher values trust the aiding readings more for the attitude",
+        ),
+    ] = 0.005
+    gyro_walk: Annotated[
+        Scalar, Unit("rad/s^2/sqrt(Hz)", "assumed random walk of the gyroscope's bias", low=0.0, effect=_DRIFT)
+    ] = 1e-4
+    accelerometer: Annotated[
+        Scalar,
+        Unit(
+            "m/s^2/sqrt(Hz)",
+            "assumed noise density of the accelerometer",
+            low=0.0,
+            effect="higher values trust the aiding readings more for velocity and position",
+        ),
+    ] = 0.02
+    accelerometer_walk: Annotated[
+        Scalar, Unit("m/s^3/sqrt(Hz)", "assumed random walk of the accelerometer's bias", low=0.0, effect=_DRIFT)
+    ] = 1e-3
+    push_walk: Annotated[
+        Scalar,
+        Unit(
+            "m/s^3/sqrt(Hz)",
+            "assumed random walk of the specific force beyond the model",
+            low=0.0,
+            effect="higher values follow changing forces faster and pass more noise",
+        ),
+    ] = 0.02
+    push_turn: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "correlation time of an unmodelled force that turns with the base",
+            low=0.0,
+            effect="higher values follow forces fixed to the base better in fast turns",
+        ),
+    ] = 0.2
+    position: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "assumed standard deviation of a position reading",
+            low=0.0,
+            strict=True,
+            effect="higher values smooth the position more and follow it later",
+        ),
+    ] = 0.005
+    attitude: Annotated[
+        Scalar,
+        Unit(
+            "rad",
+            "assumed standard deviation of an attitude reading",
+            low=0.0,
+            strict=True,
+            effect="higher values smooth the attitude more and follow it later",
+        ),
+    ] = 0.005
+    heading: Annotated[
+        Scalar,
+        Unit(
+            "rad",
+            "assumed standard deviation of a heading reading",
+            low=0.0,
+            strict=True,
+            effect="higher values smooth the heading more and follow it later",
+        ),
+    ] = 0.02
+    gate: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "innovation gate in standard deviations; 0: no gate",
+            low=0.0,
+            effect="lower values refuse more outliers and more true readings after a jump",
+        ),
+    ] = 4.5
+    inflation: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "factor of the covariance at a refused reading",
+            low=1.0,
+            effect="higher values accept readings again sooner after a wrong start",
+        ),
+    ] = 1.5
+    first_velocity: Annotated[Scalar, Unit("m/s", "initial standard deviation of the velocity", low=0.0)] = 0.1
+    first_tilt: Annotated[
+        Scalar, Unit("rad", "initial standard deviation of the tilt, without a pose reading", low=0.0)
+    ] = 0.05
+    first_heading: Annotated[
+        Scalar, Unit("rad", "initial standard deviation of the heading, without a heading reading", low=0.0)
+    ] = 0.5
+    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "initial standard deviation of the gyroscope's bias", low=0.0)] = (
+        0.01
+    )
+    first_accelerometer_bias: Annotated[
+        Scalar, Unit("m/s^2", "initial standard deviation of the accelerometer's bias", low=0.0)
+    ] = 0.1
+    first_push: Annotated[
+        Scalar, Unit("m/s^2", "initial standard deviation of the specific force beyond the model", low=0.0)
+    ] = 2.0
+    start_heading: Annotated[Scalar, Unit("rad", "initial heading, without a heading reading")] = 0.0
+    joint_bandwidth: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the encoders' filter; 0: readings unfiltered",
+            low=0.0,
+            effect="lower values smooth noisy encoders and add lag",
+        ),
+    ] = 300.0
+    gravity: Annotated[
+        Scalar | None,
+        Unit("m/s^2", "gravitational acceleration of the filter; None: that of the controller's model", low=0.0),
+    ] = None
     vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:

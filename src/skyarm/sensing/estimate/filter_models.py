@@ -38,11 +38,11 @@ class FilteredJoints:
         heard: instant of the inertial unit's last reading, s. now: instant of ``joints`` and ``rates``, s.
     """
 
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered")]
-    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
-    read: Annotated[Scalar, Unit("s", "instant of the last reading")]
-    heard: Annotated[Scalar, Unit("s", "instant of the inertial unit's last reading")] = 0.0
-    now: Annotated[Scalar, Unit("s", "instant of joints and rates")] = 0.0
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered joint positions")]
+    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered joint rates")]
+    read: Annotated[Scalar, Unit("s", "time of the last encoder reading")]
+    heard: Annotated[Scalar, Unit("s", "time of the inertial unit's last reading")] = 0.0
+    now: Annotated[Scalar, Unit("s", "time of the filtered positions and rates")] = 0.0
 
 
 def filter_joints(

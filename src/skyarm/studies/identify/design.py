@@ -61,8 +61,8 @@ class DesignLimits:
 
     box: Annotated[float, Unit("m", "edge of the cube in which the base stays")] = 1.5
     tilt: Annotated[float, Unit("rad", "largest tilt of the base")] = math.radians(25.0)
-    clear: Annotated[float, Unit("m", "of the arm from rotors, base and ground")] = 0.1
-    seconds: Annotated[float, Unit("s", "of flight")] = 60.0
+    clear: Annotated[float, Unit("m", "least distance of the arm from rotors, base and ground")] = 0.1
+    seconds: Annotated[float, Unit("s", "duration of the designed flight")] = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
         """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""

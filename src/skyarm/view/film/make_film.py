@@ -138,7 +138,7 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
 
 Layout = Literal["side", "over"]
 Camera = Literal["follow", "fixed", "tip"]
-Side = Annotated[int, Unit("pixels", low=64, high=4096)]
+Side = Annotated[int, Unit("pixels", "edge of the picture, an even number", low=64, high=4096)]
 
 
 @immutable
@@ -161,10 +161,19 @@ class FilmSettings:
     camera: Camera = "follow"
     width: Side = 1280
     height: Side = 720
-    fps: Annotated[int, Unit("1/s", low=1, high=120)] = 30
-    speed: Annotated[float, Unit(low=0.01, high=100.0)] = 1.0
-    start: Annotated[float, Unit("s", low=0.0)] = 0.0
-    stop: Annotated[float | None, Unit("s", low=0.0)] = None
+    fps: Annotated[int, Unit("1/s", "frames a second of the film", low=1, high=120)] = 30
+    speed: Annotated[
+        float,
+        Unit(
+            "",
+            "seconds of flight in a second of the film",
+            low=0.01,
+            high=100.0,
+            effect="above 1 plays faster than the flight",
+        ),
+    ] = 1.0
+    start: Annotated[float, Unit("s", "first instant of the flight in the film", low=0.0)] = 0.0
+    stop: Annotated[float | None, Unit("s", "last instant of the flight in the film; None: its end", low=0.0)] = None
     ghost: bool = True
     plot: bool = True
     fine: bool = False

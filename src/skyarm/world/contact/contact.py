@@ -103,8 +103,19 @@ class Contact(Force[ContactMemory]):
     objects: tuple[FreeObject, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
-    rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
-    hit_steps: Annotated[int, Unit("", "steps in the place of one while something hits", low=1, high=100)] = 12
+    rotor_radius: Annotated[
+        Scalar, Unit("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only", low=0.0)
+    ] = 0
+    hit_steps: Annotated[
+        int,
+        Unit(
+            "",
+            "number of substeps of a physics step while a contact is hit",
+            low=1,
+            high=100,
+            effect="higher values integrate an impact more exactly and take more time",
+        ),
+    ] = 12
 
     def __post_init__(self) -> None:
         accept_fields(self, "world")

@@ -10,11 +10,12 @@ from typing import Annotated
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Name, Unit
+from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Wrench
@@ -36,8 +37,8 @@ class Ring:
         count: number of places, the first on the x axis.
     """
 
-    radius: Annotated[Scalar, Unit("m", "of the circle", low=0.0, strict=True)]
-    count: Annotated[int, Unit("", "of points", low=3, high=MOST)]
+    radius: Annotated[Scalar, Unit("m", "radius of the circle of contact points", low=0.0, strict=True)]
+    count: Annotated[int, Unit("", "number of contact points on the circle", low=3, high=MOST)]
 
     def offsets(self) -> list[Vec3]:
         """Positions of the ring's points relative to its centre, m."""
@@ -56,11 +57,11 @@ class ContactPoint:
         ring: points on a circle about the position, in its place; :meth:`each` makes them.
     """
 
-    name: Name
+    name: Annotated[str, Unit("", "name of the contact point, for logs and messages", rule=coerce.name)]
     frame: str = ""
     body: str = ""
-    position: Annotated[Vec3, Unit("m", "axes of the frame or the body")] = ZERO3
-    radius: Annotated[Scalar, Unit("m", "of the ball", low=0.0)] = 0
+    position: Annotated[Vec3, Unit("m", "position of the contact point, axes of its frame or body")] = ZERO3
+    radius: Annotated[Scalar, Unit("m", "radius of the contact ball; 0 for a point", low=0.0)] = 0
     ring: Ring | None = None
 
     def __post_init__(self) -> None:

@@ -20,7 +20,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Name, Unit
+from skyarm.records.units import Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
 from skyarm.world.contact.material import Material
@@ -78,16 +78,21 @@ class FreeObject(Carrier[ObjectMotion]):
         mesh: path of a mesh, as of a surface.
     """
 
-    name: Name
-    mass: Annotated[Scalar, Unit("kg", low=0.0, strict=True)]
-    shape: Annotated[str, Unit(rule=coerce.word_of(SOLIDS))] = "box"
-    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)]
-    inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, its axes", low=0.0)] = ZERO3
-    com: Annotated[Vec3, Unit("m", "its centre of mass, seen from the shape's middle, its axes", folds=True)] = ZERO3
-    position: Annotated[Vec3, Unit("m", "of the shape's middle at the start, world axes")] = REST
-    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw at the start: about x, then y, then z of the world")] = REST
-    velocity: Annotated[Vec3, Unit("m/s", "of the centre of mass at the start, world axes")] = REST
-    angular_velocity: Annotated[Vec3, Unit("rad/s", "at the start, world axes")] = REST
+    name: Annotated[str, Unit("", "name of the object, for messages, logs and paths", rule=coerce.name)]
+    mass: Annotated[Scalar, Unit("kg", "mass of the object", low=0.0, strict=True)]
+    shape: Annotated[str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))] = "box"
+    size: Annotated[tuple[Scalar, ...], Unit("m", "lengths of the shape, as of a surface", low=0.0, strict=True)]
+    inertia: Annotated[
+        Vec3,
+        Unit(
+            "kg m^2", "principal moments of inertia about the centre of mass, object axes; 0: uniform density", low=0.0
+        ),
+    ] = ZERO3
+    com: Annotated[Vec3, Unit("m", "centre of mass from the middle of the shape, object axes", folds=True)] = ZERO3
+    position: Annotated[Vec3, Unit("m", "initial position of the middle of the shape, world axes")] = REST
+    angles: Annotated[Vec3, Unit("rad", "initial roll, pitch, yaw: about x, then y, then z of the world")] = REST
+    velocity: Annotated[Vec3, Unit("m/s", "initial velocity of the centre of mass, world axes")] = REST
+    angular_velocity: Annotated[Vec3, Unit("rad/s", "initial angular velocity, world axes")] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field(default="", metadata=WRITTEN_IF_ANY)

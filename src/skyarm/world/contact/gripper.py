@@ -32,7 +32,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Name, Unit
+from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
@@ -113,19 +113,58 @@ class Gripper:
         frame: frame of the vehicle; empty for its tip. closed: command, a signal of time.
     """
 
-    name: Name
-    kind: Annotated[str, Unit(rule=coerce.word_of(KINDS))] = "magnet"
+    name: Annotated[str, Unit("", "name of the gripper, for messages, logs and paths", rule=coerce.name)]
+    kind: Annotated[str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))] = "magnet"
     frame: str = ""
     closed: Command = field(default_factory=Command)
-    reach: Annotated[Scalar, Unit("m", "from its frame to the skin of a body", low=0.0, strict=True)] = 0.01
-    force: Annotated[Scalar, Unit("N", "at which it gives way", low=0.0, strict=True)] = 10.0
-    torque: Annotated[Scalar, Unit("N m", "at which it gives way", low=0.0, strict=True)] = 0.5
-    friction: Annotated[
-        Scalar, Unit("", "of a magnet or cup against shear, of a ball in its socket", low=0.0, high=ROUGHEST)
+    reach: Annotated[
+        Scalar, Unit("m", "largest distance from the gripper's frame to a body that it can take", low=0.0, strict=True)
+    ] = 0.01
+    force: Annotated[
+        Scalar,
+        Unit("N", "force at which the grasp opens", low=0.0, strict=True, effect="higher values hold heavier loads"),
+    ] = 10.0
+    torque: Annotated[
+        Scalar,
+        Unit(
+            "N m",
+            "torque at which the grasp opens",
+            low=0.0,
+            strict=True,
+            effect="higher values hold loads farther off their centre",
+        ),
     ] = 0.5
-    radius: Annotated[Scalar, Unit("m", "of a ball in its socket; 0: turns freely", low=0.0)] = 0.005
-    stiffness: Annotated[Scalar, Unit("N/m", "of the grasp", low=0.0, strict=True)] = 5000.0
-    damping_ratio: Annotated[Scalar, Unit("", "of the grasp", low=0.0, high=2.0)] = 0.5
+    friction: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "friction coefficient of a magnet or cup against shear, or of a ball in its socket",
+            low=0.0,
+            high=ROUGHEST,
+            effect="higher values slip later",
+        ),
+    ] = 0.5
+    radius: Annotated[Scalar, Unit("m", "radius of a ball in its socket; 0 turns without friction", low=0.0)] = 0.005
+    stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N/m",
+            "stiffness of the grasp",
+            low=0.0,
+            strict=True,
+            effect="higher values hold the body more rigidly and need smaller physics steps",
+        ),
+    ] = 5000.0
+    damping_ratio: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "damping ratio of the grasp",
+            low=0.0,
+            high=2.0,
+            effect="higher values let the held body swing less in the grasp",
+        ),
+    ] = 0.5
 
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")

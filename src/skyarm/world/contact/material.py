@@ -76,12 +76,42 @@ ROUGHEST = 100.0
 class Material:
     """Contact material of a surface: stiffness, dissipation and friction."""
 
-    stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
+    stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N/m",
+            "stiffness of the contact, normal force per penetration",
+            low=0.0,
+            strict=True,
+            effect="higher values penetrate less and need smaller physics steps",
+        ),
+    ] = 5000.0
     dissipation: Annotated[
-        Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0, high=DULLEST)
+        Scalar,
+        Unit(
+            "s/m",
+            "relative increase of the normal force per speed of penetration",
+            low=0.0,
+            high=DULLEST,
+            effect="higher values bounce less",
+        ),
     ] = 1.0
-    friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0, high=ROUGHEST)] = 0.3
-    bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
+    friction: Annotated[
+        Scalar,
+        Unit(
+            "", "friction coefficient, sticking and sliding", low=0.0, high=ROUGHEST, effect="higher values slip later"
+        ),
+    ] = 0.3
+    bristle_length: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "displacement at which friction reaches its full value",
+            low=0.0,
+            strict=True,
+            effect="lower values stick more rigidly and need smaller physics steps",
+        ),
+    ] = 2e-4
 
     @property
     def largest_step(self) -> Scalar:

@@ -18,7 +18,7 @@ from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Name, Unit
+from skyarm.records.units import Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import BRISTLE_STEP, DULLEST, LONGEST, Material, euler_step_of
@@ -46,29 +46,58 @@ class Mechanism(Carrier[MechanismMotion]):
         lower, upper: coordinates at which it meets stops.
     """
 
-    name: Name
-    kind: Annotated[str, Unit(rule=coerce.word_of(KINDS))]
-    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
-    axis: Annotated[Vec3, Unit("", "of the motion, its own axes, of any length", folds=True)] = ZERO3
-    position: Annotated[Vec3, Unit("m", "of the origin of its axes, world axes", folds=True)] = ZERO3
+    name: Annotated[str, Unit("", "name of the mechanism, for messages, logs and paths", rule=coerce.name)]
+    kind: Annotated[str, Unit("", "kind of the mechanism", rule=coerce.word_of(KINDS))]
+    size: Annotated[tuple[Scalar, ...], Unit("m", "lengths of the kind's body", low=0.0, strict=True)] = ()
+    axis: Annotated[Vec3, Unit("", "axis of a hinge or slide, mechanism axes, of any length", folds=True)] = ZERO3
+    position: Annotated[Vec3, Unit("m", "origin of the mechanism's axes, world axes", folds=True)] = ZERO3
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     parts: tuple[Surface, ...] = ()
     material: Material = field(default_factory=Material)
-    mass: Annotated[Scalar, Unit("kg", "its weight acts at com", low=0.0)] = 0
-    com: Annotated[Vec3, Unit("m", "centre of mass; 0 with inertia left out: its body's", folds=True)] = ZERO3
-    inertia: Annotated[Scalar, Unit("kg m^2", "about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
-    initial: Annotated[Scalar, Unit("rad or m")] = 0.0
-    lower: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = -math.inf
-    upper: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = math.inf
-    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of a closer or spring", low=0.0)] = 0.0
-    rest: Annotated[Scalar, Unit("rad or m", "coordinate at which that is slack")] = 0.0
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0)] = 0.0
-    friction: Annotated[Scalar, Unit("N m or N", "dry", low=0.0)] = 0
-    bristle: Annotated[Scalar, Unit("rad or m", "slip at which dry friction is whole", low=0.0)] = 0
+    mass: Annotated[Scalar, Unit("kg", "mass of the moving body, at its centre of mass", low=0.0)] = 0
+    com: Annotated[
+        Vec3, Unit("m", "centre of mass, mechanism axes; 0 without inertia: that of the body", folds=True)
+    ] = ZERO3
+    inertia: Annotated[Scalar, Unit("kg m^2", "inertia about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
+    initial: Annotated[Scalar, Unit("rad or m", "initial coordinate of the motion")] = 0.0
+    lower: Annotated[Scalar, Unit("rad or m", "coordinate of the lower stop", infinite=True)] = -math.inf
+    upper: Annotated[Scalar, Unit("rad or m", "coordinate of the upper stop", infinite=True)] = math.inf
+    stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N m/rad or N/m", "stiffness of a closer or spring", low=0.0, effect="higher values need more force to open"
+        ),
+    ] = 0.0
+    rest: Annotated[Scalar, Unit("rad or m", "coordinate at which the spring is slack")] = 0.0
+    damping: Annotated[
+        Scalar,
+        Unit(
+            "N m s/rad or N s/m",
+            "viscous damping of the motion",
+            low=0.0,
+            effect="higher values resist fast motions more",
+        ),
+    ] = 0.0
+    friction: Annotated[
+        Scalar, Unit("N m or N", "dry friction of the motion", low=0.0, effect="higher values need more force to start")
+    ] = 0
+    bristle: Annotated[
+        Scalar,
+        Unit(
+            "rad or m", "displacement at which dry friction reaches its full value; 0: by the mechanism's size", low=0.0
+        ),
+    ] = 0
     detent: Detent | None = None
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for one by the inertia", low=0.0)] = 0
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "stiffness of the stops; 0: by the inertia", low=0.0)] = 0
     stop_damping: Annotated[
-        Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0, high=DULLEST)
+        Scalar,
+        Unit(
+            "s/rad or s/m",
+            "relative increase of the stop's force per speed into it",
+            low=0.0,
+            high=DULLEST,
+            effect="higher values bounce less off a stop",
+        ),
     ] = 2.0
 
     def __post_init__(self) -> None:
@@ -266,9 +295,9 @@ class Detent:
         place: coordinate at which it begins. width: way to its end; it is highest in the middle.
     """
 
-    force: Annotated[Scalar, Unit("N m or N", "largest, against growing coordinates", low=0.0)]
-    width: Annotated[Scalar, Unit("rad or m", "from its beginning to its end", low=0.0, strict=True)]
-    place: Annotated[Scalar, Unit("rad or m", "where it begins")] = 0.0
+    force: Annotated[Scalar, Unit("N m or N", "largest resistance of the detent, against growing coordinates", low=0.0)]
+    width: Annotated[Scalar, Unit("rad or m", "length of the detent along the coordinate", low=0.0, strict=True)]
+    place: Annotated[Scalar, Unit("rad or m", "coordinate at which the detent begins")] = 0.0
 
     def at(self, coordinate: Scalar) -> Scalar:
         """Force or torque of the detent at a coordinate, N or N m."""

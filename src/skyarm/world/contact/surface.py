@@ -32,7 +32,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Name, Unit
+from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
@@ -67,11 +67,19 @@ class Surface:
         mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
     """
 
-    name: Name
-    shape: Annotated[str, Unit(rule=coerce.word_of(SHAPES))] = "plane"
-    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
+    name: Annotated[str, Unit("", "name of the surface, for messages, logs and pictures", rule=coerce.name)]
+    shape: Annotated[str, Unit("", "shape of the surface", rule=coerce.word_of(SHAPES))] = "plane"
+    size: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "m",
+            "lengths of the shape: edges of a box, radius and length of a cylinder, radius of a ball",
+            low=0.0,
+            strict=True,
+        ),
+    ] = ()
     position: Annotated[
-        Vec3, Unit("m", "of its middle, of a point of a plane, of a hole's mouth, world axes", folds=True)
+        Vec3, Unit("m", "position of the middle, of a point of a plane, or of a hole's mouth, world axes", folds=True)
     ] = ZERO3
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     motion: SignalVector = NO_SIGNALS

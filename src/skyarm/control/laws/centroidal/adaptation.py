@@ -74,8 +74,8 @@ class Efforts:
     """Signals of one joint from which load and friction are learned."""
 
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the measured motion")]
-    rate: Annotated[Scalar, Unit("rad/s or m/s", "measured")]
-    given: Annotated[Scalar, Unit("N m or N", "effort beside which the observer found its own")]
+    rate: Annotated[Scalar, Unit("rad/s or m/s", "measured joint rate")]
+    given: Annotated[Scalar, Unit("N m or N", "effort at which the observer found its own estimate")]
 
     def towards(self, new: Efforts, share: Scalar) -> Efforts:
         """Filtered signals of a joint after one low-pass step towards new ones."""
@@ -91,11 +91,11 @@ class JointLearned:
     ``once`` and ``twice`` are the signals after one and two stages of the observer's lag.
     """
 
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "adapted")]
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "adapted viscous damping of the joint")]
     once: Efforts
     twice: Efforts
-    moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the reference's rate")]
-    off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
+    moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the reference's joint rate")]
+    off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the joint rate error")]
 
     def filtered(self, new: Efforts, desired: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
         """Adaptation state of a joint with signals and statistics filtered; ``desired`` is the reference's rate."""
@@ -139,11 +139,11 @@ class Learned:
             known delay has.
     """
 
-    tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
+    tip_mass: Annotated[Scalar, Unit("kg", "adapted mass at the tip")]
     joints: tuple[JointLearned, ...]
     feedforward: Disturbance
     earlier: tuple[Disturbance, ...]
-    tip_velocity: Annotated[Vec3, Unit("m/s", "of the last measurement, world axes")]
+    tip_velocity: Annotated[Vec3, Unit("m/s", "tip velocity of the last measurement, world axes")]
 
     def at_measurement(self) -> Disturbance:
         """Disturbance that the feed-forward compensated in the control period before the last measurement."""
@@ -158,13 +158,33 @@ class AdaptationGains(OptionalPart):
         delay_periods: known delay of the measurements, structure.
     """
 
-    load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
+    load: (
+        Annotated[
+            Scalar,
+            Unit(
+                "1/s",
+                "rate of the adapted tip mass",
+                effect="higher values find a load sooner and follow noise and wind more",
+            ),
+        ]
+        | None
+    )
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
     damping_limits: Annotated[
         tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
     ]
-    modelled: Annotated[tuple[Scalar, ...], Unit("N m s/rad or N s/m", "most of it that the model's joints have")]
-    slow: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2 or (m/s)^2", "squared rate below which a joint teaches little")]
+    modelled: Annotated[
+        tuple[Scalar, ...],
+        Unit("N m s/rad or N s/m", "most of the adapted damping that the joints of the model receive"),
+    ]
+    slow: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "(rad/s)^2 or (m/s)^2",
+            "squared joint rate below which adaptation nearly stops",
+            effect="higher values adapt only in fast motions, lower ones also from noise",
+        ),
+    ]
     delay_periods: int
 
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:

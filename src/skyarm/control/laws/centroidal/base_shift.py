@@ -61,11 +61,11 @@ class Shift:
         coming: mean vertical acceleration from each instant of the preview to the next, m/s^2.
     """
 
-    place: Annotated[Vec3, Unit("m", "world axes, horizontal")]
-    sinking: Annotated[tuple[Scalar, ...], Unit("", "vertical acceleration with two derivatives, SI")]
-    secants: Annotated[tuple[Scalar, ...], Unit("", "thrust over its vertical part, at each instant of the preview")]
-    coming: Annotated[tuple[Scalar, ...], Unit("m/s^2", "vertical acceleration from instant to instant of the preview")]
-    first: Annotated[Scalar, Unit("s", "from then to the first instant of the preview")]
+    place: Annotated[Vec3, Unit("m", "desired position of the shifted base, world axes, horizontal")]
+    sinking: Annotated[tuple[Scalar, ...], Unit("", "desired vertical acceleration with two derivatives")]
+    secants: Annotated[tuple[Scalar, ...], Unit("", "thrust over its vertical part at each instant of the preview")]
+    coming: Annotated[tuple[Scalar, ...], Unit("m/s^2", "desired vertical acceleration at each instant of the preview")]
+    first: Annotated[Scalar, Unit("s", "time to the first instant of the preview")]
 
 
 FIRST_SHIFT = Shift(

@@ -175,7 +175,7 @@ SMALL = 1e-9
 class ArmMotion:
     """Filter state of the arm's motion: angular acceleration required of the base, slow mean of the centre of mass."""
 
-    size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
+    size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion requires of the base")]
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
 
 

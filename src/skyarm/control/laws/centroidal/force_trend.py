@@ -45,11 +45,18 @@ SLOWEST, STEEPEST = 0.1, 5.0
 class TrendGains(OptionalPart):
     """Constants of the force trend: filter of force and force rate, and weight of the rate from past predictions."""
 
-    bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
-    horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
-    forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
-    noise: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
-    steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
+    bandwidth: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter that tracks the observed force and its rate")]
+    horizon: Annotated[Scalar, Unit("s", "prediction time of the force by which its rate is judged")]
+    forget: Annotated[Scalar, Unit("1/s", "rate at which past predictions are forgotten")]
+    noise: Annotated[
+        Scalar,
+        Unit(
+            "(N/s)^2",
+            "mean square of force rates that are indistinguishable from noise",
+            effect="higher values trust the force's rate later and amplify less noise",
+        ),
+    ]
+    steep: Annotated[Scalar, Unit("N/s", "force rate above which a change counts as a step")]
 
     def start(self, joints: int) -> ForceTrend:
         """Initial state of the force trend: zero force, and zero weight of the force rate."""
@@ -62,12 +69,12 @@ class TrendGains(OptionalPart):
 class ForceTrend:
     """Filter state of the force trend: tracked force and rate, delay lines and prediction statistics."""
 
-    level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
-    rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
-    forces: Annotated[tuple[Vec3, ...], Unit("N", "the force, later with each stage")]
-    rates: Annotated[tuple[Vec3, ...], Unit("N/s", "the rate, later with each stage")]
-    agreement: Annotated[Scalar, Unit("(N/s)^2", "mean product of the foretold and the real rate")]
-    size: Annotated[Scalar, Unit("(N/s)^2", "mean square of the foretold rate")]
+    level: Annotated[Vec3, Unit("N", "filtered force, world axes")]
+    rate: Annotated[Vec3, Unit("N/s", "filtered rate of the force, world axes")]
+    forces: Annotated[tuple[Vec3, ...], Unit("N", "force in each stage of the filter, world axes")]
+    rates: Annotated[tuple[Vec3, ...], Unit("N/s", "rate of the force in each stage of the filter, world axes")]
+    agreement: Annotated[Scalar, Unit("(N/s)^2", "mean product of the predicted and the observed force rate")]
+    size: Annotated[Scalar, Unit("(N/s)^2", "mean square of the predicted force rate")]
 
 
 def trend_gains(bandwidth: float, mass: float) -> TrendGains:

@@ -83,8 +83,26 @@ IGNORED = 0.002
 class LagGains(OptionalPart):
     """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths, and spacing of candidate lags."""
 
-    base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
-    joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
+    base: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "lag of the rotor loops that halves their bandwidth",
+            low=0.0,
+            strict=True,
+            effect="lower values slow the loops down sooner when a lag is found",
+        ),
+    ]
+    joints: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "lag of the joint loops that halves their bandwidth",
+            low=0.0,
+            strict=True,
+            effect="lower values slow the loops down sooner when a lag is found",
+        ),
+    ]
     stride: int
     held: bool = False
 
@@ -198,26 +216,41 @@ class LagGains(OptionalPart):
 class Bank:
     """Residual statistics of the candidate lags for one group of axes."""
 
-    paid: Annotated[tuple[Scalar, ...], Unit("", "mean residual, 0 to 1, of each lag of the bank, and its price")]
-    scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
+    paid: Annotated[tuple[Scalar, ...], Unit("", "mean residual of each candidate lag with its penalty, 0 to 1")]
+    scale: Annotated[Scalar, Unit("(rad/s^2)^2", "mean square of the residuals")]
 
 
 @immutable
 class LagMemory:
     """State of the lag estimate: filtered accelerations of roll, pitch and joints, and residual statistics."""
 
-    count: Annotated[Scalar, Unit("", "periods seen")]
-    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
-    disturbing: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "of the observer's disturbance")]
-    believed: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model, filtered thrice")]
-    measured: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by differences, filtered thrice")]
-    past: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model in the band, newest first")]
-    slow: Annotated[tuple[Scalar, ...], Unit("rad/s^2", "low-passed roll and pitch: modelled at the lag, measured")]
+    count: Annotated[Scalar, Unit("", "number of periods so far")]
+    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "body and joint rates measured one period ago")]
+    disturbing: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "accelerations by the observer's disturbance")]
+    believed: Annotated[
+        tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "modelled accelerations, filtered three times")
+    ]
+    measured: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("rad/s^2 or m/s^2", "accelerations by differences of measured rates, filtered three times"),
+    ]
+    past: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("rad/s^2 or m/s^2", "modelled accelerations in the pass band, newest first"),
+    ]
+    slow: Annotated[
+        tuple[Scalar, ...], Unit("rad/s^2", "low-passed roll and pitch accelerations: modelled at the lag, measured")
+    ]
     base: Bank
     arm: Bank
-    agreement: Annotated[tuple[Scalar, ...], Unit("", "mean product of measured and modelled accelerations, each axis")]
-    size: Annotated[tuple[Scalar, ...], Unit("", "mean square of the modelled ones; both at the lag found")]
-    found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
+    agreement: Annotated[
+        tuple[Scalar, ...],
+        Unit("", "mean product of measured and modelled accelerations at the estimated lag, each axis"),
+    ]
+    size: Annotated[
+        tuple[Scalar, ...], Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")
+    ]
+    found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 
 def stride_of(control_period: float) -> int:

@@ -69,15 +69,15 @@ class CentroidalMemory:
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
-    age: Annotated[Scalar, Unit("s", "since the held reference sample appeared")]
+    age: Annotated[Scalar, Unit("s", "time since the held reference sample appeared")]
     channels: tuple[Channel, ...]
     observed: Observed
     sent: Command
     past: Past
     applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
     free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
-    slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
-    trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
+    slow_force: Annotated[Vec3, Unit("N", "slowly filtered disturbance force of the observer")]
+    trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "squared speeds added to those of the mixer")]
     following: Following = Following()
     parts: PartMemories = PartMemories()
 

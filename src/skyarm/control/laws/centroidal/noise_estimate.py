@@ -52,9 +52,13 @@ SLOWEST, QUICKEST = 2.0, 60.0
 class White:
     """Estimate of one sensor's white noise: last residual, last change, and variance as the mean of the axes."""
 
-    last: Annotated[Vec3, Unit("m/s or m/s^2", "what was left of the last reading, world axes")] = ZERO3_DATA
-    change: Annotated[Vec3, Unit("m/s or m/s^2", "beyond the model in the last period, world axes")] = ZERO3_DATA
-    variance: Annotated[Scalar, Unit("(m/s)^2 or (m/s^2)^2", "of the noise")] = 0.0
+    last: Annotated[Vec3, Unit("m/s or m/s^2", "residual of the last reading, world axes")] = ZERO3_DATA
+    change: Annotated[
+        Vec3, Unit("m/s or m/s^2", "change of the reading beyond the model in the last period, world axes")
+    ] = ZERO3_DATA
+    variance: Annotated[
+        Scalar, Unit("(m/s)^2 or (m/s^2)^2", "variance of the sensor's white noise, mean of the axes")
+    ] = 0.0
 
     def after(self, change: Vec3, left: Vec3, density: Scalar, dt: Scalar) -> White:
         """Noise estimate updated by a sensor reading: its unmodelled ``change``, and the residual ``left``."""
@@ -85,7 +89,14 @@ class NoiseGains(OptionalPart):
     """Constants of the noise estimate."""
 
     density: Annotated[
-        Scalar, Unit("m/s/Hz^0.5", "noise of the velocity that costs no bandwidth", low=0.0, strict=True)
+        Scalar,
+        Unit(
+            "m/s/Hz^0.5",
+            "noise density of the velocity that leaves the observer its full bandwidth",
+            low=0.0,
+            strict=True,
+            effect="higher values keep the bandwidth with noisier sensors",
+        ),
     ]
     hears: bool
 

@@ -61,7 +61,14 @@ BENT = 3.0
 class CenterGains:
     """Bounds of the desired force on the centre of mass; ``sideways``: constants of sideways rotor force, or None."""
 
-    tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
+    tilt: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "tangent of the largest commanded tilt",
+            effect="higher values fight stronger wind and leave less thrust for the height",
+        ),
+    ]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
     sideways: RotorPart | None
 
@@ -73,13 +80,46 @@ class TipGains:
     ``damping`` over ``reach`` weighs the references of sliding joints; without a ``preview`` the base does not shift.
     """
 
-    position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
-    velocity: Annotated[Scalar, Unit("1/s", "of the tip")]
-    reach: Annotated[Scalar, Unit("m", "base errors beyond this are followed by the tip")]
-    damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
-    posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
-    shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
-    preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")] | None = None
+    position: Annotated[
+        Scalar,
+        Unit(
+            "1/s^2",
+            "acceleration per position error of the tip",
+            effect="higher values correct tip errors faster, amplify noise and tolerate less delay",
+        ),
+    ]
+    velocity: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "acceleration per velocity error of the tip",
+            effect="higher values damp the tip more and amplify noise of the rates",
+        ),
+    ]
+    reach: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "base error beyond which the tip follows the base instead of its reference",
+            effect="higher values hold the tip for larger base errors and stretch the arm more",
+        ),
+    ]
+    damping: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "singular value of the tip's Jacobian below which link orientations take over",
+            effect="higher values move more calmly near a stretched arm and hold the tip less there",
+        ),
+    ]
+    posture: Annotated[
+        Scalar,
+        Unit(
+            "m", "weight of the joints' own references", effect="higher values keep the posture and hold the tip less"
+        ),
+    ]
+    shift_rate: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of the disturbance that shifts the base")]
+    preview: Annotated[Scalar, Unit("s", "time of the reference's preview by which the base shifts")] | None = None
 
 
 class OptionalPart:
@@ -150,7 +190,7 @@ class CentroidalParameters:
     observer: ObserverGains
     delay_periods: int
     lead_periods: int = 0
-    reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
+    reference_period: Annotated[Scalar, Unit("s", "time between reference samples")]
     parts: Parts
 
     @property

@@ -53,8 +53,8 @@ SEEN = 0.2
 class Layer:
     """Affine map: weights (outputs x inputs) and offsets (outputs)."""
 
-    weights: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "of a layer, a row an output")]
-    offsets: Annotated[tuple[Scalar, ...], Unit("", "of a layer")]
+    weights: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "weights of a layer, one row for each output")]
+    offsets: Annotated[tuple[Scalar, ...], Unit("", "offsets of a layer, one for each output")]
 
 
 @immutable
@@ -67,10 +67,10 @@ class Network:
         scales: scale of each output. limits: largest magnitude of each output, in its unit.
     """
 
-    means: Annotated[tuple[Scalar, ...], Unit("", "of the inputs, in their units")]
-    factors: Annotated[tuple[Scalar, ...], Unit("", "one over the deviation of each input")]
+    means: Annotated[tuple[Scalar, ...], Unit("", "means of the inputs, in their units")]
+    factors: Annotated[tuple[Scalar, ...], Unit("", "reciprocal standard deviation of each input")]
     layers: tuple[Layer, ...]
-    scales: Annotated[tuple[Scalar, ...], Unit("", "of the outputs: N and N m, base axes, then joint torques")]
+    scales: Annotated[tuple[Scalar, ...], Unit("", "scale of the outputs: N and N m in base axes, then joint torques")]
     limits: Annotated[tuple[Scalar, ...], Unit("", "largest magnitude of each output, in its unit")]
 
     def __call__(self, inputs: Sequence[Scalar]) -> tuple[Scalar, ...]:
@@ -164,8 +164,12 @@ class History:
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
     commanded: Annotated[Scalar, Unit("", "0 before the first command")]
-    motion: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "velocity in world axes, rate, joint rates; filtered")]
-    commands: Annotated[tuple[Scalar, ...], Unit("N, N m", "of the commanded rotors in still air, efforts; filtered")]
+    motion: Annotated[
+        tuple[Scalar, ...], Unit("m/s, rad/s", "filtered velocity in world axes, body rate and joint rates")
+    ]
+    commands: Annotated[
+        tuple[Scalar, ...], Unit("N, N m", "filtered wrench of the commanded rotors in still air, and joint efforts")
+    ]
 
 
 def no_history(joints: int) -> History:
@@ -248,7 +252,17 @@ class LearnedParameters(Parameters):
     """Constants of the learned law: those of computed torque, the network, and its output filter's bandwidth."""
 
     network: Network
-    answer: Annotated[float, Unit("rad/s", "bandwidth of the filtered answer", low=0.0, high=1e4, strict=True)] = 10.0
+    answer: Annotated[
+        float,
+        Unit(
+            "rad/s",
+            "bandwidth of the filter of the network's output",
+            low=0.0,
+            high=1e4,
+            strict=True,
+            effect="lower values pass less noise and learn slow disturbances only",
+        ),
+    ] = 10.0
 
 
 @immutable
@@ -260,7 +274,9 @@ class LearnedMemory:
 
     history: History
     sent: Command
-    answer: Annotated[tuple[Scalar, ...], Unit("", "N and N m at the base, base axes, then joint torques; filtered")]
+    answer: Annotated[
+        tuple[Scalar, ...], Unit("", "filtered output: force and torque at the base, base axes, then joint torques")
+    ]
 
 
 def learned_compensator(

@@ -137,17 +137,84 @@ class Weights:
         force: 1/N, of the surface's force while the tip presses.
     """
 
-    position: Annotated[Scalar, Unit("1/m", low=0.0)] = 10.0
-    velocity: Annotated[Scalar, Unit("s/m", low=0.0)] = 2.0
-    heading: Annotated[Scalar, Unit("1/rad", low=0.0)] = 2.0
-    rate: Annotated[Scalar, Unit("s/rad", low=0.0)] = 0.2
-    joints: Annotated[Scalar, Unit("1/rad or 1/m", low=0.0)] = 5.0
-    joint_rates: Annotated[Scalar, Unit("s/rad or s/m", low=0.0)] = 0.2
-    joint_accelerations: Annotated[Scalar, Unit("s^2/rad or s^2/m", low=0.0)] = 0.005
-    tool: Annotated[Scalar, Unit("1/m", low=0.0)] = 50.0
-    rotor_accelerations: Annotated[Scalar, Unit("s^2/rad", low=0.0)] = 3e-4
-    final: Annotated[Scalar, Unit("s", low=0.0)] = 0.2
-    force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
+    position: Annotated[
+        Scalar,
+        Unit(
+            "1/m",
+            "weight of the position error of the base: 1 over the error that costs 1 per second",
+            low=0.0,
+            effect="higher values hold the position more tightly at the cost of the other errors",
+        ),
+    ] = 10.0
+    velocity: Annotated[
+        Scalar,
+        Unit("s/m", "weight of the velocity error of the base", low=0.0, effect="higher values damp the base more"),
+    ] = 2.0
+    heading: Annotated[
+        Scalar,
+        Unit("1/rad", "weight of the heading error", low=0.0, effect="higher values hold the heading more tightly"),
+    ] = 2.0
+    rate: Annotated[
+        Scalar, Unit("s/rad", "weight of the body rate", low=0.0, effect="higher values turn the base more gently")
+    ] = 0.2
+    joints: Annotated[
+        Scalar,
+        Unit(
+            "1/rad or 1/m",
+            "weight of the joint position errors",
+            low=0.0,
+            effect="higher values hold the joints on their references, lower ones let them help the tip",
+        ),
+    ] = 5.0
+    joint_rates: Annotated[
+        Scalar,
+        Unit("s/rad or s/m", "weight of the joint rate errors", low=0.0, effect="higher values damp the joints more"),
+    ] = 0.2
+    joint_accelerations: Annotated[
+        Scalar,
+        Unit(
+            "s^2/rad or s^2/m",
+            "weight of the joint accelerations",
+            low=0.0,
+            effect="higher values move the arm more smoothly and later",
+        ),
+    ] = 0.005
+    tool: Annotated[
+        Scalar,
+        Unit(
+            "1/m",
+            "weight of the tip position error",
+            low=0.0,
+            effect="higher values hold the tip more tightly at the cost of base and joints",
+        ),
+    ] = 50.0
+    rotor_accelerations: Annotated[
+        Scalar,
+        Unit(
+            "s^2/rad",
+            "weight of the rotor accelerations",
+            low=0.0,
+            effect="higher values use the rotors more gently and respond later",
+        ),
+    ] = 3e-4
+    final: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "time for which the errors at the end of the horizon count",
+            low=0.0,
+            effect="higher values settle more surely and look less at the way there",
+        ),
+    ] = 0.2
+    force: Annotated[
+        Scalar,
+        Unit(
+            "1/N",
+            "weight of the contact force error while the tip presses",
+            low=0.0,
+            effect="higher values hold the force more tightly at the cost of the position",
+        ),
+    ] = 2.5
 
 
 def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> tuple[Scalar, ...]:

@@ -88,9 +88,36 @@ class PredictiveParameters:
     weights: Weights
     bandwidths: Bandwidths
     mode: str
-    stages: Annotated[int, Unit("", low=2, high=200)]
-    horizon: Annotated[float, Unit("s", low=0.05, high=5.0)]
-    every: Annotated[int, Unit("control periods", "from one solution to the next", low=1, high=200)]
+    stages: Annotated[
+        int,
+        Unit(
+            "",
+            "number of stages of the horizon",
+            low=2,
+            high=200,
+            effect="higher values predict more finely and take more time to solve",
+        ),
+    ]
+    horizon: Annotated[
+        float,
+        Unit(
+            "s",
+            "length of the prediction horizon",
+            low=0.05,
+            high=5.0,
+            effect="longer horizons act earlier and model errors count more",
+        ),
+    ]
+    every: Annotated[
+        int,
+        Unit(
+            "control periods",
+            "control periods from one solution to the next",
+            low=1,
+            high=200,
+            effect="higher values cost less time and react later",
+        ),
+    ]
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
     interaction: InteractionGains | None = None
 

@@ -44,9 +44,36 @@ class Estimate:
 class Bandwidths:
     """Bandwidths (rad/s) of the predictive law's observer: linear, angular and joint motion."""
 
-    linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 25.0
-    angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 30.0
-    joints: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 40.0
+    linear: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the observer of the base's linear motion",
+            low=0.0,
+            strict=True,
+            effect="higher values reject forces faster and amplify noise",
+        ),
+    ] = 25.0
+    angular: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the observer of the base's angular motion",
+            low=0.0,
+            strict=True,
+            effect="higher values reject torques faster and amplify noise",
+        ),
+    ] = 30.0
+    joints: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the observer of the joints' motion",
+            low=0.0,
+            strict=True,
+            effect="higher values reject joint efforts faster and amplify noise",
+        ),
+    ] = 40.0
 
 
 def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> State:

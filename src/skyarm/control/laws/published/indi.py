@@ -58,7 +58,16 @@ class IndiParameters(Parameters):
             modelled rotor speeds follow from.
     """
 
-    cutoff: Annotated[float, Unit("Hz", "of every filter", low=0.0, strict=True)] = 15.0
+    cutoff: Annotated[
+        float,
+        Unit(
+            "Hz",
+            "cut-off frequency of every filter of the law",
+            low=0.0,
+            strict=True,
+            effect="lower values pass less noise, add lag and reject disturbances later",
+        ),
+    ] = 15.0
     measured_speeds: bool = True
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
@@ -77,10 +86,10 @@ class IndiMemory:
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
     taps: tuple[Taps, ...]
-    rate: Annotated[Vec3, Unit("rad/s", "filtered, base axes")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
-    sent: Annotated[tuple[Command, ...], Unit("", "commands of the periods before, oldest first")]
-    speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled rotors one period ago")]
+    rate: Annotated[Vec3, Unit("rad/s", "filtered angular velocity, base axes")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered joint rates")]
+    sent: Annotated[tuple[Command, ...], Unit("", "commands of past periods, oldest first")]
+    speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "speeds of the modelled rotors one period ago, unsigned")]
 
 
 def indi(

@@ -51,9 +51,34 @@ class SlidingParameters(Parameters):
         limit: largest magnitude of delta, m/s^2, rad/s^2, rad/s^2.
     """
 
-    switching: Annotated[Triple, Unit(ACCELERATION, "of position, attitude, joints", low=0.0)] = (0.5, 2.0, 2.0)
-    boundary: Annotated[Triple, Unit("m/s, rad/s, rad/s", low=0.0, strict=True)] = (0.1, 0.5, 0.5)
-    adaptation: Annotated[Triple, Unit("1/s^2", "of position, attitude, joints", low=0.0)] = (2.0, 20.0, 50.0)
+    switching: Annotated[
+        Triple,
+        Unit(
+            ACCELERATION,
+            "switching gain of position, attitude and joints",
+            low=0.0,
+            effect="higher values reject larger disturbances and chatter more",
+        ),
+    ] = (0.5, 2.0, 2.0)
+    boundary: Annotated[
+        Triple,
+        Unit(
+            "m/s, rad/s, rad/s",
+            "width of the boundary layer of position, attitude and joints",
+            low=0.0,
+            strict=True,
+            effect="wider layers chatter less and track less exactly",
+        ),
+    ] = (0.1, 0.5, 0.5)
+    adaptation: Annotated[
+        Triple,
+        Unit(
+            "1/s^2",
+            "adaptation rate of position, attitude and joints",
+            low=0.0,
+            effect="higher values find disturbances faster and oscillate more with delay",
+        ),
+    ] = (2.0, 20.0, 50.0)
     limit: Annotated[Triple, Unit(ACCELERATION, "largest adapted acceleration", low=0.0, strict=True)] = (
         5.0,
         40.0,
@@ -70,9 +95,9 @@ class SlidingMemory:
         sent: the last command. applied: 1 for the rotors and each joint for which it was applied unchanged.
     """
 
-    position: Annotated[Vec3, Unit("m/s^2", "adapted, world axes")]
-    attitude: Annotated[Vec3, Unit("rad/s^2", "adapted, base axes")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "adapted")]
+    position: Annotated[Vec3, Unit("m/s^2", "adapted linear acceleration, world axes")]
+    attitude: Annotated[Vec3, Unit("rad/s^2", "adapted angular acceleration, base axes")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "adapted joint accelerations")]
     sent: Command
     applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
 

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Annotated
 
 from skyarm import dynamics
@@ -62,7 +63,9 @@ def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Scalar:
     return error * divide(rate * e, e - 1.0)
 
 
-BANDWIDTH = Unit("rad/s", low=0.0, strict=True)
+_FASTER = "higher values reject disturbances faster, amplify noise and tolerate less delay"
+
+_bandwidth = partial(Unit, "rad/s", low=0.0, strict=True)
 
 
 @immutable
@@ -79,13 +82,37 @@ class L1Parameters(Parameters):
     """
 
     predictor: Annotated[
-        tuple[float, float, float], Unit("1/s", "of velocity, body rate, joint rates", low=0.0, strict=True)
+        tuple[float, float, float],
+        Unit(
+            "1/s",
+            "error gain of the state predictor for velocity, body rate and joint rates",
+            low=0.0,
+            strict=True,
+            effect="higher values make the predictor follow the measurement more closely",
+        ),
     ] = (5.0, 10.0, 10.0)
-    thrust_filter: Annotated[float, BANDWIDTH] = 5.0
-    torque_filter: Annotated[float, BANDWIDTH] = 10.0
-    second_filter: Annotated[float, Unit("rad/s", "of torques and efforts", low=0.0, strict=True)] = 20.0
-    joint_filter: Annotated[float, BANDWIDTH] = 10.0
-    lateral_filter: Annotated[float, BANDWIDTH] = 2.0
+    thrust_filter: Annotated[float, _bandwidth("bandwidth of the filter of the compensated thrust", effect=_FASTER)] = (
+        5.0
+    )
+    torque_filter: Annotated[
+        float, _bandwidth("bandwidth of the first filter of the compensated torque", effect=_FASTER)
+    ] = 10.0
+    second_filter: Annotated[
+        float,
+        Unit(
+            "rad/s", "bandwidth of the second filter of torques and joint efforts", low=0.0, strict=True, effect=_FASTER
+        ),
+    ] = 20.0
+    joint_filter: Annotated[
+        float, _bandwidth("bandwidth of the first filter of the compensated joint efforts", effect=_FASTER)
+    ] = 10.0
+    lateral_filter: Annotated[
+        float,
+        _bandwidth(
+            "bandwidth of the filter of the lateral force compensated by tilting",
+            effect="higher values reject lateral forces faster and need a faster attitude loop",
+        ),
+    ] = 2.0
     force_limit: Annotated[Scalar, Unit("N", "largest compensated force")]
     torque_limit: Annotated[Scalar, Unit("N m", "largest compensated torque")]
     lateral: bool = False
@@ -104,18 +131,22 @@ class L1Memory:
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, measured one period ago")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "measured one period ago")]
-    measured: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "velocity, body rate, joint rates one period ago")]
-    error: Annotated[tuple[Scalar, ...], Unit("m/s, rad/s", "of the prediction one period ago")]
+    quaternion: Annotated[Quaternion, Unit("", "attitude w x y z measured one period ago, base to world")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions measured one period ago")]
+    measured: Annotated[
+        tuple[Scalar, ...], Unit("m/s, rad/s", "velocity, body rate and joint rates measured one period ago")
+    ]
+    error: Annotated[
+        tuple[Scalar, ...], Unit("m/s, rad/s", "prediction error one period ago: velocity, body rate, joint rates")
+    ]
     sigma: Annotated[tuple[Scalar, ...], Unit("m/s^2, rad/s^2", "estimated disturbance one period ago")]
     sent: Command
-    force: Annotated[Vec3, Unit("N", "filtered estimate, world axes")]
-    thrust: Annotated[Scalar, Unit("N", "filtered estimate along body z")]
-    torque: Annotated[Vec3, Unit("N m", "filtered once, base axes")]
-    torque_twice: Annotated[Vec3, Unit("N m", "filtered twice, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "filtered once")]
-    efforts_twice: Annotated[tuple[Scalar, ...], Unit("N m or N", "filtered twice")]
+    force: Annotated[Vec3, Unit("N", "filtered force estimate, world axes")]
+    thrust: Annotated[Scalar, Unit("N", "filtered force estimate along body z")]
+    torque: Annotated[Vec3, Unit("N m", "torque estimate, filtered once, base axes")]
+    torque_twice: Annotated[Vec3, Unit("N m", "torque estimate, filtered twice, base axes")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "joint effort estimates, filtered once")]
+    efforts_twice: Annotated[tuple[Scalar, ...], Unit("N m or N", "joint effort estimates, filtered twice")]
 
 
 def l1_adaptive(

@@ -49,19 +49,53 @@ FASTEST = 50.0
 class Compliance:
     """Virtual mass, damping and stiffness of the admittance along three axes; an axis of mass int 0 is locked."""
 
-    inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
-    damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
-    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m", "towards the reference", low=0.0)]
-    lead: Annotated[Scalar, Unit("s", "lag of the measured force", low=0.0)]
-    axes: Annotated[tuple[Vec3, ...], Unit("", "unit vectors, world axes; none for those of the world")] = ()
+    inertia: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "kg",
+            "mass of the virtual body along each axis; 0 locks an axis",
+            low=0.0,
+            effect="higher values yield more slowly and tolerate more delay",
+        ),
+    ]
+    damping: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "N s/m",
+            "damping of the virtual body along each axis",
+            low=0.0,
+            effect="higher values yield more slowly and oscillate less on a stiff surface",
+        ),
+    ]
+    stiffness: Annotated[
+        tuple[Scalar, ...],
+        Unit(
+            "N/m",
+            "stiffness of the virtual body towards the reference along each axis",
+            low=0.0,
+            effect="higher values yield less under a force; 0 does not return",
+        ),
+    ]
+    lead: Annotated[Scalar, Unit("s", "lag of the measured force that is compensated", low=0.0)]
+    axes: Annotated[
+        tuple[Vec3, ...], Unit("", "unit vectors of the axes, world axes; empty for the world's own axes")
+    ] = ()
 
 
 @immutable
 class VirtualBody:
     """State of the admittance's virtual body: offset from the reference and its rate along three axes."""
 
-    offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
-    rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
+    offset: Annotated[tuple[Scalar, ...], Unit("m", "displacement from the reference along each axis")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    rate: Annotated[tuple[Scalar, ...], Unit("m/s", "rate of the displacement along each axis, without the lead")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tuple[VirtualBody, tuple[Vec3, ...]]:
@@ -107,26 +141,50 @@ def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
 class Detection:
     """Constants for the detection of an external force at the tip."""
 
-    threshold: Annotated[Scalar, Unit("N", "at the tip, above which a force counts", low=0.0)] = 0.3
-    patience: Annotated[Scalar, Unit("s", "below the threshold until it counts no more")] = 0.3
-    settle: Annotated[Scalar, Unit("s", "at the start of a flight, in which nothing counts")] = 2.0
-    settling: Annotated[Scalar, Unit("rad/s", "filter of the observed disturbance then")] = 3.0
-    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of the observed disturbance while nothing counts")] = 0.5
-    wind_rate: Annotated[Scalar, Unit("rad/s", "filter of the base's force beside one that counts")] = 1.0
+    threshold: Annotated[
+        Scalar,
+        Unit(
+            "N",
+            "tip force above which an external force is detected",
+            low=0.0,
+            effect="higher values ignore noise and wind, and miss weak forces",
+        ),
+    ] = 0.3
+    patience: Annotated[Scalar, Unit("s", "time below the threshold until a force has ended")] = 0.3
+    settle: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "time at the start of a flight without detection",
+            effect="longer times let the bias of the observed force settle",
+        ),
+    ] = 2.0
+    settling: Annotated[Scalar, Unit("rad/s", "bandwidth of the bias filter during the time settle")] = 3.0
+    bias_rate: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the bias filter while no force is detected",
+            effect="higher values follow a drifting bias faster and absorb slow forces",
+        ),
+    ] = 0.5
+    wind_rate: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of the base force that is not the tip's")] = 1.0
 
 
 @immutable
 class AdmittanceMemory:
     """Internal state of the admittance control: virtual body, external-force detection and disturbance bias."""
 
-    age: Annotated[Scalar, Unit("s", "since the start of the flight")] = 0.0
+    age: Annotated[Scalar, Unit("s", "time since the start of the flight")] = 0.0
     bias: Disturbance
     body: VirtualBody = VirtualBody()
-    detected: Annotated[Scalar, Unit("", "1 while an external force counts")] = 0.0
-    quiet: Annotated[Scalar, Unit("s", "since it was above its threshold")] = 0.0
-    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = ZERO3_DATA
-    sensed: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, axes of the tip")] = ()
-    sensor_bias: Annotated[Vec3 | tuple[()], Unit("N", "bias of that sensor, axes of the tip")] = ()
+    detected: Annotated[Scalar, Unit("", "1 while an external force is detected")] = 0.0
+    quiet: Annotated[Scalar, Unit("s", "time since the force was above its threshold")] = 0.0
+    force: Annotated[Vec3, Unit("N", "estimated force at the tip, world axes")] = ZERO3_DATA
+    sensed: Annotated[
+        Vec3 | tuple[()], Unit("N", "filtered reading of the force sensor at the tip, axes of the tip")
+    ] = ()
+    sensor_bias: Annotated[Vec3 | tuple[()], Unit("N", "estimated bias of the force sensor, axes of the tip")] = ()
 
 
 @immutable
@@ -136,8 +194,18 @@ class AdmittanceGains(OptionalPart):
     tip: Compliance
     detection: Detection = Detection()
     errors: ForceErrors = ForceErrors()
-    rest: Annotated[Scalar, Unit("s", "after a force, from which on a law learns loads, friction and lag")] = 0.5
-    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
+    rest: Annotated[Scalar, Unit("s", "time after a force before loads, friction and lag are estimated again")] = 0.5
+    sensing: (
+        Annotated[
+            Scalar,
+            Unit(
+                "rad/s",
+                "bandwidth of the filter of the force sensor",
+                effect="lower values pass less sensor noise and add lag",
+            ),
+        ]
+        | None
+    ) = None
 
     def __post_init__(self) -> None:
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)

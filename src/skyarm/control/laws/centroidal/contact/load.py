@@ -151,20 +151,59 @@ class LoadGains(OptionalPart):
     stand at most 8.4, 3.8 and 9.2 mm off with 0.6, 0.8 and 1 (``tests/control/measure_boxes.py``, another seed).
     """
 
-    limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
+    limit: Annotated[Scalar, Unit("kg", "largest mass that is estimated")]
     errors: ForceErrors = ForceErrors()
-    twist: Annotated[Scalar, Unit("N m", "at the tip, as much as 1 N of the base's force")] = 0.03
-    pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
-    noise_share: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
-    settled_rate: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
-    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.05
-    light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
-    furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
-    size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
-    bulk: Annotated[Scalar, Unit("m", "lever of the tip about a joint, below which its inertia is the load's")] = 0.03
-    links: Annotated[Scalar, Unit("", "of the bandwidth of links about axes near the tip, left with a load")] = 0.4
-    inertia_share: Annotated[Scalar, Unit("", "of the mass in the model; the observer bears the rest")] = 0.8
-    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
+    twist: Annotated[Scalar, Unit("N m", "torque error at the tip that weighs as 1 N of base force")] = 0.03
+    pace: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "rate of the mass estimate over the observer's bandwidth",
+            effect="higher values find the mass sooner; from 2 on the estimate oscillates",
+        ),
+    ] = 1.5
+    noise_share: Annotated[Scalar, Unit("", "relative error of the mass below which it counts as noise")] = 0.05
+    settled_rate: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "fraction of the rate that remains for such an error, 0 to 1",
+            effect="lower values hold a found mass more steadily and follow a changing one later",
+        ),
+    ] = 0.1
+    place_pace: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "rate of the estimate of the centre of mass over the observer's bandwidth",
+            effect="higher values find the centre of mass sooner and follow noise more",
+        ),
+    ] = 0.05
+    light: Annotated[Scalar, Unit("", "fraction of the limit below which a mass says little about its centre")] = 0.2
+    furthest: Annotated[
+        Scalar, Unit("m", "largest distance of the load's centre of mass from the tip, along each axis of the tip")
+    ] = 0.05
+    size: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "assumed radius of gyration of the load about its centre of mass, any axis",
+            effect="too high a value makes the joints too stiff for loads with less inertia",
+        ),
+    ] = 0.01
+    bulk: Annotated[Scalar, Unit("m", "lever of the tip about a joint below which the load's inertia dominates")] = 0.03
+    links: Annotated[
+        Scalar, Unit("", "fraction of the bandwidth of links about axes near the tip that remains with a load")
+    ] = 0.4
+    inertia_share: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "fraction of the load's mass in the model; the observer compensates the rest",
+            effect="lower values tolerate loads that turn in their grasp and track fast motions less exactly",
+        ),
+    ] = 0.8
+    bias_rate: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of the observed force without a load")] = 0.5
 
     def start(self, joints: int) -> LoadMemory:
         """Initial state of the load estimate: no load."""
@@ -223,8 +262,8 @@ class LoadGains(OptionalPart):
 class LoadMemory:
     """State of the load estimate: mass, centre of mass, and disturbance without the load."""
 
-    mass: Annotated[Scalar, Unit("kg", "learned")]
-    place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
+    mass: Annotated[Scalar, Unit("kg", "estimated mass of the load")]
+    place: Annotated[Vec3, Unit("m", "estimated centre of mass of the load, axes of the tip")]
     bias: Disturbance
 
 

@@ -33,7 +33,7 @@ goes away for a moment; more counts on force that is not there (tried from 0.05 
 class SidewaysGains:
     """Constants of the rotors' sideways force; ``attitude``: roll and pitch held by sideways force, None for level."""
 
-    share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
+    share: Annotated[Scalar, Unit("", "fraction of the rotors' range available to a sideways force at level attitude")]
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
 
     def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> SidewaysForce:
