@@ -41,7 +41,7 @@ from skyarm.records.units import Unit, declared_fields, units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
-from skyarm.scenario.grammar import GrammarRow, default_in_words, entry_in_words, grammar
+from skyarm.scenario.grammar import SIGNAL, GrammarRow, default_in_words, entry_in_words, grammar
 from skyarm.studies.assess.check_list import CHECKS
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
@@ -96,11 +96,6 @@ def bounds(unit: Unit) -> str:
     return ""
 
 
-def effect_of(unit: Unit) -> str:
-    """Effect of a higher or lower value, where the unit of a field states one."""
-    return str(getattr(unit, "effect", ""))
-
-
 def typed(entry: str, unit: str) -> str:
     """Type and unit as one cell."""
     return ", ".join(filter(None, (entry, unit)))
@@ -141,7 +136,7 @@ def _option_row(word: str, text: OptionText) -> Sequence[str]:
         default,
         allowed or bounds(text.unit) or ("true or false" if text.entry == "true or false" else ""),
         text.unit.meaning,
-        text.effect or effect_of(text.unit),
+        text.effect or text.unit.effect,
     )
 
 
@@ -163,7 +158,7 @@ def _table_rows(option: str, law: str, text: OptionText) -> list[Sequence[str]]:
                 "" if default is None else shown(default),
                 bounds(unit),
                 own.meaning,
-                effect_of(unit),
+                unit.effect,
             )
         )
     return rows
@@ -214,8 +209,8 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
         typed(either(entry), unit.unit),
         coded(default, whole=True),
         coded(text.allowed) or choices(entry) or bounds(unit),
-        unit.meaning or text.meaning,
-        text.effect or effect_of(unit),
+        text.meaning or unit.meaning,
+        text.effect or unit.effect,
     )
 
 
@@ -261,17 +256,12 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
     allowed = text.allowed or choices(row.entry) or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
     return (
         f"`{name}`",
-        typed(either(row.entry).replace("list of tables", "tables"), row.unit),
+        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit),
         coded(row.default, whole=True),
         coded(allowed),
         row.meaning,
-        text.effect or effect_of_path(row),
+        row.effect,
     )
-
-
-def effect_of_path(row: GrammarRow) -> str:
-    """Effect that the unit of a field states, of a key of a scenario file."""
-    return str(getattr(row, "effect", ""))
 
 
 def words_block(prefix: str, *kinds: str) -> str:

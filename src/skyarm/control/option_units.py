@@ -61,20 +61,20 @@ _OBSERVER = _row(
     "three",
     "rad/s",
     "bandwidths of the observed force, torque and joint efforts",
-    "Higher values estimate a disturbance sooner and pass more noise to the commands.",
+    "higher values estimate a disturbance sooner and pass more noise to the commands",
     allowed="above 0",
 )
 _DELAY = OptionText(
     Unit("control periods", "known age of the measurement, over which the state is predicted", low=0, high=100),
     "whole number",
     usual=CLOCK,
-    effect="A value below the true age leaves the remaining delay in the loop.",
+    effect="a value below the true age leaves the remaining delay in the loop",
 )
 _TOUCH = _row(
     "two",
     "N",
     "normal forces at the tip above which contact begins and below which it ends",
-    "Lower values detect contact sooner, and more often where there is none.",
+    "lower values detect contact sooner, and more often where there is none",
     allowed="above 0",
 )
 _FLAG = "true or false"
@@ -85,20 +85,20 @@ SHARED: Mapping[str, OptionText] = {
         entry="table",
         usual="RotorS's Hummingbird's, scaled to mass and inertia of the model",
         allowed="`position`, `velocity`, `attitude`, `rate`",
-        effect="Higher values respond faster and amplify noise.",
+        effect="higher values respond faster and amplify noise",
     ),
     "joint_gains": _text(
         "gains of the joints on position and rate",
         entry="table",
         usual="150 and 17 on acceleration",
         allowed="`stiffness`, `damping`",
-        effect="Higher values respond faster and amplify noise.",
+        effect="higher values respond faster and amplify noise",
     ),
     "mixer_policy": _text(
         "what is given up first where rotors saturate",
         *POLICIES,
-        effect="`clip` limits each rotor by itself. `priority` keeps roll and pitch, then thrust, then yaw; "
-        "`thrust_before_yaw` lets the thrust make room for yaw, too.",
+        effect="`clip` limits each rotor by itself; `priority` keeps roll and pitch, then thrust, then yaw; "
+        "`thrust_before_yaw` lets the thrust make room for yaw, too",
     ),
     "rate_error": _text(
         "error of the body rate against the desired yaw rate: in the form of RotorS's code, or of Lee 2010",
@@ -114,13 +114,13 @@ SHARED: Mapping[str, OptionText] = {
         Unit("", "fraction of the model's friction that each joint's torque compensates", low=0.0),
         "one number for each joint",
         usual="none",
-        effect="1 compensates all friction of the model; more than the true friction destabilizes the joint.",
+        effect="1 compensates all friction of the model; more than the true friction destabilizes the joint",
     ),
     "rate_weights": OptionText(
         Unit("", "weight of each joint's desired rate in the difference of rates", low=0.0),
         "one number for each joint",
         usual="1",
-        effect="Lower values overshoot less and lag behind the reference more.",
+        effect="lower values overshoot less and lag behind the reference more",
     ),
     "euler": _text("computation in the paper's Euler angles, undefined at a pitch of 90 degrees", entry=_FLAG),
     "observer": _OBSERVER,
@@ -152,7 +152,7 @@ CENTROIDAL: Mapping[str, OptionText] = {
         "number",
         "0 to 100 whole control periods",
         CLOCK,
-        "A value below the true delay leaves the remaining delay in the loop.",
+        "a value below the true delay leaves the remaining delay in the loop",
     ),
     "age": OptionText(
         Unit("s", "part of `delay` that is the age of the measurement; the rest is a delay of the commands"),
@@ -171,95 +171,95 @@ CENTROIDAL: Mapping[str, OptionText] = {
     "tip_mass_limit": OptionText(
         Unit("kg", "bound of the mass at the tip that `adaptation` estimates", low=0.0, high=1000.0),
         "number",
-        effect="Higher values cover heavier loads.",
+        effect="higher values cover heavier loads",
     ),
     "base": _row(
         "four",
         "1/s^2, 1/s, 1/s^2, 1/s",
         "gains on position and velocity of the centre of mass, on attitude and on body rate",
-        "Higher values respond faster, amplify noise and tolerate less delay.",
+        "higher values respond faster, amplify noise and tolerate less delay",
     ),
     "yaw": _row(
         "two",
         "1/s^2, 1/s",
         "gains on yaw angle and yaw rate",
-        "Higher values respond faster and saturate the rotors sooner.",
+        "higher values respond faster and saturate the rotors sooner",
     ),
     "arm": _row(
         "two",
         "1/s^2, 1/s",
         "stiffness and damping of the joints",
-        "Higher values track the joints closer, amplify noise and tolerate less delay.",
+        "higher values track the joints closer, amplify noise and tolerate less delay",
     ),
     "tip": _row(
         "two",
         "1/s^2, 1/s",
         f"gains on position and velocity of the tip,{_TIP}",
-        "Higher values track the tip closer, amplify noise and tolerate less delay.",
+        "higher values track the tip closer, amplify noise and tolerate less delay",
     ),
     "observer": _row(
         "four",
         "rad/s",
         "bandwidths of the observed force, torque and joint efforts, and of the filter of the pose",
-        "Higher values estimate a disturbance sooner and pass more noise to the commands.",
+        "higher values estimate a disturbance sooner and pass more noise to the commands",
         allowed="three above 0; the last at least 0",
     ),
     "bandwidth": OptionText(
         Unit("", "factor on dampings and observer; its square multiplies stiffnesses"),
-        effect="Higher values reject disturbances better, raise the jitter and tolerate less delay.",
+        effect="higher values reject disturbances better, raise the jitter and tolerate less delay",
     ),
     "tilt": OptionText(
         Unit("", "tangent of the largest commanded tilt"),
-        effect="Higher values allow more horizontal force; the tilt is steeper.",
+        effect="higher values allow more horizontal force; the tilt is steeper",
     ),
     "reach": OptionText(
         Unit("m", f"error of the base beyond which the tip follows the base,{_TIP}"),
-        effect="Higher values let the arm cover larger errors of the base.",
+        effect="higher values let the arm cover larger errors of the base",
     ),
     "damping": OptionText(
         Unit("m", f"singular value of the tip's Jacobian below which its direction is given up,{_TIP}"),
-        effect="Higher values move the joints less near stretched poses and track the tip less closely.",
+        effect="higher values move the joints less near stretched poses and track the tip less closely",
     ),
     "posture": OptionText(
         Unit("m", f"weight of the joints' own references,{_TIP}"),
-        effect="Higher values keep the joints nearer to their references and the tip farther from its own.",
+        effect="higher values keep the joints nearer to their references and the tip farther from its own",
     ),
     "preview": OptionText(
         Unit("s", f"time ahead by which the base starts to shift,{_TIP}; 0 disables it"),
-        effect="Higher values begin a shift of the base earlier, which then is smoother.",
+        effect="higher values begin a shift of the base earlier, which then is smoother",
     ),
     "shift_rate": OptionText(
         Unit("rad/s", f"filter of the disturbance that the shift of the base follows,{_TIP}"),
-        effect="Higher values shift the base sooner after a change of wind, with more motion.",
+        effect="higher values shift the base sooner after a change of wind, with more motion",
     ),
     "force_trend": OptionText(
         Unit("rad/s", "tracker of the rate of the observed force; 0 disables it"),
         usual="20.0, less for slow motors",
-        effect="Higher values predict a changing wind sooner and amplify noise.",
+        effect="higher values predict a changing wind sooner and amplify noise",
     ),
     "accelerometer": _row(
         "two",
         "rad/s",
         "bandwidths with which observed force and velocity follow the accelerometer; twice 0 ignores it",
-        "Higher first values estimate a force sooner and need an accelerometer with less noise.",
+        "higher first values estimate a force sooner and need an accelerometer with less noise",
         allowed="0 to 1000, both above 0 or both 0",
     ),
     "lag": _row(
         "two",
         "s",
         "estimated lags that halve the bandwidth of rotors and joints; twice 0 estimates none",
-        "Lower values reduce the gains more for the same lag.",
+        "lower values reduce the gains more for the same lag",
         allowed="both above 0 or both 0",
     ),
     "adaptation": OptionText(
         Unit("1/s", "rate of the estimated load at the tip; 0 estimates none"),
-        effect="Higher values estimate a load sooner, with more noise.",
+        effect="higher values estimate a load sooner, with more noise",
     ),
     "interaction": _row(
         "two",
         "N",
         f"normal forces at the tip above which contact begins and below which it ends,{_TIP}; twice 0 disables contact",
-        "Lower values detect contact sooner, and more often where there is none.",
+        "lower values detect contact sooner, and more often where there is none",
         allowed="0 to 1000, both above 0 or both 0",
     ),
     "tolerances": _row(
@@ -275,14 +275,14 @@ CENTROIDAL: Mapping[str, OptionText] = {
     ),
     "load": OptionText(
         Unit("kg", "largest estimated mass of a carried load, under `reference.load`; 0 estimates none"),
-        effect="Higher values cover heavier loads.",
+        effect="higher values cover heavier loads",
     ),
     "sideways": OptionText(
         Unit(
             "",
             "fraction of the rotors' range for sideways force, of rotors that span all directions",
         ),
-        effect="Higher values push harder sideways without tilt.",
+        effect="higher values push harder sideways without tilt",
     ),
     "attitude": _row("two", "rad", "roll and pitch that sideways force holds", allowed="-1 to 1"),
     "admittance": _text(
@@ -290,7 +290,7 @@ CENTROIDAL: Mapping[str, OptionText] = {
         entry="table",
         usual="none",
         allowed="`mass`, `damping`, `stiffness`, `normal`, `threshold`",
-        effect="Lower stiffness and damping yield more to a push.",
+        effect="lower stiffness and damping yield more to a push",
     ),
 }
 
@@ -320,29 +320,29 @@ OPTIONS: Mapping[str, Mapping[str, OptionText]] = {
             entry="table",
             usual="those of its rows",
             allowed="any of its rows",
-            effect="A higher weight tracks this quantity closer at the cost of the others.",
+            effect="a higher weight tracks this quantity closer at the cost of the others",
         ),
         "bandwidths": _text(
             "bandwidths of the disturbance observer",
             entry="table",
             usual="those of its rows",
             allowed="any of its rows",
-            effect="Higher values estimate a disturbance sooner and pass more noise to the commands.",
+            effect="higher values estimate a disturbance sooner and pass more noise to the commands",
         ),
         "stages": OptionText(
             Unit("", "stages of the horizon", low=2, high=200),
             "whole number",
-            effect="Higher values follow fast motions closer and take longer to compute.",
+            effect="higher values follow fast motions closer and take longer to compute",
         ),
         "horizon": OptionText(
             Unit("s", "length of the horizon", low=0.05, high=5.0),
-            effect="Higher values foresee limits earlier; stages become longer.",
+            effect="higher values foresee limits earlier; stages become longer",
         ),
         "every": OptionText(
             Unit("control periods", "time from one solution to the next", low=1, high=200),
             "whole number",
             "1 to 199, less than `stages`",
-            effect="Higher values compute less often and react later.",
+            effect="higher values compute less often and react later",
         ),
         "interaction": _row(
             "two",

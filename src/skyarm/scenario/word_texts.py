@@ -31,7 +31,7 @@ class WordText(NamedTuple):
 VEHICLES = "a shipped name, or a path relative to this file"
 PERIODS = "whole control periods"
 STEPS = "whole physics steps"
-RESPONSE = "Larger values make the law act on an older state; the loop loses phase."
+RESPONSE = "larger values make the law act on an older state; the loop loses phase"
 WHEN = "changes and sweeps may vary the three delays of commands up to this sum"
 
 PATHS: Mapping[str, WordText] = {
@@ -46,19 +46,19 @@ PATHS: Mapping[str, WordText] = {
         "rate of the integration steps",
         "",
         "1 to 1e6",
-        "Higher rates integrate stiff contact and joints more accurately and take longer.",
+        "higher rates integrate stiff contact and joints more accurately and take longer",
     ),
     "rates.control": WordText(
         "rate at which the law is called",
         "",
         "divides `physics`",
-        "Higher rates react sooner and take longer.",
+        "higher rates react sooner and take longer",
     ),
     "rates.reference": WordText(
         "rate at which the reference is sampled and held",
         "",
         "divides `control`",
-        "Higher rates give the law a smoother held reference.",
+        "higher rates give the law a smoother held reference",
     ),
     "plant": WordText("the vehicle as simulated", "required"),
     "plant.vehicle": WordText("", "required", VEHICLES),
@@ -102,10 +102,14 @@ PATHS: Mapping[str, WordText] = {
     "controller.safety.patience": WordText("time beyond a trusted limit after which the law is given up"),
     "controller.safety.calm": WordText("", "`inf`: never"),
     "reference": WordText("desired motion", "hover at the origin"),
-    "reference.base": WordText("[motion](#motions) of the base; a list of motions is their sum", "hover at the origin"),
+    "reference.base": WordText(
+        "[motion](#motions) of the base; a list of motions is their sum",
+        "hover at the origin",
+        entry="table, or a list of them: a motion",
+    ),
     "reference.base.kind": WordText("kind of the motion", "required"),
-    "reference.yaw": WordText("yaw angle of the base", "0"),
-    "reference.joints[]": WordText("", "all 0"),
+    "reference.yaw": WordText("yaw angle of the base, a [signal](#signals)", "0"),
+    "reference.joints[]": WordText("[signal](#signals) of each joint, in the vehicle's order", "all 0"),
     "reference.tip": WordText("[motion of the tip](tip_and_tasks.md), in place of `base` and `joints`", "none"),
     "reference.tracking_start": WordText("time before which the law receives the initial reference, at rest"),
     "reference.governor": WordText("[path governor](path_governor.md), which slows a reference", "false"),
@@ -163,7 +167,7 @@ PATHS: Mapping[str, WordText] = {
     "changes[]": WordText("[scheduled changes](#changes-in-flight)", "none"),
     "changes[].at": WordText("earliest time of the change"),
     "changes[].path": WordText("[path](sweeps.md) of the number or the part that is replaced"),
-    "changes[].value": WordText("new value, as the file would state it"),
+    "changes[].value": WordText("new value, as the file would state it", entry="any value"),
     "plugins.need": WordText("", "none"),
     "numbers": WordText("", "none"),
 }
@@ -256,7 +260,7 @@ FIELDS: Mapping[tuple[str, str], WordText] = {
     ("Gripper", "closed"): WordText("command: closed above 0.5", "1"),
     ("Body", "planar"): WordText("inertia about the joint axis alone, for a law's model"),
     ("Joint", "kind"): WordText("turns or slides", "", '"revolute" or "prismatic"'),
-    ("Joint", "coulomb"): WordText("", "", "", "Higher values stick the joint harder at rest."),
+    ("Joint", "coulomb"): WordText("", "", "", "higher values stick the joint harder at rest"),
     ("Joint", "stop_stiffness"): WordText("", "[chosen](#drives-and-stops-of-joints)"),
     ("Joint", "stop_damping"): WordText("", "[chosen](#drives-and-stops-of-joints)"),
     ("Rotor", "thrust_coefficient"): WordText(
