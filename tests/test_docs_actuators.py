@@ -1,4 +1,4 @@
-"""The tip errors with servos that docs/actuators.md shows are those that are flown."""
+"""The tip errors with servos that docs/the_paper.md shows are those that are flown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skyarm.scenario.controller_table import under_law
 from skyarm.vehicle.vehicle_records import MountedDrive
 from support.pages import DOCS, rows_of
 
-PAGE = (DOCS / "actuators.md").read_text("utf-8")
+
 EXAMPLE = (DOCS.parent / "examples" / "servo_quad.toml").read_text("utf-8")
 
 
@@ -46,6 +46,6 @@ def tip_error(servo: PositionServo | None) -> float:
 
 @pytest.mark.site
 def test_tip_errors_on_servos_are_those_of_the_page() -> None:
-    shown = [row[1] for row in rows_of("actuators.md", "| joints | tip error |")]
+    shown = [row[1] for row in rows_of("the_paper.md", "| joints | tip error |")]
     servos = (None, of_data_sheet(), ideal(2.0))
     assert shown == [f"{tip_error(servo):.2f} mm" for servo in servos]

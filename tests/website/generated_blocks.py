@@ -274,7 +274,7 @@ def words_block(prefix: str, *kinds: str) -> str:
     rows = [row for row in grammar() if _is_below(row.path.replace("[]", ""), prefix, deep="+" in kinds)]
     found: list[Sequence[str]] = []
     for row in rows:
-        name = row.path.replace("[]", "").removeprefix(prefix).removeprefix(".")
+        name = row.path.replace("[]", "").removeprefix(prefix).removeprefix(".").replace("*", "NAME")
         if any(name == each or name.startswith(f"{each}.") for each in left_out):
             continue
         if row.of in chosen or (not row.of and not chosen):

@@ -149,6 +149,8 @@ def _few_digits(value: float) -> str:
 
 def _of_numbers() -> Iterator[GrammarRow]:
     """Keys of a scenario file that correspond to no field of the scenario dataclass."""
+    yield GrammarRow("environment", "", "table")
+    yield GrammarRow("plugins", "", "table")
     yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
     yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
 

@@ -32,7 +32,7 @@ VEHICLES = "a shipped name, or a path relative to this file"
 PERIODS = "whole control periods"
 STEPS = "whole physics steps"
 RESPONSE = "larger values make the law act on an older state; the loop loses phase"
-WHEN = "changes and sweeps may vary the three delays of commands up to this sum"
+WHEN = "changes and sweeps may vary command, rotors and joints up to it"
 
 PATHS: Mapping[str, WordText] = {
     "schema": WordText("version of the file format", "1", "1"),
@@ -61,7 +61,7 @@ PATHS: Mapping[str, WordText] = {
         "higher rates give the law a smoother held reference",
     ),
     "plant": WordText("the vehicle as simulated", "required"),
-    "plant.vehicle": WordText("", "required", VEHICLES),
+    "plant.vehicle": WordText("vehicle that is simulated", "required", VEHICLES),
     "plant.gravity": WordText("acceleration of gravity along world -z", "9.81"),
     "plant.kind": WordText("simulator: the library's rigid-body dynamics, or MuJoCo"),
     "plant.integrator": WordText("[integrator](#integrators) of the plant"),
@@ -69,7 +69,7 @@ PATHS: Mapping[str, WordText] = {
     "plant.drives.*.kind": WordText("kind of the drive"),
     "plant.payload.frame": WordText("frame that carries the payload", "the tip"),
     "model": WordText("the vehicle as the law knows it", "the plant, without its payload"),
-    "model.vehicle": WordText("", "the plant's", f"{VEHICLES}; a planar model is allowed"),
+    "model.vehicle": WordText("vehicle that the law assumes", "the plant's", f"{VEHICLES}; a planar model is allowed"),
     "model.gravity": WordText("acceleration of gravity that the law assumes", "the plant's"),
     "model.payload.frame": WordText("frame that carries the payload", "the tip"),
     "controller": WordText("law with its gains"),
@@ -168,8 +168,12 @@ PATHS: Mapping[str, WordText] = {
     "changes[].at": WordText("earliest time of the change"),
     "changes[].path": WordText("[path](sweeps.md) of the number or the part that is replaced"),
     "changes[].value": WordText("new value, as the file would state it", entry="any value"),
+    "environment": WordText("wind, forces, faults and ground", "calm air above ground"),
+    "plugins": WordText(
+        "`need`: list of [plugins](extending.md) that must be loaded; a file loads none itself", "none"
+    ),
     "plugins.need": WordText("", "none"),
-    "numbers": WordText("", "none"),
+    "numbers": WordText("[numbers by path](#numbers-by-path-and-a-scenario-written-back), applied last", "none"),
 }
 """Key of a scenario file -> its description."""
 
