@@ -20,7 +20,7 @@ help:
 	@echo "make all          types, test, docs, fresh, thorough, attack, digests, browser, peers, ray, one after the other: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
-	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
+	@echo "make docs         fill the generated tables of the pages, build the site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
 	@echo "make envelope     fly the envelope of the laws anew into out/envelope; writes docs' tables and figure of it"
 	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the commands shown"
@@ -98,6 +98,7 @@ $(VENV)/.docs: $(VENV)/.test
 	@touch $@
 
 docs: $(VENV)/.docs
+	$(BIN)/python tests/website/generated_blocks.py --write
 	$(BIN)/python tests/website/build_site.py
 	$(BIN)/pytest -m "not attack and not digests and not thorough" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
 

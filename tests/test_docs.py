@@ -16,6 +16,7 @@ from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
 from skyarm.records.identity import identity
 from skyarm.records.registry.shipped import SHIPPED
+from website.generated_blocks import made
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -28,8 +29,14 @@ def blocks(name, language):
     return re.findall(rf"```{language}\n(.*?)```", page(name), re.DOTALL)
 
 
+def example():
+    """The complete example of the page on scenario files."""
+    (text,) = (each for each in blocks("scenario_files.md", "toml") if 'name = "example"' in each)
+    return text
+
+
 def test_the_scenario_shown_loads_and_flies(tmp_path):
-    text = blocks("scenario_files.md", "toml")[0]
+    text = example()
     path = tmp_path / "flight.toml"
     path.write_text(text, encoding="utf-8")
     log = skyarm.run(skyarm.load_scenario(path, duration=1.0))
@@ -40,7 +47,7 @@ def test_the_scenario_shown_loads_and_flies(tmp_path):
 
 
 def test_the_scenario_shown_says_what_its_comments_say():
-    document = tomllib.loads(blocks("scenario_files.md", "toml")[0])
+    document = tomllib.loads(example())
     scenario = skyarm.scenario_from(document)
     truth, belief = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     assert float(truth.mass) == pytest.approx(float(skyarm.load_vehicle("hummingbird_arm2_rotors").mass) + 0.02)
@@ -52,19 +59,43 @@ def test_the_scenario_shown_says_what_its_comments_say():
 
 
 def test_every_table_of_a_scenario_is_in_the_example():
-    document = tomllib.loads(blocks("scenario_files.md", "toml")[0])
-    tables = re.findall(r"^\| `(\w+)` \|", page("scenario_files.md").split("## Reference")[0], re.MULTILINE)
-    assert set(tables) == {name for name, value in document.items() if isinstance(value, dict)}
+    document = tomllib.loads(example())
+    top = page("scenario_files.md").split("<!-- generated: words top -->")[1].split("<!-- /generated -->")[0]
+    tables = set(re.findall(r"^\| `(\w+)` \| table", top, re.MULTILINE))
+    others = {"estimator", "payloads", "world", "endings", "plugins", "numbers"}  # on pages or in sections of their own
+    assert others < tables
+    assert tables - others == {name for name, value in document.items() if isinstance(value, dict)} | {"changes"}
+
+
+def test_the_parts_of_the_page_say_what_their_comments_say():
+    """The sine of a joint begins at 2 s, and the wind changes at 12 s, in the examples of their sections, too."""
+    sine, change = (
+        tomllib.loads(next(each for each in blocks("scenario_files.md", "toml") if each.startswith(head)))
+        for head in ("[[reference.joints]]", "[[changes]]")
+    )
+    whole = tomllib.loads(example())
+    assert sine["reference"]["joints"] == whole["reference"]["joints"][:1]
+    assert change["changes"] == whole["changes"]
+    scenario = skyarm.scenario_from(whole)
+    assert float(scenario.reference.at(1.9).joints[0]) == 0.0
+    assert float(scenario.reference.at(2.5).joints[0]) == pytest.approx(0.2)
 
 
 def test_every_choice_is_on_the_page():
     text = page("scenario_files.md")
     kinds = [*SHIPPED["motion"], *SHIPPED["signal"]]
-    fields = [field.name for record in (skyarm.Rates, skyarm.Delays, skyarm.SensorNoise, Terms)
-              for field in dataclasses.fields(record)]  # fmt: skip
+    fields = [
+        field.name
+        for record in (skyarm.Rates, skyarm.Delays, skyarm.SensorNoise)
+        for field in dataclasses.fields(record)
+    ]
     for name in (*kinds, *fields, *PRESETS, *SHIPPED["law"]):
         assert f"`{name}`" in text or f'`"{name}"`' in text, name
-    assert all(f'`"{name}"`' in text for name in RATE_ERRORS)
+
+
+def test_every_choice_of_an_option_is_in_the_table_of_its_law():
+    text = made("law hybrid_computed_torque")
+    assert all(f'`"{name}"`' in text for name in (*RATE_ERRORS, *(field.name for field in dataclasses.fields(Terms))))
 
 
 def test_the_python_shown_runs(capsys):

@@ -13,6 +13,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import limits_for
+from support.pages import cells_of
 
 GRAVITY = 9.1
 VEHICLE = skyarm.load_vehicle("octo_coaxial_two_arms")
@@ -22,7 +23,7 @@ KINDS = tuple(link.joint.kind for link in VEHICLE.links)
 PULL = {"stiffness": 5.0, "damping": 2.7}
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "scenario_files.md").read_text("utf-8")
-TABLE = PAGE.split("## Safety")[1].split("## Wind")[0]
+TABLE = PAGE.split("<!-- generated: words controller.safety -->")[1].split("<!-- /generated -->")[0]
 
 BY_KIND = {
     "joint_step": (0.5, 0.05),
@@ -66,10 +67,18 @@ def test_the_defaults_are_those_of_the_page():
     for name in BY_KIND:
         assert getattr(found, name) == pytest.approx(by_kind(name), rel=1e-15), name
         assert f"`{name}`" in TABLE
-    for shown in ("0.70, half of gravity, 4", "0.4, 1.5", "0.5 or 0.05; 3 or 0.3", "12 or 1.5; 0.05 or 0.005; 25"):
-        assert f"| {shown} |" in TABLE
-    assert "| 1.22, 12, 0.6 or 0.1 (1.5 or 0.3 for a law that keeps the tip), 0.25 |" in TABLE
-    assert "| 40, 15, four times `joint_speed` |" in TABLE
+    shown = {row[0].strip("`"): row[2].strip("`") for row in cells_of(TABLE)}
+    for name, value in page.items():
+        if name not in ("climb", "calm"):
+            assert float(shown[name]) == pytest.approx(value, abs=5e-4), name
+    assert shown["climb"] == "half of gravity"
+    assert shown["calm"] == "inf`: never"
+    for name, (turning, sliding) in BY_KIND.items():
+        if name == "lost_joint_speed":
+            assert shown[name] == "four times `joint_speed"
+        else:
+            assert shown[name].startswith(f"{turning:g} or {sliding:g}"), name
+    assert shown["trusted_joint_error"].endswith("; 1.5 or 0.3 for a law that keeps the tip on its reference")
 
 
 def test_a_law_that_keeps_the_tip_is_trusted_with_larger_joint_errors():

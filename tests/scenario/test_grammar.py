@@ -9,6 +9,7 @@ import pytest
 
 import skyarm
 from shown_commands import ROOT
+from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar
 from support.components import registry_kept
 
@@ -102,10 +103,55 @@ def test_kinds_are_told_where_they_are_chosen():
     assert ("environment.faults[].signal", "loss") not in rows
 
 
-def test_the_page_names_the_signals_that_are_told():
-    told = {each.of for each in ROWS if each.path.startswith("SIGNAL.") and each.of}
-    (named,) = re.findall(r"and of signals\s+other than (.*?):", PAGE, re.DOTALL)
-    assert set(re.findall(r"`(\w+)`", named)) == told
+@pytest.mark.parametrize(("kind", "at"), [("signal", "SIGNAL"), ("motion", "reference.base")])
+def test_keys_that_are_read_by_hand_are_those_that_are_told(kind, at):
+    """A table with all of a shipped kind's keys is read; one with a key more is refused, and told those there are."""
+    tasks = ("waypoints", "phases", "samples")
+    told = {named: {} for named in SHIPPED[kind] if named not in tasks}
+    for each in ROWS:
+        if each.path.startswith(f"{at}.") and each.of in told:
+            told[each.of][each.path.removeprefix(f"{at}.")] = each
+    assert all(told.values())
+    for named, keys in told.items():
+        table = {"kind": named, "odd": 1.0} | {key: EXAMPLES.get(key, 1.0) for key in keys}
+        reference = {"base": table} if kind == "motion" else {"base": AT, "yaw": table}
+        with pytest.raises(ValueError, match="odd") as error:
+            skyarm.scenario_from({**SCENARIO, "reference": reference})
+        allowed = str(error.value).partition("allowed: ")[2].split(", ")
+        assert set(allowed) - {"kind"} == set(keys), named
+
+
+AT = {"kind": "hover", "position": [0.0, 0.0, 1.0]}
+SCENARIO = {
+    "name": "x",
+    "duration": 1.0,
+    "plant": {"vehicle": "hummingbird"},
+    "controller": {"preset": "rotors_sim_hummingbird"},
+}
+EXAMPLES = {
+    "stop": 2.0,
+    "shape": "linear",
+    "segments": [[1.0, 1.0]],
+    "signals": [1.0],
+    "times": [0.0, 1.0],
+    "values": [0.0, 1.0],
+    "position": [0.0, 0.0, 1.0],
+    "center": [0.0, 0.0, 1.0],
+    "count": 2,
+    "width": 0.5,
+}
+
+
+def test_every_key_that_is_not_a_task_s_has_a_meaning_and_a_default():
+    assert [each.path for each in ROWS if not each.meaning and "." in each.path and each.of != "schema"] == []
+    assert [
+        each.path for each in ROWS if not each.default and not each.path.endswith(".kind") and states_a_value(each)
+    ] == []
+
+
+def states_a_value(each):
+    """Keys of numbers, texts and flags, which have a default or are required."""
+    return not any(word in each.entry for word in ("table", "signal")) and not each.path.startswith("controller.")
 
 
 def spin(radius: float = 1.0) -> skyarm.Trajectory:

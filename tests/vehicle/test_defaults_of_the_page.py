@@ -12,20 +12,17 @@ import pytest
 import skyarm
 from skyarm.vehicle import BodyDrag, Joint, Rotor
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.pages import cells_of
 
-PAGE = Path(__file__).parents[2] / "docs" / "vehicle_files.md"
-WORDS = {"no limit": math.inf, "+z": (0, 0, 1), "revolute": "revolute"}
+PAGE = (Path(__file__).parents[2] / "docs" / "vehicle_files.md").read_text("utf-8")
+BLOCKS = {Joint: "joint", Rotor: "rotors", BodyDrag: "drag"}
+WORDS = {"no limit": math.inf, "`[0, 0, 1]`": (0, 0, 1), '`"revolute"`': "revolute"}
 
 
-def table():
-    """Field -> the text of its default, for every row of the page's table of fields."""
-    rows = re.findall(r"^\| (`.*?) \| .* \| (.*?) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    found = {}
-    for names, text in rows:
-        keys = re.findall(r"`(\w+)`", names.split(": ", 1)[-1])
-        values = [value.strip() for value in text.split(",")]
-        found.update(zip(keys, values * len(keys) if len(values) == 1 else values, strict=False))
-    return found
+def table(record):
+    """Field -> the text of its default, for every row of the page's table of a record."""
+    (block,) = re.findall(rf"<!-- generated: vehicle {BLOCKS[record]} -->\n(.*?)<!-- /generated -->", PAGE, re.DOTALL)
+    return {row[0].strip("`"): row[2] for row in cells_of(block)}
 
 
 def default(record, name):
@@ -45,13 +42,13 @@ def default(record, name):
     ids=lambda each: each if isinstance(each, str) else each.__name__,
 )
 def test_a_number_that_is_left_out_is_the_one_of_the_page(record, name):
-    text = table()[name]
-    wanted = WORDS[text] if text in WORDS else float(text)
+    text = table(record)[name]
+    wanted = WORDS[text] if text in WORDS else float(text.strip("`"))
     assert default(record, name) == wanted
 
 
 def test_limits_of_a_joint_are_none_if_left_out():
-    assert table()["lower"] == table()["upper"] == "no limit"
+    assert table(Joint)["lower"] == table(Joint)["upper"] == "no limit"
     assert (default(Joint, "lower"), default(Joint, "upper")) == (-math.inf, math.inf)
 
 

@@ -11,7 +11,7 @@ DOCUMENT = tomllib.loads(
         for block in (Path(__file__).parents[2] / "docs" / "vehicle_files.md")
         .read_text(encoding="utf-8")
         .split("```toml\n")
-        if block.startswith("schema")
+        if 'name = "example"' in block
     ).split("```")[0]
 )
 

@@ -18,10 +18,17 @@ SECONDS = 0.5
 """Length of a flight whose numbers the page does not show."""
 
 
+def whole_example(name: str) -> str:
+    """The complete example of a reference page."""
+    (found,) = (block.text for block in blocks(PAGES[name]) if 'name = "example"' in block.text)
+    return found
+
+
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
     library = Path(skyarm.__file__).parent / "scenario" / "library"
-    vehicle, flight = blocks(PAGES["vehicle_files.md"])[0].text, blocks(PAGES["scenario_files.md"])[1].text
+    vehicle = whole_example("vehicle_files.md")
+    flight = whole_example("scenario_files.md")
     case = (library / "case3.toml").read_text("utf-8")
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:

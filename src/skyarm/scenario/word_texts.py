@@ -273,7 +273,11 @@ FIELDS: Mapping[tuple[str, str], WordText] = {
     ("Rotor", "moment_coefficient"): WordText("", "required without `thrust_table.torque`"),
     ("Rotor", "table"): WordText("[table](actuators.md#rotors-from-a-table) in place of the two coefficients", "none"),
     ("Rotor", "tilt"): WordText("[servo of a tilting rotor](#rotors-that-tilt)", "none"),
+    ("Rotor", "axis"): WordText("direction of positive thrust, base axes", "", "not all zero"),
+    ("Rotor", "inertia"): WordText("inertia of the rotating parts about the axis: spin-up and gyroscopic torque"),
     ("Tilt", "axis"): WordText("", "the arm's direction"),
+    ("Tilt", "lower"): WordText("", "", "-pi to 0"),
+    ("Tilt", "upper"): WordText("", "", "0 to pi"),
     ("Battery", "cells"): WordText("cells in series"),
     ("Battery", "open_circuit"): WordText("`charge` and `voltage` of one cell, two rising lists"),
     ("Battery", "esc"): WordText(
@@ -433,7 +437,7 @@ VEHICLE: tuple[HandWord, ...] = (
     HandWord("rotors", "name", "text", "", "", "name of the rotor", "unique"),
     HandWord("rotors", "position", "three numbers", "m", "", "hub, base axes"),
     HandWord(
-        "rotors", "direction", "text", "", "", "sense of rotation, seen against the axis from its tip", '"ccw" or "cw"'
+        "rotors", "direction", "text", "", "", "sense of rotation, seen from the tip of the axis", '"ccw" or "cw"'
     ),
     HandWord("joint", "name", "text", "", "", "name of the joint", "unique"),
     HandWord("joint", "axis", "three numbers", "", "", "axis, joint frame", "not all zero"),
