@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import tomllib
 from typing import Any
 
@@ -15,7 +16,6 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.scenario.controller_table import under_law
 from skyarm.vehicle.vehicle_records import MountedDrive
 from support.pages import DOCS, rows_of
-
 
 EXAMPLE = (DOCS.parent / "examples" / "servo_quad.toml").read_text("utf-8")
 
@@ -42,6 +42,16 @@ def tip_error(servo: PositionServo | None) -> float:
         controller = with_actuators(scenario.controller, on_servos(scenario.controller.par.model), 0.005)
         scenario = dataclasses.replace(scenario, plant=on_servos(scenario.plant), controller=controller)
     return 1e3 * skyarm.score(skyarm.run(scenario), ["standard_continuous"])["ee_error_mean_continuous"]
+
+
+def test_the_smallest_servo_of_the_page_has_the_required_keys() -> None:
+    (text,) = re.findall(r"```toml\n(.*?)```", (DOCS / "actuators.md").read_text("utf-8"), re.DOTALL)
+    (servo,) = tomllib.loads(text)["drives"].values()
+    numbers = {name: value for name, value in servo.items() if name != "kind"}
+    usual = {field.name: field.default for field in dataclasses.fields(PositionServo)}
+    assert set(numbers) == {name for name, value in usual.items() if value is dataclasses.MISSING}
+    assert servo["kind"] == "position_servo"
+    assert PositionServo(**numbers).takes == "rad or m"
 
 
 @pytest.mark.site

@@ -18,6 +18,8 @@ from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.thrust_table import COLUMNS
 from support.pages import DOCS, rows_of
 
+SERVO = "skyarm.dynamics.actuators.servo"
+
 
 def fields_of(kind: type) -> dict[str, Any]:
     """Name -> default, MISSING for a required field."""
@@ -33,8 +35,13 @@ def named(cells: str) -> list[str]:
     [
         ("sensors.md", "| field | | unit |", (Channel,), set[str]()),
         ("sensors.md", "| field | unit | default |", (FilterNumbers,), {"vehicle"}),
-        ("actuators.md", "| field | of | meaning | default |", (Servo, PositionServo, VelocityServo), set[str]()),
-        ("actuators.md", "| field | unit, meaning | default |", (Battery,), set[str]()),
+        (
+            "actuators.md",
+            f"<!-- generated: record {SERVO}:PositionServo",
+            (Servo, PositionServo, VelocityServo),
+            set[str](),
+        ),
+        ("actuators.md", "<!-- generated: record skyarm.vehicle.battery:Battery -->", (Battery,), set[str]()),
     ],
 )
 def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...], left_out: set[str]) -> None:
@@ -46,15 +53,16 @@ def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...]
     ("page", "head", "kind"),
     [
         ("sensors.md", "| field | unit | default |", FilterNumbers),
-        ("actuators.md", "| field | unit, meaning | default |", Battery),
-        ("actuators.md", "| field | of | meaning | default |", PositionServo),
+        ("actuators.md", "<!-- generated: record skyarm.vehicle.battery:Battery -->", Battery),
+        ("actuators.md", f"<!-- generated: record {SERVO}:PositionServo", PositionServo),
     ],
 )
 def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind: type) -> None:
     own, seen = fields_of(kind), 0
-    for names, *_, shown in rows_of(page, head):
+    for names, *cells in rows_of(page, head):
+        shown = next((cell.strip("`") for cell in cells if re.fullmatch(r"`[-+]?\d[-+.\de]*`", cell)), cells[-1])
         for name, text in zip(named(names), shown.split(", "), strict=False):
-            if name in own and re.fullmatch(r"[-+.\de]+", text):
+            if name in own and re.fullmatch(r"[-+]?\d[-+.\de]*", text):
                 assert own[name] == float(text), name
                 seen += 1
     assert seen >= 3
@@ -73,10 +81,11 @@ def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
 
 
 def test_the_columns_of_a_thrust_table_are_on_the_page() -> None:
-    rows = rows_of("actuators.md", "| column | unit | |")
+    rows = rows_of("actuators.md", "<!-- generated: record skyarm.vehicle.thrust_table:ThrustTable")
     assert {name for row in rows for name in named(row[0])} == set(COLUMNS)
 
 
 def test_every_ending_and_status_is_on_the_page() -> None:
-    shown = {name for row in rows_of("scenario_files.md", "| ending | condition |") for name in named(row[0])}
-    assert shown == set(SHIPPED["ending"]) | set(STATUSES) - {"completed"}
+    rows = rows_of("scenario_files.md", "| ending | status | condition |\n|-|-|-|")
+    assert {name for row in rows for name in named(row[0])} == set(SHIPPED["ending"])
+    assert {name for row in rows for name in named(row[1])} == set(STATUSES) - {"completed"}

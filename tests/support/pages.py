@@ -19,7 +19,7 @@ def rows_of(page: str, head: str) -> list[list[str]]:
 def cells_of(text: str) -> list[list[str]]:
     """Cells of the rows below the rule of a table."""
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    rule = next(i for i, line in enumerate(rows) if re.fullmatch(r"[|:-]+", line))
+    rule = next((i for i, line in enumerate(rows) if re.fullmatch(r"[|:-]+", line)), -1)
     return [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in rows[rule + 1 :]]
 
 
