@@ -434,11 +434,13 @@ def command_block(*words: str) -> str:
             continue
         spelled = [word for word in each.opts if word not in OLDER]
         is_option = each.param_type_name == "option"
-        value = "" if getattr(each, "is_flag", False) else (each.metavar or str(each.name).upper())
+        kind = getattr(each, "type_descriptor", None)
+        plain = {int: "whole number", float: "number"}.get(getattr(kind, "annotation", str), "text")
+        value = "" if getattr(each, "is_flag", False) else f"`{each.metavar}`" if each.metavar else plain
         name = ", ".join(f"`{word}`" for word in spelled) if is_option else f"`{each.metavar or each.name.upper()}`"
         default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
         needed = "required" if each.required else default
-        rows.append((name, f"`{value}`" if value and is_option else "", needed, each.help or ""))
+        rows.append((name, value if is_option else "", needed, each.help or ""))
     return table(("argument or option", "value", "default", "meaning"), rows)
 
 

@@ -243,13 +243,13 @@ def _if_gripped(memory: GripMemory, number: Scalar) -> AnyArray:
     return np.where(np.asarray(memory.held) > 0, np.asarray(number), np.nan)
 
 
-HELD = "share of the time with the contact force within 30 % of the wanted one"
+HELD = "fraction of the time with the contact force within 30 % of the commanded one"
 
 TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean error of the contact force", "N"),
     "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
     "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
-    "contact_peak": ("push", lambda of: _if_met(of, of.peak), "largest contact force while contact is asked for", "N"),
+    "contact_peak": ("push", lambda of: _if_met(of, of.peak), "largest contact force while contact is commanded", "N"),
     "contact_losses": ("push", lambda of: _if_met(of, of.losses), "losses of contact", "losses"),
     "contact_first": ("push", lambda of: _if_met(of, of.first), "first touch", "s"),
     "contact_tip_mean": (
@@ -258,14 +258,14 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "contact_tip_max": (
         "push", lambda of: _if_met(of, of.farthest), "largest tip error across the normal in contact", "m"
     ),
-    "phases_time": ("phases", lambda of: np.asarray(of.when), "when the last phase was done", "s"),
+    "phases_time": ("phases", lambda of: np.asarray(of.when), "time at which the last phase ended", "s"),
     "grip_force_mean": (
         "grip", lambda of: _if_gripped(of, of.force / np.maximum(np.asarray(of.held), 1)),
-        "mean radial force on the handle that is held", "N",
+        "mean radial force on the gripped handle", "N",
     ),
     "grip_force_max": (
-        "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the handle that is held", "N"
+        "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the gripped handle", "N"
     ),
-    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag of the handle that is held", "rad"),
+    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag of the gripped handle", "rad"),
 }  # fmt: skip
 """Metric -> the totals that it is made of, its value from them, its words and unit."""

@@ -125,11 +125,15 @@ FREE = {
     "rotor_jitter_mean": _measure(
         "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
     ),
-    "rotor_saturation": _measure("mean", "steady", "rotor_limited", "share of periods with a rotor at its limit", ""),
-    "joint_saturation": _measure("mean", "steady", "joint_limited", "share of periods with a joint at its limit", ""),
+    "rotor_saturation": _measure(
+        "mean", "steady", "rotor_limited", "fraction of periods with a rotor at its limit", ""
+    ),
+    "joint_saturation": _measure(
+        "mean", "steady", "joint_limited", "fraction of periods with a joint at its limit", ""
+    ),
     "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the reference", "s"),
     "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the reference", "s"),
-    "phases_done": _measure("max", "whole", "phase", "phases done", "phases"),
+    "phases_done": _measure("max", "whole", "phase", "completed phases", "phases"),
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),
 }
