@@ -47,9 +47,15 @@ THERE = set(SHIPPED)
 
 
 def documented() -> dict[str, set[str]]:
-    """Command -> keys that the page's table names; a key in brackets is not always there."""
-    rows = re.findall(r"^\| `skyarm ([\w-]+)` \| (.*) \|$", DOCS.read_text("utf-8"), re.MULTILINE)
-    return {command: set(re.findall(r"\(?`\w+`\)?", keys)) for command, keys in rows}
+    """Command -> keys that the page's table of it names; one with a question mark is not always there."""
+    blocks = re.findall(r"<!-- generated: keys ([\w-]+) -->\n(.*?)<!-- /generated -->", DOCS.read_text("utf-8"), re.S)
+    return {
+        command: {f"{name}?" if present == "sometimes" else name for name, present in ROW.findall(block)}
+        for command, block in blocks
+    }
+
+
+ROW = re.compile(r"^\| `(\w+)` \| (always|sometimes) \| [^|]+ \|$", re.MULTILINE)
 
 
 def reproduced(out: str, **_options: Any) -> dict[str, Any]:
@@ -118,8 +124,8 @@ def test_a_command_gives_one_document_with_the_keys_that_are_documented(command:
     assert (found["schema"], found["command"]) == (output.SCHEMA, command)
     assert found["skyarm"] == package.__version__
     named = documented()[command]
-    always = {key.strip("`") for key in named if key[0] == "`"}
-    sometimes = {key.strip("()`") for key in named if key[0] == "("}
+    always = {key for key in named if not key.endswith("?")}
+    sometimes = {key.rstrip("?") for key in named if key.endswith("?")}
     assert always <= set(found) - HEAD <= always | sometimes
     assert ended.out.isascii()
 
