@@ -14,8 +14,11 @@ import skyarm
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
+from skyarm.log.flight_log import IF_ANY
+from skyarm.log.log_columns import columns
 from skyarm.records.identity import identity
 from skyarm.records.registry.shipped import SHIPPED
+from support.pages import rows_of
 from website.generated_blocks import made
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -119,10 +122,21 @@ def test_the_python_shown_runs(capsys):
 
 def test_a_log_holds_what_the_page_says():
     log = skyarm.run(skyarm.load_scenario("case2", duration=0.1))
-    named = re.findall(r"`(\w+)`", page("python_api.md").split("## What a log holds")[1])
-    assert len(named) > 15
-    for name in named:
-        assert name in log.arrays(), name
+    rows = rows_of("log_arrays.md", "<!-- generated: log arrays -->")
+    assert len(rows) > 15
+    sizes = {"N": log.time.size, "joints": log.joints.shape[1], "rotors": log.rotor_speeds.shape[1]}
+    listed = {each.name for each in columns(log)}
+    for name, shape, *_, shown in rows:
+        array = log.arrays()[name.strip("`")]
+        assert array.shape == tuple(sizes[each] if each in sizes else int(each) for each in shape.split(", ")), name
+        for column in re.findall(r"`(\w+)`", shown):
+            assert any(each.startswith(column.removesuffix("_JOINT").removesuffix("_ROTOR")) for each in listed), column
+
+
+def test_arrays_of_some_flights_are_on_the_page():
+    rows = rows_of("log_arrays.md", "<!-- generated: log optional -->")
+    told = {name for row in rows_of("log_arrays.md", "| array | there if |") for name in re.findall(r"`(\w+)`", row[0])}
+    assert {row[0].strip("`") for row in rows} == set(IF_ANY) == told
 
 
 def test_the_scenario_that_a_page_writes_is_read_with_its_digest(tmp_path, monkeypatch):
