@@ -372,7 +372,7 @@ def option_texts(law: str) -> dict[str, OptionText]:
         own = OPTIONS.get(law, {}).get(option) or SHARED.get(option, OptionText())
         _, unit = fields.get(option) or declared.get(option) or (None, NUMBER)
         value = VALUES.get(option, "") if law == "centroidal" and option not in usual else usual[option]
-        unit = _merged(unit, own.unit)
+        unit = _merge_units(unit, own.unit)
         if law == "centroidal" and option in RANGES:
             low, high = RANGES[option]
             unit = dataclasses.replace(unit, low=low, high=high)
@@ -390,7 +390,7 @@ def _entry(value: object) -> str:
     return words.get(type(value), "") if value != "" else ""
 
 
-def _merged(declared: Unit, described: Unit) -> Unit:
+def _merge_units(declared: Unit, described: Unit) -> Unit:
     """Unit of a field with the meaning that it has as an option."""
     if declared is NUMBER or not (declared.unit or declared.meaning or math.isfinite(declared.low)):
         return described
