@@ -58,8 +58,8 @@ TURNING = 200.0
 moves at once in a period of 5 ms."""
 
 YAW_DAMPING = 1.0
-"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. So angles at which
-thrusts give none of it ask for none."""
+"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. Angles at which
+thrusts give no yaw torque then request none."""
 
 
 @immutable

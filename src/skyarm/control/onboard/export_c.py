@@ -150,7 +150,7 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
 
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
-"""Words of a parameter's path, with the shorter ones in its C name."""
+"""Names in a parameter's path, with their shorter forms in C."""
 
 STRUCTS = {
     "measurement": "What the sensors say.",

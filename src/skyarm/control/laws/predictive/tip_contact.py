@@ -32,7 +32,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
 TOLD = 5
-"""Number of used entries of a desired contact: force, speed, normal. A tip that grips is led as a free one."""
+"""Number of used entries of a desired contact: force, speed, normal. A gripping tip is controlled as a free one."""
 KEPT = 0.6
 """Share of the observed force across the normal that a pressing plan includes: friction balances the rest.
 
