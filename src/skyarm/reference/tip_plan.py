@@ -48,8 +48,8 @@ DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
 """Initial damping over the arm's squared length; its factors after an accepted and after a rejected step."""
 
 EXACT, SMOOTH = 5e-4, 0.03
-"""Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip with a desired orientation, and for
-one whose base takes the remainder of the displacement."""
+"""Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip with a desired orientation,
+and for one whose base takes the remainder of the displacement."""
 
 
 @immutable

@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-"""Position and attitude."""
+"""Position and attitude of a level vehicle at the origin."""
 
 
 def centre_of_mass(vehicle: Vehicle) -> Array:

@@ -20,17 +20,17 @@ from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, ser
 from skyarm.studies.assess.thrust import thrust_margin
 
 INSTANTS, FEWEST = 2000, 9
-"""Instants of a flight, and the least of a stretch between two jumps of the reference."""
+"""Number of instants of a flight, and least number between two jumps of the reference."""
 
 SHORTEST = 1e-3
-"""s: of a stretch."""
+"""Shortest interval (s) between two jumps of the reference that is examined."""
 
 POSES_HELD = 100
-"""Poses of the reference while a load is held, in which a level hover is looked at."""
+"""Number of poses of the reference, while a load is held, whose static hover is examined."""
 
 
 LEFT = 1e-3
-"""Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
+"""Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 
 @immutable(kw_only=False)

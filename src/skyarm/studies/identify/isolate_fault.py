@@ -49,10 +49,10 @@ from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step,
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Rows: TypeAlias = Mapping[tuple[str, int], float]
-"""Sensor and column -> size of what the model leaves, over the sensor's own white noise."""
+"""Sensor and column -> RMS residual of the model over the sensor's white noise."""
 
 PUSHES = ("unexplained force", "unexplained torque")
-"""Rows of the wrench that differs from window to window, over the size that it is thought to have before."""
+"""Rows of the window-dependent wrench, over its prior size."""
 
 
 @immutable(kw_only=False)
@@ -136,10 +136,10 @@ class Tried(NamedTuple):
 
 
 Flights: TypeAlias = tuple[FlightData, FlightData]
-"""Flight as it is stamped, and with its poses on the clock of the gyro."""
+"""Flight as it is stamped, and the same with its poses aligned to the gyroscope's clock."""
 
 Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
-"""Change, amount, windows and turns -> what it leaves; nothing where it cannot be flown."""
+"""Function (change, amount, windows and iterations) -> residuals; empty where it cannot be simulated."""
 
 
 def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[LogFault, ...]:
