@@ -24,7 +24,7 @@ Tables = Mapping[str, Any]
 SHARES = (0.05, 0.10, 0.25)
 
 WORST = 1e6
-"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
+"""Error |u| of a cell that is missing or has another sign: the loss at its upper bound."""
 
 
 @immutable(kw_only=False)
