@@ -48,7 +48,7 @@ MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
 
 STILL = 0.02
-"""Share of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
+"""Fraction of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
 
 STRONG = 4.0
 """Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have no largest speed."""

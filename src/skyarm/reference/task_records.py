@@ -94,7 +94,7 @@ class Guard:
 
 @immutable
 class TaskEvent:
-    """Event of a task: a payload is taken or left, or a gripper closes or opens.
+    """Event of a task: a payload is picked up or set down, or a gripper closes or opens.
 
     Attributes:
         kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for

@@ -214,7 +214,7 @@ MARGIN = 1e-3
 
 @immutable
 class TipChoices:
-    """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
+    """Options for a tip trajectory: posture of the arm, fraction of the motion by the base, and speed limits.
 
     Attributes:
         posture: joint positions that the arm prefers, rad or m.

@@ -61,7 +61,7 @@ def shares(vehicle: Vehicle) -> Array:
 
 
 def mixer(vehicle: Vehicle) -> Array:
-    """Custom mixer for Betaflight (n, 4): each motor's share of throttle, roll, pitch and yaw.
+    """Custom mixer for Betaflight (n, 4): each motor's coefficients of throttle, roll, pitch and yaw.
 
     The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
     sign of the yaw's round.

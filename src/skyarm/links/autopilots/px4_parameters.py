@@ -116,7 +116,7 @@ def rate_bandwidth(vehicle: Vehicle) -> float:
 
 
 def thrust_factor(rotor: Rotor) -> float:
-    """Least-squares share a of the square in PX4's thrust curve a s^2 + (1 - a) s of a signal s."""
+    """Least-squares weight a of the square in PX4's thrust curve a s^2 + (1 - a) s of a signal s."""
     return min(max(square_share(rotor, [0.2 + 0.05 * k for k in range(17)]), 0.0), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""TCP connections of ROS 1 topics (TCPROS): to subscribers of ours, and to publishers that we subscribe to.
+"""TCP connections of ROS 1 topics (TCPROS): to the node's subscribers, and to the publishers it subscribes to.
 
 Both sides begin with a header of fields KEY=VALUE, each behind its length; then every message follows behind its own
 length. Numbers are little endian. Source: wiki.ros.org/ROS/TCPROS, ROS/Connection Header.

@@ -64,7 +64,7 @@ Request = socket.socket | tuple[bytes, socket.socket]
 
 
 class Ros1Node:
-    """Node of ROS 1.
+    """ROS 1 node in pure Python: advertises topics and subscribes to them.
 
     Args:
         master: address of the master; that of ROS_MASTER_URI, else of this machine, if left out.

@@ -38,7 +38,7 @@ PLACES = ("rad", "m")
 
 @immutable
 class Saturation:
-    """Saturation of a flight's actuators: share of periods at a limit, and the worst command.
+    """Saturation of a flight's actuators: fraction of periods at a limit, and the worst command.
 
     Attributes:
         share: share of the control periods in which any command is at a limit.

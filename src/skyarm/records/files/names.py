@@ -104,7 +104,7 @@ def require_suffix(path: Path, field: str = "file") -> str:
 
 
 VEHICLES = ("rotors", "base", "urdf", "mjcf", "airframe", "attach")
-"""Keys of a vehicle file by which it is told from other TOML files."""
+"""Keys of a vehicle file by which it is recognised among TOML files."""
 
 READS = {
     "vehicle": "skyarm show",

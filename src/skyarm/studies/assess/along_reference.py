@@ -35,7 +35,7 @@ LEFT = 1e-3
 
 @immutable(kw_only=False)
 class Followed:
-    """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
+    """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
 
     Attributes:
         demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
@@ -66,7 +66,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
-    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as shares of their limits."""
+    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as fractions of their limits."""
     with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
         pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
     names = field_names(ActuatorDemand) or ()

@@ -23,7 +23,7 @@ LEAST_SHARE = 0.05
 
 
 def thrust_margin(poses: ArmPoses) -> list[Finding]:
-    """Check results for thrust: margin of the most loaded rotor and share of the least loaded, worst arm pose."""
+    """Check results for thrust: margin of the most loaded rotor and load of the least loaded one, worst arm pose."""
 
     def quantities(joints: Array) -> Array:
         squared = poses.squared_speeds(joints)

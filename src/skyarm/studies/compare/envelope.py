@@ -404,7 +404,7 @@ def command_rows(axis: Record) -> list[list[str]]:
 
 
 def command_text(point: Record) -> str:
-    """Table text of rotor jitter (rad/s) and share of periods at a limit (%); the largest of perturbed plants."""
+    """Table text of rotor jitter (rad/s) and periods at a limit (%); the largest of perturbed plants."""
     if point["jitter"] is None or (point["lost"] and "plants" not in point):
         return LOST
     return f"{number(point['jitter'])}; {number(point['limited'], 1e2)} %"

@@ -86,7 +86,7 @@ PLANTS, WIDEST = 24, 2.0
 value, times the comparison's spread."""
 
 WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),), "z": ((15.0, math.inf, 1.0),)}
-"""World axis -> (start, stop, share): +x, 0, +y, -x, 0, +z, each for 3 s."""
+"""World axis -> (start, stop, fraction): +x, 0, +y, -x, 0, +z, each for 3 s."""
 
 Numbers = Mapping[str, float]
 

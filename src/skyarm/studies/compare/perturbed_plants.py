@@ -111,7 +111,7 @@ RESERVE = 0.9
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """Scale the standard model mismatch to a vehicle; also returns the share of payload and wind that thrust allows.
+    """Scale the standard model mismatch to a vehicle; also returns the fraction of payload and wind that it can lift.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a

@@ -66,7 +66,7 @@ class DesignLimits:
     seconds: Annotated[float, Unit("s", "duration of the designed flight")] = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
-        """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""
+        """Fractions (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""
         shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
             shares[:2] = 1.0

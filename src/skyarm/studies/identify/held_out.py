@@ -62,7 +62,7 @@ LEARNT, ONCE = 300, 2000
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
 """Candidate durations (s) of the past that shows the unexplained part, and candidate decay times (s) of its variable
-share."""
+fraction."""
 
 SMOOTHED = ((), ("position", "velocity"), ("quaternion", "rate"), FIELDS)
 """Candidate sets of state fields that are taken from the window of the past, where smoothing measures them better."""
@@ -255,7 +255,7 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
-    """Root mean square errors of predictions that combine model and rest with weights (2, 3) or (4, 2, 3)."""
+    """Root mean square errors of the model's prediction combined with a base at rest, weights (2, 3) or (4, 2, 3)."""
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - predicted, PARTS.index("attitude")
     left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))

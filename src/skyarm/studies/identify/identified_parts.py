@@ -103,7 +103,7 @@ THIN = 1e-3
 
 
 def of_a_body(inertia: Sym3) -> Sym3:
-    """Nearest physically possible inertia: principal second moments of mass not below a share of their sum.
+    """Nearest physically possible inertia: principal second moments of mass not below a fraction of their sum.
 
     Moments that were found beside one that stays at the start's may add up to what no body has.
     """

@@ -311,7 +311,7 @@ def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
 
 
 def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Share of each sensor axis' variance that the model explains, and standard deviation of its errors."""
+    """Fraction of each sensor axis' variance that the model explains, and standard deviation of its errors."""
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]

@@ -37,7 +37,7 @@ at both ends."""
 
 
 def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
-    """Commanded rotor speeds (rad/s), from logged speeds or from logged shares of the full signal."""
+    """Commanded rotor speeds (rad/s), from logged speeds or from logged fractions of the full signal."""
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]

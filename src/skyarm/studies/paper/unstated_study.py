@@ -134,7 +134,7 @@ def slack_distance(ours: Array, cells: Sequence[PublishedNumber]) -> Array:
 
 
 def within(ours: Array, cells: Sequence[PublishedNumber], share: float) -> Mask:
-    """True (settings, numbers) where a simulated value is within a relative share of the published number."""
+    """True (settings, numbers) where a simulated value is within a relative distance of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     return slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)

@@ -137,7 +137,7 @@ def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
 
 
 def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
-    """Scenario whose rotors have one time constant: for rising speed (share 0), falling (1) or between.
+    """Scenario whose rotors have one time constant: for rising speed (fraction 0), falling (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
     one half it grows or dies out as the swing of the vehicle itself does.

@@ -50,7 +50,7 @@ def single(names: Sequence[str], group: str, port: str, size: int, first: int = 
 
 
 def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[LoopChannel, ...]:
-    """Cut points named by number, for a loop whose rotors, joints and measurements have no names."""
+    """Loop channels named by index, for a loop whose rotors, joints and measurements have no names."""
     size = rotors + joints
     channels = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
     channels += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)

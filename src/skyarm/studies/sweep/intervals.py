@@ -43,7 +43,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
 
 
 def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
-    """Quantiles as order statistics: least value that at least a given share of the values does not exceed."""
+    """Quantiles as order statistics: least value that at least a given fraction of the values does not exceed."""
     ordered = np.sort(values)
     return [float(ordered[_rank(share, ordered.size) - 1]) for share in shares]
 

@@ -64,7 +64,7 @@ class EnvelopePanel(TypedDict):
 
 @immutable(kw_only=False)
 class Share:
-    """Success rate of a control law with its confidence interval, as shares from 0 to 1."""
+    """Success rate of a control law with its confidence interval, as fractions from 0 to 1."""
 
     value: float
     low: float

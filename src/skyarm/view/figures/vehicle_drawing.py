@@ -43,7 +43,7 @@ HEIGHT = 3.9
 """Height (in) of the drawing."""
 
 MARGINS = np.array([0.17, 0.13])
-"""Room for labels beside a view, and above and below it, as fractions of its width and height."""
+"""Room for labels left and right of a view, and above and below it, as fractions of its width and height."""
 
 BENT = 0.5
 """Angle (rad) of the joints whose motion the side view shows."""

@@ -125,7 +125,7 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which drawn solids hide a given point from the camera.
+    """Fraction of the instants at which drawn solids hide a given point from the camera.
 
     Args:
         solids: solids at N instants.

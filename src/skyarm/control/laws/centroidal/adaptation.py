@@ -47,7 +47,7 @@ SLOW = {"revolute": 0.1, "prismatic": 1e-3}
 """Squared rate of a joint ((rad/s)^2 or (m/s)^2, by its kind) below which its friction is adapted slowly."""
 
 RESTING = 0.01
-"""Mean square of the reference's rate, as a share of ``SLOW``, at which friction is adapted at half its rate."""
+"""Mean square of the reference's rate, as a fraction of ``SLOW``, at which friction is adapted at half its rate."""
 
 FRICTION = 2.0
 """Adaptation rate (1/s) of the joints' damping."""
