@@ -186,7 +186,7 @@ class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
     signal: Signal
-    start: Annotated[Scalar, Unit("s", "begin of the interval, included", infinite=True)] = -math.inf
+    start: Annotated[Scalar, Unit("s", "start of the interval, included", infinite=True)] = -math.inf
     stop: Annotated[Scalar, Unit("s", "end of the interval, excluded", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ class Phase:
     """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
     Attributes:
-        name: its kind. end: planned end, s. back: begin and end (s) of the interval in which an offset, left by
+        name: its kind. end: planned end, s. back: start and end (s) of the interval in which an offset, left by
             a phase that ended early, returns to zero.
     """
 

@@ -213,7 +213,7 @@ class _PythonSteps:
 
 
 EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
-"""State of an engine: scenario, its inputs and their rows, begin of the piece, tick, end; loop state, parameters,
+"""State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
 log, memory of a law."""
 
 

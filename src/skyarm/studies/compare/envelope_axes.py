@@ -37,7 +37,7 @@ TIP_MAX, OUTSIDE = "ee_error_max_continuous", "ee_time_outside_continuous"
 """Metrics: largest such distance, and time for which it exceeds 5 cm."""
 
 SETTLED, DISTURBED, STEP = 7.0, 4.0, 1.0
-"""Begin (s) of the judged window of a motion that grows until 5 s, and of a hover; and time (s) of the position
+"""Start (s) of the judged window of a motion that grows until 5 s, and of a hover; and time (s) of the position
 step."""
 
 EASE = Ramp(start=2.0, duration=3.0, height=1.0, shape="quintic")

@@ -98,7 +98,7 @@ def measured_states(
 
     Returns:
         States (N + 1, ...); the same with velocities and rates from what is measured until each instant; and (3, N, n)
-        positions and rates of the joints at the begins of the steps, and accelerations in them.
+        positions and rates of the joints at the starts of the steps, and accelerations in them.
 
     Raises:
         ValueError: one line: the flight has too few samples.

@@ -146,7 +146,7 @@ class WindowErrors:
         driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
         finer: least number of integration steps within a step.
-        given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
+        given: (3, steps, n) positions of the joints at the start of each step, rates there, and accelerations in it,
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:

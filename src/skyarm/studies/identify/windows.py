@@ -75,7 +75,7 @@ class Clocked:
     """Measured flight whose commands and sensors are placed on a clock of even steps.
 
     Attributes:
-        name: name of the flight. begin: begin of the clock, s. step: s. size: steps.
+        name: name of the flight. begin: start of the clock, s. step: s. size: steps.
         channels: sensor -> what it measured.
         speeds, efforts, setpoints: commands at their own times, rad/s and the joints' units; None if not logged.
         voltage: (steps,) over that of the rotors' data; 1 where it is not known.

@@ -25,7 +25,7 @@ INFERRED, PREDICTED = "inferred", "predicted"
 """Names of the settings found on all cells, and of those found on Cases 2 and 3 only."""
 
 MOTION = 6.0
-"""Stated begin (s) of the motion."""
+"""Stated start (s) of the motion."""
 
 PREDICTION = "from_cases_2_and_3"
 

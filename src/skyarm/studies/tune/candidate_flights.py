@@ -36,7 +36,7 @@ EVERY = 4
 balanced."""
 
 LATEST, LOOKED_AT = 10.0, 5.0
-"""Latest begin and duration (s) of the scored interval; later errors are left to the final check."""
+"""Latest start and duration (s) of the scored interval; later errors are left to the final check."""
 
 
 @immutable

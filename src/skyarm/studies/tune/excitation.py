@@ -169,7 +169,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
 
 
 DURATION, SETTLED, BLOWN = 10.0, 2.0, 5.0
-"""Times (s): duration of the flight, begin of the scored interval, begin of the gust. Errors after the step do not
+"""Times (s): duration of the flight, start of the scored interval, start of the gust. Errors after the step do not
 count.
 
 Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the

@@ -31,7 +31,7 @@ class PredictionError:
     """Error of a predicted motion against the measured flight at one instant.
 
     Attributes:
-        time: s from the begin of the flight.
+        time: s from the start of the flight.
         position: m. attitude: rad. NaN where nothing is predicted.
     """
 
