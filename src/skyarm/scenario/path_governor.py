@@ -160,8 +160,8 @@ def _is_corner(before: Reference, after: Reference) -> bool:
 
 
 SETTLES = 0.08
-"""Averaging time (s) of the thrust direction that the planned attitude follows; the average is taken twice. The attitude
-loop of a vehicle of this size reaches a commanded tilt within about 0.15 s."""
+"""Averaging time (s) of the thrust direction that the planned attitude follows; the average is taken twice. The
+attitude loop of a vehicle of this size reaches a commanded tilt within about 0.15 s."""
 
 LEFT = 1e-3
 """Least fraction of its effort limit that a servo keeps at its speed limit."""

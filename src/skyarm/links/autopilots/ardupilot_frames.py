@@ -188,5 +188,5 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
 
 GYRO_FILTER = 80.0
 """Cut-off frequency (Hz) of the gyroscope's filter, twice that of the rate loop, as in ArduPilot's first-flight
-instructions.
-The instructions ask for 42 Hz with propellers of 10 inch and for 75 Hz with 5 inch; the default of 20 Hz is for the largest."""
+instructions. The instructions ask for 42 Hz with propellers of 10 inch and for 75 Hz with 5 inch; the default of
+20 Hz is for the largest."""
