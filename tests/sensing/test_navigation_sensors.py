@@ -196,7 +196,7 @@ def test_every_engine_reads_the_same_numbers():
     assert 0.0 < np.abs(log.readings["baro"]["pressure"] - pressure).max() < 0.05
     taken = np.maximum(0, np.arange(20) - 10) // 20 * 20
     assert np.abs(log.readings["satellites"]["velocity"] - log.velocity[taken]).max() < 0.25
-    assert log.units["readings.mag.field"].words == "gauss, base axes"
+    assert log.units["readings.mag.field"].words == "gauss, magnetic field, base axes"
 
 
 def test_a_batch_reads_what_single_flights_read():

@@ -13,7 +13,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.names import READS
 
 MOST_WORKERS = 10_000
-"""Threads or processes: beyond this it is a slip."""
+"""Largest number of threads or processes."""
 
 MODELS = (".urdf", ".xacro")
 """Suffixes of files that only describe a vehicle."""
@@ -25,7 +25,7 @@ SUFFIXES: Mapping[str, tuple[str, ...]] = {
     "controller": (".py",),
     "autopilot": (),
 }
-"""Kind -> suffixes of files of the present folder that may be meant."""
+"""Kind of a file -> suffixes of files in the present folder that are suggested."""
 
 
 def shipped_names(kind: str) -> Iterable[str]:
@@ -61,7 +61,7 @@ def name_completion(*kinds: str) -> Callable[[str], list[str]]:
 
 
 OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
-"""Older spelling of an option, still accepted with a note -> the one that help and pages show."""
+"""Older spelling of an option, still accepted with a note -> the present one."""
 
 
 def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
@@ -80,7 +80,7 @@ EVERY: Mapping[str, Any] = {
     "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
     "plugin": Plugins,
 }
-"""Parameter -> the option that every command has."""
+"""Options that every command has, by parameter."""
 
 Flying = Annotated[int, typer.Option("--workers", help="threads or processes that fly; 0 takes every core")]
 

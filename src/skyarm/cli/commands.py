@@ -30,15 +30,15 @@ from skyarm.records.registry.registrations import SHIPPED, Registration, registr
 from skyarm.records.registry.shipped import SECTIONS
 
 COMMANDS = {name: title for section in SECTIONS.values() for name, (_, title) in section.items()}
-"""Command that ships -> its line of the help."""
+"""Shipped command -> its line of the help."""
 
 PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
-"""ClickException: some versions of typer carry their own copy of click."""
+"""Exception class for wrong usage, found by inheritance, since some versions of typer contain a copy of click."""
 
 SLOW = "no machine code here"
-"""Begins the warning of a flight in Python floats; its class is not loaded for commands that fly nothing."""
+"""Prefix of the warning of a flight in Python floats; its class is not imported for commands without flights."""
 
 
 def top(

@@ -38,7 +38,7 @@ from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.flights.executor import require_place
 
 MOST = 1_000_000
-"""Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
+"""Largest number of flights of a cell of the comparison; more belong into a sweep, which stores them on disk."""
 
 READ_BY = {
     "--only": (SUITE, ENVELOPE, CONTACT),
@@ -47,10 +47,10 @@ READ_BY = {
     "--vehicle": (ENVELOPE,),
     "--quick": (ENVELOPE, CONTACT),
 }
-"""Option -> comparisons that read it, where not all do."""
+"""Option -> comparisons that read it, for options that not all read."""
 
 PLANTS, SEEDS = 1000, 8
-"""Perturbed plants of the paper's suite, and noisy flights of the truth, where nobody chooses."""
+"""Default number of perturbed plants of the paper's suite, and of noisy flights on the true plant."""
 
 
 def compare(

@@ -24,7 +24,7 @@ SHORT = (
     *(f"{what}_error_{how}{CONTINUOUS}" for what in ("position", "joint", "ee") for how in ("mean", "max")),
     *("tilt_max", "rotor_jitter", "rotor_saturation"),
 )
-"""Metrics that a terminal shows side by side: errors against the continuous reference, as ``skyarm run`` has them."""
+"""Metrics that a terminal shows side by side: errors against the continuous reference, as in ``skyarm run``."""
 
 
 def diff(

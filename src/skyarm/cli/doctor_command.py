@@ -29,10 +29,10 @@ from skyarm.view.pages import table_of
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
 
 PATIENCE = 90.0
-"""s that a trial may take."""
+"""Longest duration (s) of a trial."""
 
 FOR_DEVELOPERS = ("test", "docs")
-"""Extras that nobody needs to fly."""
+"""Extras for developers only."""
 
 MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; require_machine_code(); print('LLVM')"
 
@@ -52,7 +52,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
     "OpenGL for films": (OPENGL, "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri", False),
     "JAX and its devices": (JAX, "", False),
 }
-"""What is tried -> a program, what to do where it fails, whether flights need it."""
+"""Trial -> program, remedy, and whether flights need it."""
 
 
 @immutable

@@ -34,10 +34,10 @@ from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
-"""Hz: of a control law, as the scenarios' own default; a slower one than this is a slip of the keyboard."""
+"""Default control rate (Hz) of an exported law, that of scenarios, and lowest plausible one."""
 
 LONGEST_STEP = 0.1
-"""s: a longer step of MuJoCo is a slip of the keyboard."""
+"""Longest plausible step (s) of MuJoCo."""
 
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
 """Format of a law or vehicle -> suffixes of its files."""

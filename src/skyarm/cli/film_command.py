@@ -22,10 +22,10 @@ from skyarm.view.film.recording import SUFFIXES, import_viser
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
 OF_FILMS = ("--size", "--fine")
-"""Options without which a recording does: it has no pixels."""
+"""Options of films without effect on a recording, which has no pixels."""
 
 PARTS = ("ghost", "plot")
-"""Parts of the picture that may be left out: the desired pose, see-through, and the tip's error below."""
+"""Parts of the picture that may be left out: transparent desired pose, and tip error below."""
 
 
 def film(

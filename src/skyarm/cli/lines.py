@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
 WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
-"""Exit codes: wrong input; a flight that ended before its time; a difference or a fault found; after Ctrl-C as shells
-count it (128 and the signal's number)."""
+"""Exit codes: wrong input; flight that ended early; difference or fault found; Ctrl-C as shells report it (128 and
+the signal's number)."""
 
 MOST_WARNINGS = 8
-"""Lines about one file: a vehicle that is wrong throughout needs no more."""
+"""Largest number of warnings about one file."""
 
 
 def say(message: str, code: int = 0) -> int:
@@ -28,7 +28,7 @@ def say(message: str, code: int = 0) -> int:
 
 
 _said: set[str] = set()
-"""Python's warnings that were printed, as of a scenario when it is loaded: no command repeats them."""
+"""Python warnings that were already printed; no command repeats them."""
 
 
 def say_unlikely(name: str, lines: Sequence[str]) -> None:

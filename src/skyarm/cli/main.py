@@ -15,14 +15,16 @@ if TYPE_CHECKING:
     from types import FrameType
 
 PATIENCE = 50_000
-"""New objects before the first search for garbage: libraries and traced programs are many objects that stay."""
+"""Number of new objects before the first garbage collection; imported libraries and traced programs are many lasting
+objects."""
 
 BLAS_THREADS = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
-"""Variables of NumPy's linear algebra. Matrices here have at most some hundred rows: threads of BLAS, which wait in a
-busy loop, make their eigenvalues up to ten times slower where cores are shared, and never faster."""
+"""Environment variables of NumPy's linear algebra. Matrices here have at most some hundred rows, where the
+busy-waiting threads of BLAS slow eigenvalues down up to tenfold on shared cores, and never speed them up."""
 
 REPLACEABLE = "llvmlite"
-"""Missing, old or broken: machine code says so where it is needed, and a single flight goes on without it."""
+"""Package that may be missing, old or broken; machine code reports it where needed, and a single flight continues
+without it."""
 
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended with its terminal (SIGHUP)"}
 

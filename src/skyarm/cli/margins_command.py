@@ -21,7 +21,7 @@ from skyarm.scenario.scenario_record import Scenario as Record
 DPI = 150
 
 MOST_INSTANTS = 10_000
-"""Along a flight: each takes about half a second."""
+"""Largest number of instants along a flight; each takes about half a second."""
 
 Safety = Annotated[bool, typer.Option("--safety", help="with the safety layer")]
 

@@ -31,7 +31,7 @@ KINDS: dict[str, tuple[tuple[str, str], ...]] = {
     "law": (("law.py.txt", "NAME.py"), ("law_test.py.txt", "test_NAME.py")),
     "study": (("study.toml.txt", "NAME.toml"), ("study_test.py.txt", "test_NAME.py")),
 }
-"""Kind -> (file that ships, file that is written)."""
+"""Kind -> (shipped file, written file)."""
 
 FIRST = {
     "vehicle": "skyarm run {file}_hover.toml",
@@ -39,7 +39,7 @@ FIRST = {
     "law": "skyarm run case3 --laws {file}.py:make",
     "study": "skyarm sweep {file}.toml --out out/{name}",
 }
-"""Kind -> the command that flies the new files."""
+"""Kind -> command that flies the new files."""
 
 
 def new(

@@ -20,7 +20,7 @@ from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 from skyarm.view.pages import Line, heading, image, table_of
 
 WIDTH = 100
-"""Characters of a line of a table."""
+"""Number of characters of a line of a table."""
 
 PARTS = ("air", "forces", "faults", "sensors", "drives", "payloads", "changes", "endings")
 """Fields of a scenario with any number of records, which are counted by class."""

@@ -39,17 +39,17 @@ from skyarm.view import pages
 from skyarm.view.pages import Facts, Line, Mark
 
 SCHEMA = 1
-"""Of the document: keys are added under the same number; one that goes or means something else raises it."""
+"""Version of the document; new keys keep it, removed or redefined ones raise it."""
 
 PAUSE = 10.0
-"""s between two lines of progress at least, and before the first."""
+"""Least time (s) between two lines of progress, and before the first."""
 
 Advance = Callable[..., None]
-"""(done, total, last): counts so far, and words about the last step."""
+"""Callback (done, total, last): counts so far, and text about the last step."""
 
 
 STYLES = {"ok": "green", "note": "dim", "warning": "yellow", "fault": "bold red"}
-"""Level of a finding, as the title of its mark -> colour."""
+"""Level of a finding, as in the title of its mark -> colour."""
 
 
 class Terminal(Console):
@@ -115,7 +115,7 @@ class _Asked:
 
 
 _asked: ContextVar[_Asked] = ContextVar("asked")
-"""Set while a command runs."""
+"""Context variable that is set while a command runs."""
 
 
 def give(result: Facts | None = None, **more: Any) -> None:

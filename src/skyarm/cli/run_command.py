@@ -210,7 +210,7 @@ def log_files(names: Sequence[str]) -> list[Path]:
 
 
 NAMING, PATIENCE = ".naming", 60.0
-"""File of the lock under which logs get their names, and s to wait for others who write theirs into the folder."""
+"""Name of the lock file under which logs get their names, and time (s) to wait for it."""
 
 
 def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:

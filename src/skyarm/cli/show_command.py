@@ -79,7 +79,7 @@ def show(
 
 
 WORDS_OF_A_FILE = "words"
-"""In the place of a vehicle: the grammar of a scenario file."""
+"""Argument in place of a vehicle for the grammar of a scenario file."""
 
 
 def _show_words() -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from skyarm.view.studio.replay import PredictionReplay
 
 OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--columns")
-"""Options without effect with and without ``--vehicle``."""
+"""Options without effect, with and without ``--vehicle``."""
 
 
 def studio(

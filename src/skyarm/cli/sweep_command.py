@@ -99,7 +99,7 @@ def _load(study: str, controllers: list[str] | None) -> Study:
 
 
 LONGEST_NUMBER = 20
-"""Digits of an episode's number that are read: no study has so many episodes."""
+"""Largest number of digits of an episode's index."""
 
 
 def _save_episodes(study: str, controllers: list[str] | None, out: str | None, episodes: list[str]) -> None:

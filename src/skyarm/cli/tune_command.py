@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from skyarm.studies.tune.tuning import Tuning
 
 GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
-"""Names of the file of the pick's gains, of the page, and of the scenario with the picked law."""
+"""File names: gains of the pick, page, and scenario with the picked law."""
 
 
 def tune(

@@ -48,7 +48,7 @@ MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
 
 STILL = 0.02
-"""Share of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
+"""Fraction of a rotor's largest squared speed below which its tilt angle, which hardly matters then, moves slowly."""
 
 STRONG = 4.0
 """Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have no largest speed."""
@@ -58,8 +58,8 @@ TURNING = 200.0
 moves at once in a period of 5 ms."""
 
 YAW_DAMPING = 1.0
-"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. So angles at which
-thrusts give none of it ask for none."""
+"""Damping of the yaw torque correction, over the rotors' squared reach in torque about z at rest. Angles at which
+thrusts give no yaw torque then request none."""
 
 
 @immutable

@@ -19,7 +19,7 @@ from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Matrix = list[list[Scalar]]
-"""Rows as lists."""
+"""Matrix as a list of rows."""
 
 
 def attitude(q: Sequence[Scalar]) -> Mat3:

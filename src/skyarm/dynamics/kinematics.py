@@ -145,7 +145,7 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
 
 
 NEAREST = 1e-3
-"""m from an axis within which no direction out of it is known."""
+"""Distance (m) from an axis below which the radial direction is undefined."""
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:

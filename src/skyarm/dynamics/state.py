@@ -17,7 +17,7 @@ from skyarm.records.units import Unit
 from skyarm.records.words import Word
 
 ANGLES = ("roll", "pitch", "yaw")
-"""ZYX Euler angles of an attitude, rad."""
+"""Names of the ZYX Euler angles of an attitude (rad)."""
 
 
 @immutable

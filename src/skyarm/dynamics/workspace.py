@@ -17,10 +17,12 @@ from skyarm.vehicle.vehicle_records import Vehicle
 Quantities = Callable[[Array], list[Array]]
 
 SAMPLES, ROUNDS, AROUND = 4096, 60, 256
-"""Random starts, shrinking rounds of the search, and tries of each; the two-joint arm's maximum is found to 1e-9."""
+"""Random starts, shrinking rounds of the search, and trials of each round; the two-joint arm's maximum is found to
+1e-9."""
 
 MANY, FEW = 27, 400_000
-"""Joints up to which that takes 2 s at most. Of more, as many values as make this many links are tried, and no rounds.
+"""Number of joints up to which the search takes 2 s at most; for more, number of links (joints times samples) that are
+evaluated without rounds.
 """
 
 

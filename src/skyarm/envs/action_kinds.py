@@ -26,10 +26,10 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Decision = tuple[Tree, Command]
-"""(next memory of the scenario's law, command)"""
+"""Result of the scenario's law: (next memory, command)."""
 
 Decide = Callable[[Tree, Measurement, Reference], Decision]
-"""The scenario's law: (memory, measurement, reference) -> (memory, command)."""
+"""Control law of the scenario as a function (memory, measurement, reference) -> (next memory, command)."""
 
 
 class Turn(NamedTuple):
@@ -55,7 +55,7 @@ class Turn(NamedTuple):
 
 
 USUAL_EFFORT = 0.5
-"""N m, N, rad or m at full action of a joint without a limit."""
+"""Default range (N m, N, rad or m) of a joint without a limit at an action of 1."""
 
 
 @immutable
@@ -79,7 +79,7 @@ class Actions:
     ] = None
 
     asks_law = False
-    """Whether the scenario's law is asked."""
+    """True if the scenario's law is called."""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
@@ -238,7 +238,7 @@ ACTIONS: dict[str, type[Actions]] = {
     "references": References,
     "residual": Residual,
 }
-"""Kinds of actions by name; a name gives one with its default numbers."""
+"""Kinds of actions by name; a name alone selects the default numbers."""
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:

@@ -25,7 +25,7 @@ from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
 
 AHEAD = 8192
-"""Episodes of all lanes together that are made at a time: NumPy then takes about a microsecond for each."""
+"""Number of episodes, over all lanes, that are made at once; NumPy then takes about a microsecond for each."""
 
 
 class EpisodeStarts:

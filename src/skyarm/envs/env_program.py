@@ -37,7 +37,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
-"""Largest magnitude of an observation and a reward: larger ones are clipped to it, NaN becomes 0."""
+"""Largest magnitude of observations and rewards; larger ones are clipped, NaN becomes 0."""
 
 
 @immutable

@@ -38,10 +38,10 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
 from skyarm.compile.jax.jax_operations import Float, evaluate, uniforms
 
 StepResult = tuple[Array, "JaxState", Array, Array, Info]
-"""Observation, state, reward, done, info."""
+"""Result of a step: observation, state, reward, done, info."""
 
 Params = Mapping[str, ArrayLike]
-"""Number of each path that a caller may set."""
+"""Parameter path -> its number, for paths that a caller may set."""
 
 
 @jax.tree_util.register_dataclass

@@ -19,7 +19,7 @@ from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Scalars = tuple[Scalar, ...]
-"""Numbers of an observation, an action or the like, as they are or traced."""
+"""Numbers of an observation or action, as floats or traced."""
 
 
 def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:
@@ -32,7 +32,7 @@ _LESS = "higher values make it count less"
 Metres = Annotated[float, above_zero("m", "distance that counts as 1", effect=_LESS)]
 JointTravel = Annotated[float, above_zero("rad or m", "joint displacement that counts as 1", effect=_LESS)]
 RadPerSecond = Annotated[float, above_zero("rad/s", "angular rate that counts as 1", effect=_LESS)]
-"""Scales, by which a number is divided."""
+"""Scale: divisor of an observed or rewarded quantity."""
 
 
 @immutable
@@ -209,7 +209,7 @@ USUAL = (
     *("position_error", "velocity_error", "attitude", "body_rate"),
     *("joint_errors", "joint_angles", "joint_rates", "tip_error", "last_action"),
 )
-"""The observation where none is given."""
+"""Default observation."""
 
 
 def tip_error(vehicle: Vehicle, state: State | Measurement, reference: Reference) -> Vec3:

@@ -20,10 +20,11 @@ from skyarm.studies.sweep.distributions import Distribution, Values, distributio
 from skyarm.studies.sweep.plan import fastest_plant
 
 EDGE = 2.0**-53
-"""The smallest uniform number that is ever drawn; one minus it is the largest."""
+"""Smallest uniform random number that is ever drawn; one minus it is the largest."""
 
 MOST_CORNERS = 6
-"""Paths up to which all combinations of their ends are looked at; beyond, all low, all high, and each end alone."""
+"""Number of paths up to which all combinations of their ends are evaluated; beyond, all low, all high, and each end
+alone."""
 
 
 @immutable

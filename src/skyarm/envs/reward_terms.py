@@ -35,7 +35,7 @@ class RewardTerm:
     ] = 1.0
 
     of_state = True
-    """Whether it reads the state; it then counts nothing in the period in which that has diverged."""
+    """True if the term reads the state; it then counts nothing in the period in which the state diverges."""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
@@ -178,7 +178,7 @@ REWARDS: dict[str, type[RewardTerm]] = {
     "alive": Alive,
     "lost": Lost,
 }
-"""Reward terms by name; a name gives one with its default numbers."""
+"""Reward terms by name; a name alone selects the default numbers."""
 
 USUAL_REWARD: tuple[RewardTerm, ...] = (
     TipNear(),
@@ -187,7 +187,7 @@ USUAL_REWARD: tuple[RewardTerm, ...] = (
     ActionChange(weight=0.05),
     Lost(weight=10.0),
 )
-"""The reward where none is given."""
+"""Default reward."""
 
 
 def _squares(vector: Vec3) -> Scalar:

@@ -24,7 +24,7 @@ from skyarm.simulate.loop_state import LoopState
 RENDER_MODES = ("rgb_array",)
 
 PICTURES = "skyarm.view.film.episode_pictures"
-"""Module that draws pictures: in a room above this one, imported by name when pictures are requested."""
+"""Module that draws pictures, imported by name only when pictures are requested."""
 
 
 class EpisodeRenderer(Protocol):

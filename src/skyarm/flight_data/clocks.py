@@ -36,46 +36,47 @@ POSE = ("position", "velocity", "quaternion")
 """Channels of motion capture, on one clock."""
 
 NEGLIGIBLE = 1e-3
-"""s, by which a sample may be late."""
+"""Delay (s) of a sample that is negligible."""
 
 STEP = 0.06
-"""Shortest interval, s, over which the slower stream is differenced."""
+"""Shortest interval (s) over which the slower stream is differenced."""
 
 WITHIN, WIDEST = 2.0, math.inf
-"""Offsets that are searched, s to both sides: within one file first, and else."""
+"""Ranges of searched offsets (s to both sides): within one file first, then without limit."""
 
 LEAST_CORRELATION, FIRM_CORRELATION = 0.5, 0.9
-"""Correlation from which an offset counts as found; and one beyond the usual offsets within a file."""
+"""Least correlation of a found offset, and of one beyond the usual offsets within a file."""
 
 RIVAL = 0.97
-"""Share of the best correlation that no other offset may reach."""
+"""Fraction of the best correlation that no other offset may reach."""
 
 MEMORY = 1.0
-"""Time, s, over which residuals are correlated at most."""
+"""Longest correlation time (s) of residuals."""
 
 CLIPPED, HUBER = 4.0, 2.0
-"""Robust standard deviations beyond which a signal is cut off in the search, and residuals weigh less in the fit."""
+"""Robust standard deviations at which a signal is clipped in the search, and above which residuals weigh less in the
+fit."""
 
 SHOCK = 8.0
-"""Robust standard deviations of signal or slope beyond which a row is left out of the fit."""
+"""Robust standard deviations of signal or slope above which a row is left out of the fit."""
 
 PARTS = 4
-"""Parts of the flight whose own offsets are compared."""
+"""Number of parts of the flight whose offsets are compared."""
 
 NORMAL = 1.959964
-"""Half-width of an interval of 95 %, in standard deviations."""
+"""Half-width of a 95 % interval, in standard deviations."""
 
 ITERATIONS, FEWEST = 30, 10
-"""Turns of a search; rows that show a clock."""
+"""Largest number of iterations of a search; least number of rows that determine a clock."""
 
 WORSE = 0.9
 """Ratio of the offset's interval to that of straightened stamps below which the stamps are the true ones."""
 
 EVEN = 0.95
-"""Share of the distances between new rows of a pose, in rows, that are at most twice the usual one if it is held."""
+"""Least fraction of the distances between new rows of a held pose, in rows, that are at most twice the usual one."""
 
 UNEVEN = 0.2
-"""Part of the usual step by which one may differ whose difference counts."""
+"""Largest deviation of a step from the usual one, as a fraction, up to which its difference counts."""
 
 
 @immutable(kw_only=False)

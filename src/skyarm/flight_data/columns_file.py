@@ -43,10 +43,10 @@ TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time -> seconds."""
 
 ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
-"""Units of Euler angles."""
+"""Units of Euler angles -> radians."""
 
 STAMPS = "header", "receive"
-"""Times of a message: of its header, or of its arrival in the file."""
+"""Time stamps of a message: of its header, or of its arrival in the file."""
 
 
 @immutable
@@ -145,7 +145,7 @@ def columns_from(document: object, file: str = "columns") -> Columns:
 
 
 SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.toml").read_bytes())
-"""Sources of quantities that formats define: quantity -> tables, by format, and by type of a message of ROS."""
+"""Default sources of quantities: quantity -> tables, by file format and by ROS message type."""
 
 
 def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[QuantitySource, ...]]:

@@ -36,16 +36,16 @@ TYPES: Mapping[str, str] = {
 """Letter of a variable's type -> its type in NumPy."""
 
 CHECK = 4
-"""Bytes of the check sum."""
+"""Size (bytes) of the check sum."""
 
 EVENT, VARIABLE = (re.compile(each, re.DOTALL) for each in (rb"(..)([^\0]*)\0(..)", rb"([^\0]*)\0"))
-"""Number, name and number of variables of an event type; name and type of a variable."""
+"""Patterns: number, name and variable count of an event type; name and type of a variable."""
 
 
 Rows: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
 
 Events: TypeAlias = Mapping[int, tuple[str, np.dtype[np.void]]]
-"""Number of an event type -> its name, and the type of a row in NumPy: number, time, variables."""
+"""Number of an event type -> its name, and the NumPy type of a row: number, time, variables."""
 
 
 def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:

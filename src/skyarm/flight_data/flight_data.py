@@ -163,10 +163,10 @@ class FlightFormat:
 
 
 BAG_FOLDER = "db3"
-"""Suffix whose format reads folders, too."""
+"""Suffix whose format also reads folders."""
 
 COLUMNS_FILE = "columns.toml"
-"""Name of the mapping that is read if it lies beside a flight and no other is given."""
+"""Name of the column mapping that is read if it lies next to a flight and no other is given."""
 
 
 def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, kind: str = "") -> FlightData:

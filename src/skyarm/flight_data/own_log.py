@@ -30,22 +30,22 @@ FIELDS: Mapping[str, str] = {
 """Field of a reading -> quantity."""
 
 COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor_speeds": "rotor_speeds"}
-"""Quantity -> array of the log that is no reading of a sensor."""
+"""Quantity -> array of the log that is not a sensor reading."""
 
 STATED: Mapping[str, str] = {
     **{quantity: field for field, quantity in FIELDS.items() if quantity != "accelerometer"},
     **COMMANDED,
 }
-"""Quantity -> array of the log that holds its true value, of those that the state has, or the command."""
+"""Quantity -> array of the log with its true value, for states and commands."""
 
 SETPOINTS: Mapping[str, str] = {"": "joint_efforts", "rad or m": "joint_commands"}
-"""Unit of the setpoints of all drives -> what they are."""
+"""Unit of the setpoints of all drives -> quantity."""
 
 SIMULATED = "simulated"
-"""Fact ``vehicle`` of such a flight."""
+"""Value of the fact ``vehicle`` of a simulated flight."""
 
 TAIL = 1 << 16
-"""Bytes at the end of an MCAP file that hold its index."""
+"""Size (bytes) of the end of an MCAP file that contains its index."""
 
 
 def is_own_mcap(path: Path) -> bool:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 GRAVITY = 9.81
-"""m/s^2, of a flight that states none, as of a scenario."""
+"""Gravity (m/s^2) of a flight that states none."""
 
 ONE_G = 9.80665
-"""m/s^2 of the unit g of accelerometers."""
+"""Unit g of accelerometers (m/s^2)."""
 
 ANGLE_RATES = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "mrad/s": 1e-3}
 TURNS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "Hz": 2.0 * math.pi}
@@ -20,7 +20,7 @@ JOINTS = {"rad": 1.0, "deg": math.pi / 180.0, **LENGTHS}
 JOINT_RATES = {**ANGLE_RATES, "rpm": math.pi / 30.0, **SPEEDS}
 
 BODY, WORLD, ATTITUDE, NONE = "body", "world", "attitude", ""
-"""Axes that the numbers of a quantity have: of the base, of the world, of one in the other; no axes."""
+"""Axes of a quantity: base, world, attitude of one in the other, none."""
 
 
 @dataclass(frozen=True, slots=True)

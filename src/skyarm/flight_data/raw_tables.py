@@ -21,16 +21,16 @@ from skyarm.records.files.messages import comma_list
 from skyarm.records.immutable import immutable
 
 RISING = 0.5
-"""Least share of the rows of a table whose times must rise."""
+"""Least fraction of a table's rows whose times must rise."""
 
 SMALLEST, LARGEST = 1e-6, 1e6
-"""Bounds of the largest number of a quaternion in a file, which need not be of unit length."""
+"""Bounds of the largest component of a quaternion in a file, which need not be of unit length."""
 
 UNUSED = 200
-"""Names of unused columns that a flight lists at most."""
+"""Largest number of unused columns that a flight lists."""
 
 FASTER = 1.2
-"""Ratio of rates from which a source is taken in place of one that comes before it."""
+"""Ratio of rates above which a source replaces one of higher priority."""
 
 
 @immutable
@@ -181,10 +181,11 @@ def _channel(
 
 
 FEWEST = 10
-"""Steps that tell a rate of rows with numbers."""
+"""Least number of steps that determine the rate of rows with numbers."""
 
 REGULAR, NEAR = 0.8, 0.34
-"""Share of the steps between rows with numbers that are alike, by this part, where a quantity is logged more seldom."""
+"""Fraction of steps between rows with numbers that must agree, and their relative deviation, for a quantity that is
+logged less often."""
 
 
 def _rows_apart(steps: npt.NDArray[np.intp]) -> int:

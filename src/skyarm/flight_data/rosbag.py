@@ -29,28 +29,28 @@ if TYPE_CHECKING:
 
 
 METADATA = "metadata.yaml"
-"""File that each folder of a bag of ROS 2 holds."""
+"""File in each folder of a ROS 2 bag."""
 
 LONGEST_LIST = 32
-"""Numbers of a list that become columns."""
+"""Largest number of items of a list that become columns."""
 
 DEEPEST = 8
-"""Messages in one another."""
+"""Largest nesting depth of messages."""
 
 ENTRY = re.compile(r"\w+\[(.*\D.*)\]")
-"""Entry of a list that has a name."""
+"""Pattern of a list item with a name."""
 
 NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd", re.IGNORECASE)
-"""Names of topics that hold no measurement."""
+"""Pattern of topic names without measurements."""
 
 LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
-"""Types of messages that are not decoded."""
+"""Pattern of message types that are not decoded."""
 
 SECOND, NANO = 1_000_000_000, 1e-9
 
 
 TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
-"""Type of a message -> quantity -> its sources."""
+"""Message type -> quantity -> its sources."""
 
 LISTS: Mapping[str, Mapping[str, str]] = {
     "sensor_msgs/msg/JointState": {
@@ -61,11 +61,11 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities"},
     "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity"},
 }
-"""Type of a message -> quantity -> list with a number for each joint or rotor."""
+"""Message type -> quantity -> list with a number for each joint or rotor."""
 
 
 COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
-"""Quantity of a list -> that of a topic that holds no measurement."""
+"""Quantity of a list -> quantity of a topic without measurements."""
 
 
 @dataclass(slots=True)

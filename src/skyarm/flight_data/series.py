@@ -14,7 +14,7 @@ from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.arrays import Array
 
 FASTER = 1.5
-"""Ratio of a channel's rate to that of a clock from which its samples are averaged."""
+"""Ratio of a channel's rate to that of a clock above which its samples are averaged."""
 
 
 def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Array:

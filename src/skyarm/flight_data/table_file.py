@@ -19,7 +19,7 @@ from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 
 SEPARATORS = ",;\t "
-"""Characters between columns; the one that occurs most often in the head."""
+"""Possible column separators; the one that occurs most often in the head is used."""
 
 
 def read_table(path: Path, columns: Columns | None) -> FlightData:

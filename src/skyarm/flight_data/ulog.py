@@ -25,25 +25,25 @@ from skyarm.records.files import needs_extra
 Parameters: TypeAlias = Mapping[str, float]
 
 SECOND = 1e-6
-"""Unit of the stamps, s."""
+"""Unit (s) of the stamps."""
 
 LATEST = 0.1
-"""Largest delay from a sample to its message, s, for which the sample's own stamp counts."""
+"""Largest delay (s) from a sample to its message for which the sample's own stamp counts."""
 
 NUMBER_OF_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
-"""MAVLink's type of the vehicle (parameter MAV_TYPE) -> rotors."""
+"""MAVLink's type of the vehicle (parameter MAV_TYPE) -> number of rotors."""
 
 FIRST_MOTOR, MOST_ROTORS = 101, 12
-"""Function of an output channel that drives the first motor; motors that PX4 counts."""
+"""Function of an output channel that drives the first motor; largest number of motors of PX4."""
 
 USUAL_LIMITS = {"MIN": 1000.0, "MAX": 2000.0}
-"""Outputs of no and of full signal where no parameter states others, us."""
+"""Default outputs (us) of zero and of full signal."""
 
 KEPT = re.compile(r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|CA_ROTOR.*|PWM_(MAIN_|AUX_)?(MIN|MAX|FUNC)\d*)")
-"""Parameters that are facts of a flight."""
+"""Pattern of parameters that are facts of a flight."""
 
 SHARES = "rotor signals"
-"""Table of the rotors' signals as shares, made from outputs and parameters."""
+"""Name of the table of rotor signals as fractions, made from outputs and parameters."""
 
 
 def read_ulog(path: Path, columns: Columns | None) -> FlightData:

@@ -16,19 +16,19 @@ from collections.abc import Iterator, Mapping
 MAGIC = b"ULog\x01\x12\x35"
 
 HEAD = 16
-"""Bytes before the first message."""
+"""Length (bytes) of the file's head."""
 
 LETTERS = frozenset(b"BFIMPQARDLCSO")
-"""Types of messages."""
+"""Types of messages, as letters."""
 
 TOO_LONG = 65536
-"""Bytes of a row that no message holds, as its length has two."""
+"""Size (bytes) of a row that no message can have, since its length has two bytes."""
 
 DEEPEST = 8
-"""Formats in one another."""
+"""Largest nesting depth of formats."""
 
 IN_A_ROW = 3
-"""Messages that must be whole, one after another, to go on behind a damaged one."""
+"""Number of consecutive intact messages at which reading resumes after damage."""
 
 SIZES: Mapping[bytes, int] = {
     kind: size
@@ -40,27 +40,28 @@ SIZES: Mapping[bytes, int] = {
     )
     for kind in kinds.split()
 }
-"""Bytes of the types of fields."""
+"""Size (bytes) of the types of fields."""
 
 BEGINNING = re.compile(
     rb"(?=..(?:F\w{1,99}:\w|A...[a-zA-Z]|[IP].\w{1,99}(?:\[\d+\])? \w|[DOS]))", re.DOTALL
 )  # fmt: skip
-"""Beginnings of the messages with which reading goes on behind a damaged one."""
+"""Pattern of the beginnings of messages at which reading resumes after damage."""
 
 FIELD = re.compile(rb"([A-Za-z_]\w*)(?:\[([1-9]\d{0,4})\])? ([A-Za-z_]\w*)(?:;|$)")
-"""Type, number and name of a field of a format."""
+"""Pattern of a format's field: type, number, name."""
 
 FORMAT = re.compile(rb"(\w+):((?:%b)+)" % FIELD.pattern)
-"""Name and fields of a format."""
+"""Pattern of a format: name and fields."""
 
 PADDING = re.compile(rb"([^;]* _padding\w*;?)+$")
-"""Last fields of a format, which rows lack."""
+"""Pattern of the last, padding fields of a format, which rows lack."""
 
 TIMESTAMP = re.compile(rb"(^|;)uint64_t timestamp(;|$)")
-"""Field by which pyulog finds its way."""
+"""Pattern of the time stamp field, on which pyulog relies."""
 
 PARAMETER, TEXT = (re.compile(each, re.DOTALL) for each in (rb".(?:int32_t|float) \w", rb".char\[\d+\] \w"))
-"""Beginnings of parameters and of texts about the flight, with the length of type and name in the first byte."""
+"""Patterns of the beginnings of parameters and of texts about the flight, with the length of type and name in the
+first byte."""
 
 
 class WholeMessages:

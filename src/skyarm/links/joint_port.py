@@ -32,10 +32,10 @@ HEADER = struct.Struct("<4sBBHd")
 MOST_JOINTS = 32
 
 MOST_AGES = 10_000
-"""Ages of commands that are kept."""
+"""Number of command ages that are stored."""
 
 FRESH = 0.2
-"""s by the wall clock after which the arm's owner takes the joints back from a silent commander."""
+"""Wall-clock time (s) of silence after which the arm's owner takes the joints back from a commander."""
 
 
 class JointPortError(ValueError):

@@ -31,11 +31,11 @@ _MAGICS = re.compile(b"[\xfd\xfe]")
 _HEADER_2, _HEADER_1 = 10, 6
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 1
-"""The only flag that MAVLink 2 defines; a frame with another one must not be read."""
+"""Flag of a signed frame, the only one that MAVLink 2 defines; a frame with another flag must not be read."""
 
 
 _MISFITS = (struct.error, OverflowError, TypeError, ValueError)
-"""Errors of a value that a payload cannot carry."""
+"""Errors raised for a value that a payload cannot contain."""
 
 
 class MavlinkError(ValueError):

@@ -30,7 +30,7 @@ _TYPES = {
     "i8": ("b", "int8_t"),
     "text": ("s", "char"),
 }
-"""Type in the table below -> letter of ``struct``, name in the definition."""
+"""Type in the table below -> letter of ``struct``, and name in the definition."""
 
 _TABLE = {
     "HEARTBEAT": (0, "u32 custom_mode; u8 type autopilot base_mode system_status mavlink_version"),
@@ -173,13 +173,13 @@ class Definition:
     fields: tuple[MavlinkField, ...]
     layout: struct.Struct
     check: bytes
-    """One byte, CRC_EXTRA: a digest of name and fields without extensions, so that other definitions do not pass."""
+    """One byte, CRC_EXTRA: digest of name and fields without extensions, so that other definitions do not match."""
     defaults: Mapping[str, FieldValue]
     arrays: tuple[tuple[int, MavlinkField], ...]
-    """Place among the fields and field of every array of numbers, last first."""
+    """Index among the fields, and the field, of every array of numbers, last first."""
     texts: tuple[tuple[int, MavlinkField], ...]
     places: tuple[tuple[str, int | slice], ...]
-    """Name and place of every field among the numbers of the payload."""
+    """Name of every field and its index among the numbers of the payload."""
 
 
 def _declared_fields(text: str) -> Iterator[MavlinkField]:
@@ -225,4 +225,4 @@ DEFINITIONS: Mapping[str, Definition] = MappingProxyType(
 """Definition of every message that can be sent and received, by name."""
 
 DEFINITIONS_BY_NUMBER: Mapping[int, Definition] = MappingProxyType({each.number: each for each in DEFINITIONS.values()})
-"""The same by the number in a frame's header."""
+"""Definition of every message by its number in a frame's header."""

@@ -17,22 +17,22 @@ from skyarm.links.mavlink_messages import DEFINITIONS, FieldValue
 from skyarm.records.immutable import immutable
 
 TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
-"""MAVLink's commands."""
+"""MAVLink command numbers."""
 
 GROUND_STATION, ONBOARD_COMPUTER = 6, 18
 """MAVLink's types of a ground station and of an onboard computer."""
 
 NO_AUTOPILOT, ACTIVE, CRITICAL = 8, 4, 5
-"""Of a heartbeat: a sender that is no autopilot; system status of one that flies, and of one in failsafe."""
+"""Values in a heartbeat: type of a sender that is no autopilot; system status in flight, and in failsafe."""
 
 ARMED = 128
-"""Bit of a heartbeat's mode."""
+"""Bit of a heartbeat's mode for an armed vehicle."""
 
 NOTICE = 5
-"""MAVLink's severity of a notice; texts that are less severe are left out."""
+"""MAVLink's severity of a notice; less severe texts are dropped."""
 
 WHOLE, REAL = 6, 9
-"""MAVLink's types of a parameter that is a 32-bit integer, and of one that is a 32-bit float."""
+"""MAVLink's types of a 32-bit integer and of a 32-bit float parameter."""
 
 
 @immutable

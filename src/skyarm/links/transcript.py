@@ -24,14 +24,14 @@ MAGIC = b"skyarm transcript 1\n"
 HEAD = struct.Struct("<dcBI")
 
 LONGEST = 1 << 20
-"""Bytes of a message, more than any socket gives at once."""
+"""Largest length (bytes) of a message, more than any socket returns at once."""
 
 SENT, RECEIVED = b"s", b"r"
 
 WORDS = {SENT: "sent", RECEIVED: "received"}
 
 AUTOPILOT = "autopilot"
-"""Channel of the autopilot's name."""
+"""Name of the channel of the autopilot's name."""
 
 Row = tuple[bytes, str, bytes]
 

@@ -20,14 +20,14 @@ SCHEMA = 1
 WORDS = "must be a log of schema 1"
 
 SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase")
-"""Arrays of a number an instant."""
+"""Arrays with one number per instant."""
 
 LAYOUT = "columns"
-"""Key of a file's description that says the names and units of the arrays' columns."""
+"""Key of a file's description with the names and units of the arrays' columns."""
 
 
 TEXTS = ("scenario", "status", "cause")
-"""Texts that every description has."""
+"""Text fields of every description."""
 
 OTHERS: Mapping[str, type] = {
     "title": str,
@@ -48,7 +48,7 @@ OTHERS: Mapping[str, type] = {
 """Optional fields of a description and their types."""
 
 OF_TEXTS = ("plugins", "code", "versions", "phases")
-"""Tables and lists of texts alone."""
+"""Tables and lists that contain only text."""
 
 KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 

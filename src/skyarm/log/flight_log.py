@@ -27,13 +27,13 @@ from skyarm.records.registry import find
 from skyarm.records.units import Unit, units
 
 PICTURES = "skyarm.view.figures.flight_plot"
-"""Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
+"""Module that draws a log's pictures, imported by name only when a picture is requested."""
 
 SHORTFALL = "skyarm.log.metrics.shortfall"
 """Module of the shortfall, imported likewise."""
 
 FORMATS = "log_format"
-"""Registered file formats, which read and write whole logs and so know this class."""
+"""Registry kind of file formats, which read and write whole logs."""
 
 HELD = "reference as published and held"
 
@@ -304,7 +304,7 @@ class Log:
 
 
 IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not MISSING and each.name != "received")
-"""Arrays that not every flight has: left out of files, with no column, where there is none."""
+"""Arrays that not every flight has; without values they are left out of files and have no columns."""
 
 
 def rows_of(log: Log, chosen: slice) -> Log:

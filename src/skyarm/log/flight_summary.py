@@ -35,7 +35,7 @@ COMMANDS = ("rotor_jitter", "rotor_saturation")
 """Metrics of the rotor commands over the window of the errors."""
 
 MOST_NAMED = 3
-"""Numbers changed in flight that are named; a record of many would fill the line."""
+"""Number of parameters changed in flight that are named."""
 
 
 def facts(log: Log) -> Facts:

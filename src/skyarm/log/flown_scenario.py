@@ -17,10 +17,10 @@ from skyarm.records.restore import restore
 from skyarm.records.words import slots
 
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
-"""Class of what a log keeps as ``scenario_record``."""
+"""Class of the record stored in a log as ``scenario_record``."""
 
 Info: TypeAlias = dict[str, Any]
-"""Description of a flight as its log's file has it, plain data: each reader tries what it expects."""
+"""Description of a flight as stored in its log's file, plain data from outside; readers check what they use."""
 
 
 def written_scenario(info: Info) -> Info:

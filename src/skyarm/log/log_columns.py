@@ -41,13 +41,13 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "tool_held": ("tip_held", ""),
     "tool_reference": ("tip_reference", ""),
 }
-"""Array -> beginning of its columns, and the :class:`Names` with which they end; of all others axes, or nothing."""
+"""Array -> prefix of its columns, and the :class:`Names` of their suffixes; all others end in axes or nothing."""
 
 KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
-"""Names that a user chose -> the word that a column does not repeat."""
+"""Kind of user-chosen names -> word that a column does not repeat."""
 
 SETPOINT = "joint_setpoint"
-"""Beginning of the commands to joints whose drives take no torque."""
+"""Prefix of the columns of commands to joints whose drives take no torque."""
 
 
 AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}

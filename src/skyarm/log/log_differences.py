@@ -101,7 +101,7 @@ def _difference(
 
 
 MOST_COLUMNS = 12
-"""Quantities that a terminal shows; ``--json`` has all."""
+"""Number of quantities that a terminal shows; ``--json`` has all."""
 
 
 def difference_lines(differences: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:

@@ -10,7 +10,7 @@ from skyarm.records.arrays import Mask
 from skyarm.records.immutable import immutable
 
 SAME = 1e-6
-"""s of the reference within which it rests at one place."""
+"""Path time (s) within which the reference rests at one position."""
 
 
 @immutable

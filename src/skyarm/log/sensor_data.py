@@ -22,10 +22,10 @@ from skyarm.records.units import Unit, units
 READINGS, ESTIMATE = "readings", "estimate"
 
 COMPONENTS = "components"
-"""Source of the arrays that components declare."""
+"""Source name of the arrays that components declare."""
 
 DESCRIPTION = "received"
-"""Key of a log's description under which its sources stand."""
+"""Key of a log's description with its sources of received data."""
 
 BARE = "value"
 """Field of a reading that is a number or a tuple of numbers."""

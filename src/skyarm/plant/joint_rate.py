@@ -20,13 +20,13 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SAMPLES = 64
-"""Arm configurations that are looked at; the effective inertia of a joint changes with the others' angles."""
+"""Number of arm configurations that are evaluated; the effective inertia of a joint changes with the others' angles."""
 
 FASTEST = 1e4
 """Fastest decay rate, 1/s. A faster friction would need over 80 integration steps per control period of 5 ms."""
 
 REACH = {"revolute": math.pi, "prismatic": 1.0}
-"""Distance from zero up to which a joint is looked at, rad or m, where its limits let it go that far."""
+"""Distance from zero (rad or m) up to which a joint is evaluated, if its limits allow it."""
 
 
 def friction_rate(vehicle: Vehicle) -> float:
@@ -100,7 +100,8 @@ but a step that enters or leaves it sees the bend of its force at four instants 
 to 8 % (measured); at 2.2 it gained 63 % at worst."""
 
 STIFFEST = 3e4
-"""Highest frequency, rad/s. A stiffer stop would need over 140 integration steps per control period of 5 ms."""
+"""Highest natural frequency (rad/s) of a stop; a stiffer one would need over 140 integration steps per control
+period of 5 ms."""
 
 
 def joint_rate(vehicle: Vehicle) -> float:

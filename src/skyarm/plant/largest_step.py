@@ -16,7 +16,8 @@ from skyarm.records.leaves import leaves
 from skyarm.world.component import MOST_STEPS
 
 INTEGRATORS = ("rk4", "euler", "rk4_staged")
-"""Names of the integrators. On the rigid-body plant the third is the first: it evaluates loads at each stage anyway."""
+"""Names of the integrators. On the rigid-body plant the third equals the first, which evaluates loads at each stage
+anyway."""
 
 FRICTION_STEP = 0.6
 """Largest product of friction's decay rate and an RK4 step with loads at each stage (stable to 2.78; error 6e-4 of the
@@ -26,11 +27,11 @@ HELD_FRICTION_STEP = 0.1
 """The same product with loads held for a step: friction is of first order then, 5 % off at 0.1."""
 
 VERLET = "verlet"
-"""The method of the rigid-body plant in the place of its Runge-Kutta steps near to what is coupled to the vehicle: no
-choice of a scenario. It takes forces once a step, where a Runge-Kutta step takes them four times."""
+"""Integrator of the rigid-body plant in place of its Runge-Kutta steps near coupled bodies; not selectable in a
+scenario. It evaluates forces once a step, where a Runge-Kutta step evaluates them four times."""
 
 STAGES = 4
-"""Times that a Runge-Kutta step takes forces."""
+"""Number of force evaluations of a Runge-Kutta step."""
 
 
 def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
@@ -75,7 +76,7 @@ def _least(steps: Iterable[Scalar | None]) -> float | None:
 
 
 STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.", "world.")
-"""Beginnings of the paths of numbers from which a largest step may follow."""
+"""Prefixes of the paths of numbers that may determine the longest stable step."""
 
 
 def stated_step(scenario: Any) -> float | None:

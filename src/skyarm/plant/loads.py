@@ -22,8 +22,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
 LOCKED = 1e12
-"""kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what
-rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
+"""Inertia (kg m^2 or kg) of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than
+rounding, and both plants solve for the other accelerations as if the joint were fixed."""
 
 
 def rigid_loads(around: Surroundings) -> list[tuple[TimedPayload, PayloadMemory]]:
@@ -142,7 +142,7 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
 
 
 STEADY = Surroundings()
-"""Surroundings without any component."""
+"""Plant inputs without any environment model."""
 
 
 def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY) -> State:

@@ -81,7 +81,7 @@ def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surrounding
 
 
 Written = tuple[Flat | None, Flat | None]
-"""State and surroundings that stand where MuJoCo and the loads read them."""
+"""State and surroundings last written for MuJoCo and the loads."""
 
 NOTHING: Written = (None, None)
 

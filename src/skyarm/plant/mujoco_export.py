@@ -29,11 +29,11 @@ HEADER = "Written by skyarm export as MJCF; control of a rotor is its thrust in 
 
 
 START = "start"
-"""Keyframe of the first state, rotors in hover."""
+"""Name of the keyframe of the initial state, rotors in hover."""
 
 
 HEIGHT = 1.0
-"""Height of the start above the floor where none is given, m."""
+"""Default height (m) of the start above the floor."""
 
 
 @immutable(kw_only=False)

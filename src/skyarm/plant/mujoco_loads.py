@@ -71,7 +71,7 @@ class Coupling:
 
 
 OF_A_LOAD = 5
-"""Numbers of a load in a period: mass, three moments, and 1 where it is grasped in it."""
+"""Numbers of a load in a period: mass, three moments, and 1 in the period in which it is grasped."""
 
 
 class Loads:

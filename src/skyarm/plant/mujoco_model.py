@@ -19,13 +19,14 @@ INTEGRATORS = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
     "rk4_staged": mujoco.mjtIntegrator.mjINT_RK4,
 }
-"""MuJoCo's integrator of each of ours; in "rk4_staged" MuJoCo only computes accelerations."""
+"""Integrator -> MuJoCo's; in "rk4_staged" MuJoCo only computes accelerations."""
 
 BASE_NAME = "base"
-"""Body and free joint of the airframe; a link may have any name of its own."""
+"""Name of the airframe's body and free joint; no link may have it."""
 
 LEAST = 2e-15
-"""kg and kg m^2: MuJoCo refuses a moving body below 1e-15, so a massless link or a point mass gets this much."""
+"""Least mass (kg) and inertia (kg m^2) in MuJoCo, which refuses a moving body below 1e-15; used for massless links
+and point masses."""
 
 KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
@@ -33,7 +34,7 @@ KINDS = {
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
 }
-"""MuJoCo's geometry of each kind of shape; it measures lengths by their halves."""
+"""Kind of a shape -> MuJoCo's geometry, which takes half lengths."""
 
 _GREY, _DARK, _BLUE = (0.6, 0.6, 0.62, 1.0), (0.2, 0.2, 0.22, 1.0), (0.25, 0.45, 0.75, 1.0)
 
@@ -45,7 +46,7 @@ COLORS = {
     "joint": _DARK,
     "tip": (0.85, 0.35, 0.15, 1.0),
 }
-"""RGBA by what a shape stands for."""
+"""Role of a shape -> RGBA."""
 
 
 def build_spec(

@@ -33,8 +33,8 @@ STAGES = (
     (1.0, 1.0 / 3.0, 0.0, 1.0),
     (1.0 / 6.0, 0.0, 1.0, 1.0),
 )
-"""Row of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
-state, and the time of the next state. What follows the last stage is the state after the step."""
+"""Coefficients of each stage, in steps: of its slope in the next state, and in the sum of slopes; of the sum in the
+next state; time of the next state. The state after the last stage is that after the step."""
 
 
 Numbers = tuple[Scalar, ...]

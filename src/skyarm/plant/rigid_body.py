@@ -76,7 +76,7 @@ def derivative(world: Truth, state: State, command: Command, around: Surrounding
 
 
 Moved = tuple[State, Memories]
-"""A state, and the memories of the coupled components, after a step."""
+"""State, and internal states of coupled components, after a step."""
 
 
 def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:

@@ -18,10 +18,10 @@ from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
 
 AnyComponent = Component[Any]
-"""Environment model with an internal state of any type, which it alone knows."""
+"""Environment model with an internal state of any type."""
 
 Memories = tuple[Tree, ...]
-"""Internal states of environment models or of joint drives, in their order, each of its model's own type."""
+"""Internal states of environment models or of joint drives, in order, each of its model's type."""
 
 
 @immutable

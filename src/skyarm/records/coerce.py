@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Thing = TypeVar("Thing")
 
 Rule = Callable[[str, object], Any]
-"""From a field's name and what was given to what is held; raises RecordError."""
+"""Check and conversion of a field: (name of the field, given value) -> stored value; raises RecordError."""
 
 TOLERANCE = 1e-6
 """Relative slack for unit lengths, orthogonality and symmetry (rounding of published numbers)."""
@@ -258,7 +258,7 @@ def _structural_number(field: str, value: object) -> Scalar:
 
 
 ROUNDING = 1e-12
-"""What rounding leaves of a length that was made 1."""
+"""Largest rounding error of the length of a vector that was normalised."""
 
 
 def unit_vector(field: str, value: object) -> Vec3:

@@ -28,7 +28,7 @@ Several = TypeVar("Several", Vec3, Quaternion)
 
 
 WHOLE = 2**53
-"""Integers below are floats to the last digit."""
+"""Integers below this size are exact as floats."""
 
 
 def accept_fields(record: object, where: str, error: type[ValueError] = RecordError) -> None:
@@ -276,7 +276,7 @@ def _many_records(kind: type) -> Rule:
 
 
 _ALONE = (Vec3, Quaternion)
-"""Records that can be iterated over, and are one thing."""
+"""Records that are iterable and nevertheless count as one value, not as a list."""
 
 
 def _callable(field: str, value: object) -> object:

@@ -24,10 +24,10 @@ from skyarm.records.registry.plugins import loaded_plugins, plugin_of
 from skyarm.records.registry.registrations import registrations
 
 DRAWN = ("mesh", "looks", "notes")
-"""Fields on files that are drawn, and notes on files as they were read: where these lie changes no flight."""
+"""Fields that concern only pictures and notes of a vehicle; they do not change a flight."""
 
 FOR_PEOPLE = ("title", "sources", *DRAWN)
-"""Fields that change no flight."""
+"""Fields that do not change a flight."""
 
 
 def identity(record: object) -> str:
@@ -59,7 +59,7 @@ def _without(data: object, names: tuple[str, ...]) -> object:
 
 
 Pair = tuple[str, str]
-"""Name and identity of a file."""
+"""Name and digest of a file."""
 
 
 def own_files(*things: object) -> dict[str, str]:

@@ -24,7 +24,7 @@ def declarations(kind: type) -> tuple[Field[object], ...]:
 
 
 LONGEST = 300
-"""Characters of a record's text: a notebook prints it below a cell whose last line it is."""
+"""Largest number of characters of a record's text, as a notebook prints it below a cell."""
 
 
 def short_repr(record: object) -> str:

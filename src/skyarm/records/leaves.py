@@ -25,7 +25,7 @@ class Dataclass(Protocol):
 
 
 Tree: TypeAlias = "Scalar | str | Enum | Dataclass | tuple[Tree, ...] | None"
-"""Scalar, constant, frozen dataclass of trees or tuple of trees: what a model remembers, a reading, a whole loop."""
+"""Nested value of scalars: a scalar, a constant, or a frozen dataclass or tuple of such values."""
 
 _STRUCTURE = (int, str, bool, type(None), Enum)
 

@@ -6,7 +6,7 @@ import html
 from importlib import import_module
 
 PAGE = "skyarm.cli.notebook"
-"""Module of the words and pictures: a room above this one, imported when a notebook shows a record, by name only."""
+"""Name of the module that formats records for notebooks; imported only when a notebook shows a record."""
 
 
 def notebook_html(record: object) -> str:

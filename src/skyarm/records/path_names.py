@@ -36,10 +36,10 @@ class NumberView:
 
 
 Denoted: TypeAlias = "tuple[Place, ...] | NumberView | Names"
-"""Places that a name denotes, several if one number is stored more than once, or a view, or more names."""
+"""Target of a name in a parameter path: one or several fields, a computed view, or further names."""
 
 Names: TypeAlias = Mapping[str, Denoted]
-"""Names that may follow one another in a path, each with what it denotes."""
+"""Names that may follow in a parameter path, each with its target."""
 
 
 class Viewed(Protocol):

@@ -15,10 +15,10 @@ from skyarm.records.immutable import declarations, memoize
 from skyarm.records.leaves import field_names
 
 NOT_FINITE = ("inf", "-inf", "nan")
-"""Texts of the floats that strict JSON lacks."""
+"""Texts of the floats that strict JSON cannot represent."""
 
 Plain: TypeAlias = bool | int | float | str | list["Plain"] | dict[str, "Plain"] | None
-"""What strict JSON has words for."""
+"""Value that strict JSON can represent."""
 
 
 class Named(Protocol):
@@ -29,8 +29,8 @@ class Named(Protocol):
 
 
 WRITTEN_IF_ANY = {"written_if_any": True}
-"""Metadata of a field that plain data holds only where it is not empty: what was written before it was added keeps its
-digest."""
+"""Metadata of a field that plain data contains only if it is not empty, so that digests of older records stay the
+same."""
 
 
 def plain(value: object) -> Any:

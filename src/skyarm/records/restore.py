@@ -19,8 +19,8 @@ from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
 from skyarm.records.registry.plugins import code_of
 
 FUNCTIONS = ("skyarm.control.", "skyarm.links.autopilots.autopilot:move_arm")
-"""Beginnings of names of this package's functions that a record may hold: laws, what bounds them, and the joint law
-beside an autopilot."""
+"""Prefixes of this package's functions that a record may contain: control laws, their bounds and an autopilot's
+joint law."""
 
 
 class RestoreError(ValueError):
@@ -28,7 +28,7 @@ class RestoreError(ValueError):
 
 
 Table = dict[str, Any]
-"""Table of plain data as somebody wrote it: readers try what they expect, and :func:`_restore` tells what fails."""
+"""Table of plain data from outside; :func:`_restore` reports entries of the wrong type."""
 
 
 def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
@@ -138,4 +138,4 @@ _READERS = {
     "function": _function,
     "partial": _partial,
 }
-"""What is no record: type -> reader."""
+"""Readers of values that are not records: type -> function."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 NOTHING = 1e-12
-"""Numbers below this are rounding and are shown as 0."""
+"""Size below which a number is rounding and is shown as 0."""
 
 Row = tuple[str, ...]
-"""Cells of a line of a table."""
+"""Cells of one line of a table."""
 
 
 def shown_number(value: float, digits: int = 3) -> str:

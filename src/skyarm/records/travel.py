@@ -34,7 +34,7 @@ def pack(value: object) -> bytes:
 
 
 Cells = tuple[tuple[object, ...], ...]
-"""What a function is closed over, as :func:`_cell_content` has each."""
+"""Values of a function's closure, as returned by :func:`_cell_content`."""
 
 
 @lru_cache(maxsize=1)
@@ -55,7 +55,7 @@ def _pickler() -> type[pickle.Pickler]:
 
 
 KEPT = ("__defaults__", "__kwdefaults__", "__dict__", "__module__", "__qualname__", "__annotations__")
-"""Of a function, beside its code and what it is closed over."""
+"""Attributes of a function that are serialised in addition to its code and closure."""
 
 
 def _is_made_in_a_module(function: FunctionType) -> bool:

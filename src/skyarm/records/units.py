@@ -18,13 +18,14 @@ from skyarm.records.immutable import immutable, memoize
 from skyarm.records.leaves import field_names
 
 FARTHEST = 1e7
-"""m from the origin, or between two parts: a float resolves 2 nm there, and UTM's northings end there."""
+"""Largest coordinate or distance (m); a float resolves 2 nm there, and UTM's northings end there."""
 
 LARGEST = 1e12
-"""Of any unit: the square of a product of two still has digits, and no machine is near."""
+"""Largest size of a number of any unit; the square of a product of two stays finite."""
 
 LIMITS: Mapping[str, float] = {"m": FARTHEST, "kg": 1e9, "kg m^2": 1e9, "m/s^2": 1e6}
-"""Unit -> largest size, where it is another: gains that grow with a mass stay below ``LARGEST``, too."""
+"""Largest size of a number by unit, where it differs from ``LARGEST``; gains that grow with a mass stay below that,
+too."""
 
 
 @immutable(kw_only=False)

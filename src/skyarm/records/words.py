@@ -17,7 +17,7 @@ from skyarm.records.leaves import Place, field_names
 from skyarm.records.units import Unit, declared_fields
 
 EACH = "*"
-"""Step of a path or place that stands for the name, or the number, of every item of a list."""
+"""Step of a path that matches the name or index of every item of a list."""
 
 
 @immutable(kw_only=False)
@@ -51,7 +51,7 @@ class Word:
 
 
 STRUCTURAL = Word(varies="never")
-"""Of a field that is the same for all episodes and throughout a flight."""
+"""Declaration of a key whose value is the same in all episodes and throughout a flight."""
 
 
 class Slot(NamedTuple):

@@ -25,7 +25,7 @@ from skyarm.reference.tip_motion import FASTEST, STRONGEST, UPRIGHT
 from skyarm.reference.waypoints import MOST_POINTS, number_within, place_of, points_of, positive, require_way
 
 ABOUT = ("center", "axis", "force")
-"""Fields of the arc of a handle."""
+"""Keys that define the circular arc of a handle."""
 
 
 def grasp(task: TaskBuilder, phase: Fields) -> None:
@@ -100,25 +100,25 @@ def _arc_of(task: TaskBuilder, phase: Fields) -> Arc | None:
 
 
 EASE = 0.05
-"""s of the plan between asking for a force and waiting for it."""
+"""Time (s) of the plan between the request of a force and the wait for it."""
 
 LETTING_GO = 0.4
-"""Wait, s, of a retreat in which the force goes: a base that starts meanwhile turns, and moves a heavy tip with it.
+"""Waiting time (s) of a retreat while the force decays; a base that moves at once would turn and shift a heavy tip.
 
 Largest force after a noisy press of 4 N without a wait, with 0.2 s, and from 0.4 s on: 10.3, 6.7 and 4.7 N on
 ``quadrotor_roll_arm2``, 17.9, 4.8 and 4.8 N on ``hexarotor12_arm5`` (``test_a_release_does_not_jab``)."""
 
 CLEARANCE = 0.05
-"""m, default distance in front of a surface from which a tip approaches and to which it retreats."""
+"""Default distance (m) in front of a surface from which the tip approaches and to which it retreats."""
 
 TOUCHED = 0.5
-"""Default share of the desired force above which a tip counts as touching."""
+"""Default fraction of the desired force above which the tip counts as in contact."""
 
 MOST_TURNS = 40.0
-"""Turns of a spiral or about an axis."""
+"""Largest number of turns of a spiral or about an axis."""
 
 FASTEST_TURNING = 1.0
-"""Turns a second of a spiral: at its middle its pace would be more."""
+"""Highest rate (turns a second) of a spiral, which bounds its angular speed near the middle."""
 
 
 def approach(task: TaskBuilder, phase: Fields) -> None:
@@ -238,7 +238,7 @@ TOUCHING: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
 """Phases in which the tip may press, by kind."""
 
 ABOUT_AN_AXIS = ("turn", "open")
-"""Those that go about an axis."""
+"""Phases that turn about an axis."""
 
 
 def _in_front(task: TaskBuilder, phase: Fields, place: Place, *, near: bool) -> Place:

@@ -19,23 +19,23 @@ from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LOOKS = 50.0
-"""Hz at which a plan is looked at."""
+"""Sampling rate (Hz) at which a plan is evaluated."""
 
 MOST_LOOKS = 20_000
 
 MOST_JACOBIANS = 500
-"""Instants at which the arm's Jacobian is looked at, at most."""
+"""Largest number of instants at which the arm's Jacobian is evaluated."""
 
 POSTURES = 8
-"""Postures at random that show in how many directions the arm can move the tip."""
+"""Number of random postures that determine in how many directions the arm can move the tip."""
 
 ASIDE = 1e-3
-"""Share of its largest singular value below which an arm moves its tip in no direction: frames in files are rounded, a
-right angle to 1.571 rad or finer."""
+"""Fraction of the largest singular value below which an arm cannot move its tip in a direction; right angles in
+files are rounded, to 1.571 rad or finer."""
 
 SINGULAR = 0.02
-"""Smallest singular value over the arm's length below which an arm is told to be nearly singular: in that direction its
-tip then moves by its own length in 50 rad or more."""
+"""Smallest singular value over the arm's length below which a warning calls the arm nearly singular; the tip then
+moves by its own length in 50 rad or more."""
 
 
 @immutable

@@ -25,10 +25,10 @@ from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap, polynomial
 from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
 
 PLANNED = "must stay as it is where the reference has a governor, which has planned for it"
-"""What is allowed of a number of a reference whose time is planned."""
+"""Text for messages about a number of a reference whose time law is planned."""
 
 FEWEST = 6
-"""Control points of one polynomial of degree five."""
+"""Number of control points of one quintic polynomial."""
 
 
 @immutable
@@ -157,4 +157,4 @@ def offset_reference(
 
 
 ONE = (1.0, 0.0, 0.0, 0.0, 0.0)
-"""The number one with its derivatives."""
+"""The constant one with its first four derivatives."""

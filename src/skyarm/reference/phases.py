@@ -125,13 +125,13 @@ KINDS: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
     "hold": hold, "go_to": go_to, "pick": pick_or_place, "place": pick_or_place, "approach": approach, **TOUCHING,
     "retreat": retreat, "grasp": grasp, "release": release, "lift": lift, "carry": go_to,
 }  # fmt: skip
-"""Phases by kind."""
+"""Kind of a phase -> function that adds it to the task."""
 
 HANDLES = ("pick", "place", "grasp", "release")
 
 
 PEAK_RATE = 2.1875
-"""Largest speed of a motion of least snap from rest to rest by 1 in 1 s: 35/16, half-way through."""
+"""Peak speed of a minimum-snap motion from rest to rest by 1 in 1 s: 35/16, half-way through."""
 
 
 def with_joint_moves(

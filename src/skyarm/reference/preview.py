@@ -12,7 +12,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.reference.trajectory import Reference
 
 Sample = tuple[Scalar, Scalar, Scalar]
-"""Value, rate and acceleration of one signal."""
+"""Value, first and second derivative of one signal."""
 
 
 def samples(reference: Reference) -> list[Sample]:

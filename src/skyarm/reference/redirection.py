@@ -20,16 +20,16 @@ from skyarm.reference.signals import Derivatives, Signal
 from skyarm.reference.trajectory import Trajectory
 
 FIELDS = ("start", "duration", "value", "velocity", "acceleration", "goal")
-"""Numbers of a redirected signal that change with a goal."""
+"""Fields of a redirected signal that a new goal changes."""
 
 NEVER = 1e9
-"""s; start of a signal without a goal, after every flight."""
+"""Start time (s) of a signal without a goal, later than any flight."""
 
 LOOKS = 21
-"""Instants at which the speed and acceleration of a motion are looked at."""
+"""Number of instants at which speed and acceleration of a motion are evaluated."""
 
 DURATIONS = np.geomspace(0.1, 300.0, 165)
-"""s; durations that a motion to a goal may have, 5 % apart."""
+"""Candidate durations (s) of a motion to a goal, 5 % apart."""
 
 
 @immutable

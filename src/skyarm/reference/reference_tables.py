@@ -86,11 +86,11 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
-"""The base's motion where a file gives none."""
+"""Motion of the base if a file states none."""
 
 
 BESIDE = ("push", "load", "tip", "tracking_start", "governor")
-"""Fields of a scenario's reference that are read elsewhere; for messages."""
+"""Keys of [reference] that are read elsewhere; for messages."""
 
 
 def trajectory_from(table: object, n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
@@ -159,13 +159,13 @@ def signals_table(fields: Fields) -> Trajectory:
 
 
 SHORTEST = 1e-6
-"""Length of a normal below which it points nowhere."""
+"""Length of a normal below which its direction is undefined."""
 
 LOOKS = 401
-"""Instants of a flight at which the force is looked at, beside those at which it switches."""
+"""Number of instants of a flight at which the force is evaluated, in addition to its switches."""
 
 ROUNDING = 1e-6
-"""N below 0 that a force without a grip may be: a smooth ramp back to 0 ends at no exact 0."""
+"""Force (N) below 0 that is rounding without a grip; a smooth ramp back to 0 does not end at an exact 0."""
 
 
 def push_from(table: object, where: str, duration: float = 0.0) -> TipPush:

@@ -29,15 +29,15 @@ from skyarm.records.registry import find, names
 from skyarm.records.units import Unit
 
 Derivatives = tuple[Any, ...]
-"""Value and derivatives one to four."""
+"""Value and derivatives one to four of a signal."""
 
 Record = TypeVar("Record")
 
 PACKAGE = f"{__name__.partition('.')[0]}."
-"""Beginning of the modules whose signals ship."""
+"""Prefix of the modules whose signals ship with the library."""
 
 SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
-"""What stands for a signal."""
+"""Text for messages: allowed entries of a signal."""
 
 
 class Signal(ABC):
@@ -105,7 +105,7 @@ class Constant(Signal):
         return self.value
 
     own_number: ClassVar[Place] = ("value",)
-    """What a path that leads to the signal means: in a file it is a number."""
+    """Field that a parameter path to the signal denotes; in a file the signal is a plain number."""
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Constant value, and zeros as derivatives."""
@@ -186,7 +186,7 @@ class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
     signal: Signal
-    start: Annotated[Scalar, Unit("s", "begin of the interval, included", infinite=True)] = -math.inf
+    start: Annotated[Scalar, Unit("s", "start of the interval, included", infinite=True)] = -math.inf
     stop: Annotated[Scalar, Unit("s", "end of the interval, excluded", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:

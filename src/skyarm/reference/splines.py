@@ -21,7 +21,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
 
 ORDERS = 5
-"""A signal's value and derivatives one to four."""
+"""Number of values of a signal: its value and derivatives one to four."""
 
 
 @immutable(kw_only=False)
@@ -135,7 +135,7 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
 
 
 FREE = 3
-"""Derivatives of a point that are free: velocity, acceleration, jerk."""
+"""Number of free derivatives of a knot: velocity, acceleration, jerk."""
 
 
 def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials:

@@ -48,7 +48,7 @@ ASKED = (*NUMBERS, *SWITCHES)
 Vector = tuple[float, float, float]
 
 NOWHERE = 1e-6
-"""Length of a vector below which it points nowhere."""
+"""Length of a vector below which its direction is undefined."""
 
 
 def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
@@ -113,11 +113,11 @@ def unit_vector(fields: Fields, name: str) -> Vector:
 Place = tuple[float, float, float]
 
 EDGE = 1e-6
-"""s after which a force changes: at the planned end of a phase, where the reference may wait, that phase's force
-holds."""
+"""Time (s) after the planned end of a phase at which a force changes; the reference may wait at that end with the
+force."""
 
 COMING_BACK = 1.0
-"""s in which the reference comes back to its plan where the next place is the one that it would be at."""
+"""Time (s) in which an offset reference returns to its plan if the next position is the planned one."""
 
 
 def seconds(fields: Fields, name: str, *default: object) -> float:

@@ -22,7 +22,7 @@ class Phase:
     """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
     Attributes:
-        name: its kind. end: planned end, s. back: begin and end (s) of the interval in which an offset, left by
+        name: its kind. end: planned end, s. back: start and end (s) of the interval in which an offset, left by
             a phase that ended early, returns to zero.
     """
 
@@ -94,7 +94,7 @@ class Guard:
 
 @immutable
 class TaskEvent:
-    """Event of a task: a payload is taken or left, or a gripper closes or opens.
+    """Event of a task: a payload is picked up or set down, or a gripper closes or opens.
 
     Attributes:
         kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for

@@ -38,12 +38,12 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ORDER = 4
-"""Derivatives of a reference."""
+"""Highest derivative of a reference."""
 
 STILL = Constant(0.0)
 
 FiveVectors = tuple[Vec3, ...]
-"""A vector and its first four derivatives."""
+"""Vector and its first four derivatives."""
 
 
 @immutable
@@ -138,16 +138,16 @@ def _to_series(record: Record) -> Record:
 
 
 SPEED = 0.1
-"""m/s, with which the tip comes where nothing is said: an arm of 0.1 kg then meets 5000 N/m with 2 N."""
+"""Default approach speed (m/s) of the tip; an arm of 0.1 kg then meets 5000 N/m with 2 N."""
 
 FASTEST = 10.0
-"""m/s, with which a tip may come at most."""
+"""Highest approach speed (m/s) of the tip."""
 
 STRONGEST = 1e4
-"""N, that a tip may be asked to press with at most: far beyond what multirotors have."""
+"""Largest desired contact force (N), far beyond that of multirotors."""
 
 UPRIGHT = (0.0, 0.0, 1.0)
-"""The axis of a door."""
+"""Default axis of a door: vertical."""
 
 
 @immutable

@@ -39,16 +39,17 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
-"""Most steps of the first instant, and of a later one, which starts near; the next instant goes on from there."""
+"""Largest number of search steps at the first instant, and at a later one, which starts from the previous solution."""
 
 ENOUGH = 1e-8
-"""rad or m: a step shorter than this ends the search."""
+"""Step (rad or m) below which the search ends."""
 
 DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
-"""First damping, of the squared length of the arm; what a step leaves of it, and what one that is not taken makes."""
+"""Initial damping over the arm's squared length; its factors after an accepted and after a rejected step."""
 
 EXACT, SMOOTH = 5e-4, 0.03
-"""s over the arm's length: of a tip with an orientation, and of one whose base takes what the arm leaves."""
+"""Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip with a desired orientation,
+and for one whose base takes the remainder of the displacement."""
 
 
 @immutable
@@ -203,17 +204,17 @@ def rotation_vector(R: Mat3) -> Vec3:
 
 
 BEYOND = 14
-"""Samples before the start and after the end of a flight: what the curve's ends do not know has died down over them."""
+"""Number of samples before the start and after the end of a flight, over which effects of the spline's ends decay."""
 
 MOST_SAMPLES = 4000
 
 MARGIN = 1e-3
-"""rad or m that a plan keeps from a joint's limits."""
+"""Distance (rad or m) that a plan keeps from joint limits."""
 
 
 @immutable
 class TipChoices:
-    """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
+    """Options for a tip trajectory: posture of the arm, fraction of the motion by the base, and speed limits.
 
     Attributes:
         posture: joint positions that the arm prefers, rad or m.

@@ -94,16 +94,16 @@ class Reference:
 
 
 PLAIN_NUMBERS = {float, int}
-"""Types of numbers that need no look; those of other scalars do, and pass."""
+"""Types of plain numbers, which need no further check."""
 
 VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
-"""Base position and its first four derivatives."""
+"""Fields of the base position and its first four derivatives."""
 
 JOINTS = ("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps")
-"""Joint positions and their first four derivatives."""
+"""Fields of the joint positions and their first four derivatives."""
 
 ZERO = Constant(0.0)
-"""The signal that stays at zero."""
+"""Signal that is zero at all times."""
 
 
 @immutable
@@ -288,7 +288,8 @@ class Publisher:
 
 
 PASSED = 1e-6
-"""s of the reference beyond a phase's end from which on the phase is done: at its end the reference may wait."""
+"""Path time (s) beyond the planned end of a phase at which the phase is completed; the reference may wait at that
+end."""
 
 
 def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:

@@ -40,16 +40,16 @@ from skyarm.reference.trajectory import Trajectory
 Points = Sequence[tuple[float, float, float]]
 
 LOOKS = 60
-"""Instants of each piece at which the limits are looked at."""
+"""Number of instants of each piece at which the limits are evaluated."""
 
 ROUNDS = 15
-"""Most improvements of the share of the time that each piece gets."""
+"""Largest number of improvements of the time distribution over the pieces."""
 
 SLOWEST = 1e9
-"""s that a motion takes at most."""
+"""Longest duration (s) of a motion."""
 
 SHORTEST = 1e-3
-"""m between waypoints: they are one place below this."""
+"""Distance (m) below which two waypoints are the same."""
 
 
 @immutable
@@ -172,14 +172,12 @@ MOST_ROWS = 2000
 
 
 FARTHEST, CLOSEST, LEAST = 1e6, 1e-3, 1e-6
-"""Largest size of a place, value or time (m, s), shortest time between two points (s), least limit: beyond them
-powers of the times are no numbers any more.
-"""
+"""Largest size of a position, value or time (m, s), shortest time between two points (s), and smallest limit; beyond
+them powers of the times overflow."""
 
 INSTANTS, SWING = 20, 1.0
-"""Instants between two times at which a motion is looked at, and how far it may leave the range of its values, over
-that range: motions that somebody means leave it by some tenths.
-"""
+"""Number of instants between two points at which a motion is evaluated, and its largest overshoot over the range of
+its values; plausible motions overshoot by some tenths."""
 
 
 def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST) -> float:

@@ -62,7 +62,7 @@ from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
 MEASURED = ("stiffness", "damping")
-"""Limits of the safety layer that are measured on the law it is around."""
+"""Limits of the safety layer that are measured on the wrapped law if left out."""
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
@@ -184,10 +184,10 @@ def under_law(scenario: Scenario, name: str) -> Scenario:
 
 
 PYTHON_ONLY = ("network", "program")
-"""Options that no file can hold."""
+"""Options of laws that a file cannot contain."""
 
 LAYERS = ("safety", "servos")
-"""Words of a controller's table that any law has."""
+"""Keys of [controller] that select layers around any law."""
 
 
 def option_words(law: str) -> dict[str, str]:

@@ -24,7 +24,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LEFT_OUT = object()
-"""Entry of a word that a file does not have."""
+"""Marker of a key that a file leaves out."""
 
 OPTIONAL: Mapping[str, object] = {
     "model": None,
@@ -34,10 +34,10 @@ OPTIONAL: Mapping[str, object] = {
     "payloads": [],
     "world": None,
 }
-"""Words that are read where a file leaves them out, too, with what their readers get then."""
+"""Keys that are read although a file leaves them out, each with the entry that their reader then receives."""
 
 OF_SCENARIO = ("initial", "reference.governor")
-"""Words whose readers need the scenario of all others."""
+"""Keys whose readers need all other fields of the scenario."""
 
 
 def slot_of(path: str) -> Slot:
@@ -181,7 +181,7 @@ class PartDocument(Document):
 
 
 PATHS = frozenset(slot.path for slot in slots(Scenario))
-"""Words of a scenario's file that have a field of their own."""
+"""Paths of the scenario-file keys that have a field of their own."""
 
 
 def _is_word(table: str, name: str, entry: object) -> bool:

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
 FAR = 1e4
-"""A speed (m/s), rate (rad/s) or joint (rad or m) beyond this is divergence, long before numbers overflow."""
+"""Size of a speed (m/s), rate (rad/s) or joint position (rad or m) that counts as divergence."""
 
 LOST = 1e3
-"""m from the reference: no controller of an aerial robot means to be there."""
+"""Distance (m) from the reference that counts as divergence."""
 
 LONG = 2.0
-"""A quaternion with a part beyond this has lost its unit length."""
+"""Size of a quaternion component that counts as divergence."""
 
 
 class Ending:
@@ -36,7 +36,7 @@ class Ending:
     registered_as = "ending"
 
     status: ClassVar[str]
-    """One word for the log."""
+    """Word for the log's status after this ending."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True while a state does not meet the termination condition; false if the state contains NaN.
@@ -199,7 +199,7 @@ BUILT_IN: tuple[Ending, ...] = (
     RotorContact(),
     BodyContact(),
 )
-"""The endings of every episode, in the order in which the first that holds is the cause."""
+"""Endings of every episode, in order; the first that holds is the cause."""
 
 PHASE_FAILED = "phase_failed"
 """Status of a flight whose task has a phase that failed."""

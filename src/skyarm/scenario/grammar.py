@@ -45,13 +45,13 @@ WHEN = {
     "between": "between episodes",
     "never": "never",
 }
-"""When a number may change, in words."""
+"""Times at which a number may change -> their description in words."""
 
 WHOLE = "as a whole in flight"
-"""When a part may be replaced by a scheduled change."""
+"""Description of a part that a scheduled change may replace as a whole."""
 
 SHAPING = (str, int, bool)
-"""Types of entries that shape the program."""
+"""Types of entries that determine the structure of the compiled program."""
 
 SIGNAL = "number, list or table: a signal"
 
@@ -60,10 +60,10 @@ ENTRIES: Mapping[object, str] = {
     **{Vec3: "three numbers", Quaternion: "four numbers", Window: "[start, stop]", Terms: "list of names"},
     **{"Command": SIGNAL, SignalList: "list of signals", SignalVector: "list of three signals"},
 }
-"""Entries of types that are no tables of their fields, in words; by name, of a part whose folder may be absent."""
+"""Description in words of the entry for each type that is not a table of its fields."""
 
 CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("Solver", "integrator"): INTEGRATORS, ("Gust", "shape"): SHAPES}
-"""Texts that a field of a record may be, where its type does not say so."""
+"""Allowed texts of a field whose type does not list them, by class and field."""
 
 OTHERWISE: Mapping[tuple[str, str], str] = {
     ("Fault", "effectiveness"): SIGNAL,
@@ -71,13 +71,13 @@ OTHERWISE: Mapping[tuple[str, str], str] = {
     ("TimedPayload", "drop"): "number, or a table: a place",
     ("GustyWind", "gust"): "table, or a list of them",
 }
-"""Entries that are more than their field's type."""
+"""Descriptions of entries that allow more than their field's type, by class and field."""
 
 NO_WORDS = (("Fault", "signal"),)
-"""Fields that a file states by the word of another one."""
+"""Fields that have no key of their own because another key states them, by class and field."""
 
 BY_HAND = ("reference.base", "reference.tip", "reference.push")
-"""Tables of which some or all words, but the kinds, are left out."""
+"""Tables of which some or all keys, except the kinds, are not listed."""
 
 
 class GrammarRow(NamedTuple):
@@ -305,7 +305,7 @@ MORE: Mapping[str, tuple[GrammarRow, ...]] = {
         ),
     ),
 }
-"""Words that a record's class reads beside those of its fields."""
+"""Keys that a class reads in addition to those of its fields."""
 
 
 def _words(unit: Unit) -> tuple[str, str]:
@@ -396,7 +396,7 @@ SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
     "initial": _of_start,
     "reference.governor": lambda: _of_record(GovernorOptions, "reference.governor", WHEN["never"], ""),
 }
-"""Tables that are other than the fields of their record."""
+"""Tables whose keys differ from the fields of their record, each with the function that lists them."""
 
 
 def _is_list(slot: Slot) -> bool:

@@ -145,7 +145,7 @@ class Overrides:
 
 
 NONE = Overrides()
-"""Nothing is other than it was at the start."""
+"""Empty overrides: no parameter differs from the start of the flight."""
 
 
 def is_part(path: str, value: object) -> bool:

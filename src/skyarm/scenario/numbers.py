@@ -212,10 +212,10 @@ def _start_with(
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
-"""Words of a path that say nothing to a reader."""
+"""Names of a parameter path that are left out of its readable form."""
 
 WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
-"""First words that say whose number it is."""
+"""First name of a parameter path -> owner of the number in the readable form."""
 
 
 def unit_at(scenario: Scenario, path: str) -> str:

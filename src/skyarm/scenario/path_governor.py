@@ -37,16 +37,16 @@ from skyarm.scenario.path_plan import Ceilings, Judge, PathPlan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9
-"""s before a switch of the reference at which it is looked at for a jump."""
+"""Time (s) before a switch of the reference at which its value is taken to detect a jump."""
 
 CORNER = 0.02, 0.05
-"""m/s of the base and rad/s or m/s of a joint by which a velocity jumps at a corner."""
+"""Largest jumps of velocity at a corner: m/s of the base, and rad/s or m/s of a joint."""
 
 MISSED = 1.05
-"""Share of a limit from which a governor says that it could not keep it."""
+"""Fraction of a limit above which the governor warns that it cannot satisfy the limit."""
 
 LONGEST = 1000.0
-"""s of a flight that is planned: more takes minutes."""
+"""Longest flight (s) that is planned; longer ones take minutes."""
 
 
 class GovernorWarning(RuntimeWarning):
@@ -160,11 +160,11 @@ def _is_corner(before: Reference, after: Reference) -> bool:
 
 
 SETTLES = 0.08
-"""s, twice: windows of the means that the attitude follows of the thrust's direction. A tilt that is to jump is reached
-by the attitude loop of a vehicle of this size within about 0.15 s."""
+"""Averaging time (s) of the thrust direction that the planned attitude follows; the average is taken twice. The
+attitude loop of a vehicle of this size reaches a commanded tilt within about 0.15 s."""
 
 LEFT = 1e-3
-"""Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
+"""Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 
 _SLOWER = "lower values plan slower paths"

@@ -23,30 +23,30 @@ from skyarm.reference.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 
 STEP = 0.2
-"""s between control points of the reference's time: its rate follows a change within three of them."""
+"""Time (s) between control points of the path time; its rate follows a change within three of them."""
 
 GRID = 0.01
-"""s of the path between two ceilings."""
+"""Step of the path (s) between two speed bounds."""
 
 LOOK = 0.01
-"""s of the flight between two instants that are judged."""
+"""Time (s) between two instants of the flight at which the demands are evaluated."""
 
 CALM = 0.5
-"""s of the flight before and after a place that is too fast which are slowed with it: it does not stutter."""
+"""Time (s) before and after an infeasible instant that is slowed down with it, for a smooth motion."""
 
 ACCELERATION = 1.0
-"""1/s, the largest of ds/dt."""
+"""Largest second derivative (1/s) of the path time."""
 
 SLOWEST = 0.02
-"""Of ds/dt but for a corner."""
+"""Smallest path speed ds/dt except at a corner."""
 
 RATES = tuple(0.93**k for k in range(54))
-"""Even rates that are tried, from the commanded one to SLOWEST."""
+"""Constant path speeds that are tried, from the commanded one to ``SLOWEST``."""
 
 ROUNDS = 60
 
 DIGITS = 9
-"""Of the control points in s: what a machine's last bits say of the judgement is not written down."""
+"""Decimal digits to which control points (s) are rounded, so that results do not depend on the machine's last bits."""
 
 
 @dataclass(kw_only=True)
@@ -150,10 +150,10 @@ class PathPlan:
 
 
 SLACK = 1.002
-"""Share of a limit that counts as kept."""
+"""Ratio of demand to limit up to which a limit counts as satisfied."""
 
 NOTHING = 1e-7
-"""s of lag that is rounding."""
+"""Lag (s) that counts as rounding."""
 
 
 @immutable
@@ -236,13 +236,13 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
 
 
 CALMER = 0.85
-"""By which the path's acceleration is lowered at a time."""
+"""Factor by which the path's acceleration limit is lowered in one step."""
 
 THERE = 0.8
-"""Share of a ceiling from which ds/dt counts as bounded by it."""
+"""Fraction of a speed bound above which the path speed counts as limited by it."""
 
 LEAST_ACCELERATION = 0.1
-"""1/s, below which it is not lowered."""
+"""Smallest acceleration limit (1/s) of the path."""
 
 BEYOND = 0.3
-"""s of the flight that are looked at past both ends: differences and means there need neighbours."""
+"""Time (s) that is evaluated beyond both ends of the flight for differences and means."""

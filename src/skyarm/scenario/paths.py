@@ -19,11 +19,11 @@ from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 LATE = "delays.command"
-"""Path of the commands' delay, which stays out of the numbers of a flight that has none."""
+"""Path of the command delay, which is not a parameter of a flight without one."""
 
 
 OF_STUDIES = "the same for all episodes; fly two studies"
-"""Advice about structure to who varies it between episodes."""
+"""Advice in messages about structural numbers, for those who vary them between episodes."""
 
 
 @immutable(kw_only=False)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from skyarm.world.contact.gripper import Gripper
 
 FIELD = {"pick": "pick", "place": "drop"}
-"""Kind of a phase -> field of the payload."""
+"""Kind of a task phase -> field of the payload that it sets."""
 
 
 def with_model_changes(

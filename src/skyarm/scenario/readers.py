@@ -218,7 +218,7 @@ def _with_paths(table: Entry, where: str, other: Callable[[str, str, str], str])
 
 
 NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
-"""Tables and their words that are the path of a file, or a name of the library."""
+"""Tables and keys whose text is a file path or the name of a shipped file."""
 
 
 def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -> dict[str, Entry]:

@@ -33,14 +33,14 @@ from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, in_order
 
 FOLLOWS: Place = ("agent", "controller", "par", "mixer")
-"""What is computed anew from the rotors that the law believes in."""
+"""Field that is recomputed from the rotors of the controller's model."""
 
 GOVERNOR = "reference.governor"
 PLANNED: Place = ("agent", "path_time")
-"""Word, and its field, which holds what was planned by it: numbers that no path replaces."""
+"""Planning key and the field with its result, whose numbers no parameter path replaces."""
 
 INSTANTS = ("pick", "drop")
-"""Entries of a payload that the phases of a task state."""
+"""Keys of a payload that the phases of a task set."""
 
 Tables = dict[str, Any]
 
@@ -246,7 +246,7 @@ def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Table
 
 
 WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world")
-"""Readers of words whose values other words made: their numbers are written by path."""
+"""Keys whose values other keys produce; their numbers are written by parameter path."""
 
 
 def _alike(one: object, other: object) -> bool:

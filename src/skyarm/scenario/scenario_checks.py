@@ -34,20 +34,20 @@ from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 from skyarm.world import Component
 
 LONGEST_FLIGHT = 10_000_000
-"""Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
+"""Largest number of control periods of one episode, 14 h at 200 Hz; its log takes about 10 GB."""
 
 STEPPING = ("mujoco",)
-"""Plants that move by whole physics steps only."""
+"""Kinds of plants that advance by whole physics steps only."""
 
 LONGEST_QUEUE = 100
-"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
+"""Largest varied command delay in control periods; the loop stores as many commands."""
 
 LONGEST_QUEUE_OF_SERVO = 1000
-"""Control periods that a servo's setpoints may be on their way: as many are remembered."""
+"""Longest servo latency in control periods; the servo stores as many setpoints."""
 
 MOST_JOINTS = 256
-"""Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
-does, of 1200 it ends the process."""
+"""Largest number of joints of a vehicle that flies. LLVM's stack grows with the compiled loop: 400 joints compile,
+1200 end the process."""
 
 
 class Rule(NamedTuple):
@@ -63,7 +63,7 @@ class Rule(NamedTuple):
 
 
 RULES: list[Rule] = []
-"""In the order of their messages: the first that fails is told."""
+"""Consistency checks in the order of their messages; the first failure is reported."""
 
 
 def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:

@@ -13,10 +13,10 @@ from skyarm.scenario.paths import matches
 from skyarm.scenario.scenario_record import Scenario
 
 ABSENT = "(none)"
-"""Stands for what only one of two scenarios has."""
+"""Text in place of a value that only one of two scenarios has."""
 
 FOR_PEOPLE = ("title", "sources", "notes", "type")
-"""Words that say nothing of a flight, or what a table is of."""
+"""Names of a path that describe no part of a flight."""
 
 Words = tuple[str, ...]
 
@@ -72,7 +72,7 @@ def _path(words: Words) -> str:
 
 
 MOST_FIELDS = 20
-"""Fields that a terminal shows; ``--json`` has all."""
+"""Number of fields that a terminal shows; ``--json`` has all."""
 
 
 def changed_field_lines(differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]) -> list[str]:

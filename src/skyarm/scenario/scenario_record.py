@@ -47,13 +47,13 @@ else:
     Contact = AnyComponent = Component  # a world is imported when a scenario has one
 
 PLANTS = ("rigid_body", "mujoco")
-"""That the paper's cases fly on; all are those of the registry."""
+"""Kinds of plants for the paper's cases; the registry lists all."""
 
 HIGHEST_RATE = 1_000_000
-"""Hz: a clock beyond this is a slip of units."""
+"""Highest clock rate (Hz); a larger number is probably in another unit."""
 
 LATEST = 1e7
-"""s: ten million control periods at 1 Hz."""
+"""Latest time (s) of a scenario: ten million control periods at 1 Hz."""
 
 PERFECT_SENSORS = SensorNoise()
 
@@ -114,7 +114,7 @@ class Rates:
 
 
 QUEUED = Word(unless="longest_command")
-"""Of a delay that may vary where the longest is stated, which is the length of the loop's queue."""
+"""Declaration of a delay that may vary if the longest is stated, which sets the length of the loop's queue."""
 
 
 @immutable

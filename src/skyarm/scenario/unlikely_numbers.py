@@ -29,37 +29,39 @@ OTHER = {
     "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",
     "kg m^2": "kg cm^2 or g mm^2", "A h": "mA h", "ohm": "mohm", "A": "mA", "V": "mV",
 }  # fmt: skip
-"""Unit -> what a number that is too large is probably in."""
+"""Unit -> unit in which a suspiciously large number probably is."""
 
 MARGINS = 0.05, 20.0
-"""Highest thrust over weight: racing drones reach 15, and less than a twentieth is no vehicle that flies."""
+"""Usual range of the largest thrust over the weight; racing drones reach 15."""
 
 EARTH = 9.81
-"""m/s^2."""
+"""Standard gravity (m/s^2), rounded."""
 
 HEAVIEST = 300.0
-"""kg: a quadrotor of 0.7 kg written in grams weighs more."""
+"""Largest plausible mass (kg); a quadrotor of 0.7 kg written in grams exceeds it."""
 
 GYRATION = 3.0
-"""Radius of gyration over the vehicle's extent: a body within it has less than 1; in kg cm^2 it has 100 times more."""
+"""Largest plausible radius of gyration over the vehicle's extent; below 1 for a body within it, 100 times more in kg
+cm^2."""
 
 COMPACT = 0.02
-"""Least radius of gyration of a base over its furthest rotor's distance, of a metre at most; shipped: 0.37 to 0.6."""
+"""Smallest plausible radius of gyration of a base over the distance of its furthest rotor; shipped vehicles: 0.37 to
+0.6."""
 
 SMALLEST = 0.05
-"""m: least extent that is taken for a vehicle's, so that a body without a described size is not suspected."""
+"""Smallest extent (m) assumed for a vehicle, so that a body without a described size is not suspected."""
 
 SPREAD = 1000.0
-"""m: of a reference."""
+"""Largest plausible distance (m) of a reference."""
 
 PHASE = 25.0
-"""rad: of a sine, four turns."""
+"""Largest plausible phase (rad) of a sine: four turns."""
 
 LOADED = 10.0
-"""Mass of the plant over that of the model, or the other way."""
+"""Largest plausible ratio of the masses of plant and model."""
 
 LOOKS = 200
-"""Instants at which a reference is looked at."""
+"""Number of instants at which a reference is evaluated."""
 
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:

@@ -31,22 +31,22 @@ from skyarm.world import NO_WIND, Component, WindSample
 from skyarm.world.component import MOST_UNIFORMS
 
 INSTANTS = 2000
-"""Of the flight, at which a part that seems to do nothing is looked at."""
+"""Number of instants of the flight at which a part is tested for any effect."""
 
 NOTHING = 1e-12
-"""N, N m and m/s: rounding."""
+"""Size (N, N m, m/s) below which an effect counts as rounding."""
 
 WEIGHT = Vec3(0.0, 0.0, 9.81)
-"""Specific force that sensors are given in a check, m/s^2."""
+"""Specific force (m/s^2) that sensors receive in the test for an effect."""
 
 MOVING = Vec3(1.1, 0.7, 0.9)
-"""rad/s: a motion in which no drag is zero by chance."""
+"""Angular velocity (rad/s) of the test for an effect; generic, so that no drag vanishes by symmetry."""
 
 AIRS = {"xy": Vec3(0.8, 0.6, 0.0), "z": Vec3(0.0, 0.0, 1.0)}
-"""World axes -> air along them, m/s."""
+"""World axes -> air velocity along them (m/s) of the test for an effect."""
 
 UNKNOWN: Any = None
-"""State, motion or time for a component that must not depend on it."""
+"""Placeholder for state, motion or time of a component that must not depend on it."""
 
 LEVEL, TILTED = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.9, 0.3, 0.3, 0.1)
 

@@ -308,7 +308,7 @@ class ChannelSensor(Sensor):
         return self.quantities(example_state(*vehicle.sizes), Vec3(0.0, 0.0, 0.0))
 
     record: ClassVar[type]
-    """Record of a reading: the instant, then a field for each channel."""
+    """Record type of a reading: the time, then a field for each channel."""
 
     def reading(
         self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float

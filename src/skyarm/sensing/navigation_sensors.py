@@ -20,25 +20,25 @@ from skyarm.sensing.channel import Channel, ChannelSensor, Quantities, SampleRat
 from skyarm.sensing.sensor_kinds import Reading
 
 SEA_LEVEL_TEMPERATURE = 288.15
-"""K, of the standard atmosphere at sea level."""
+"""Temperature (K) of the standard atmosphere at sea level."""
 
 SEA_LEVEL_PRESSURE = 1013.25
-"""hPa, of the standard atmosphere at sea level."""
+"""Pressure (hPa) of the standard atmosphere at sea level."""
 
 LAPSE_RATE = 0.0065
-"""K/m, decrease of the temperature with the geopotential height in the troposphere."""
+"""Decrease of the temperature with the geopotential height in the troposphere (K/m)."""
 
 PRESSURE_EXPONENT = 9.80665 / (287.05287 * LAPSE_RATE)
 """Power of the temperature ratio: gravity (m/s^2) by gas constant of air (J/(kg K)) and lapse rate, 5.2559."""
 
 EARTH_RADIUS = 6356766.0
-"""m, nominal radius by which geopotential follow from geometric heights."""
+"""Nominal Earth radius (m) that relates geopotential to geometric heights."""
 
 TROPOPAUSE = 11000.0
-"""m, geopotential height of the troposphere's end."""
+"""Geopotential height (m) of the tropopause."""
 
 KELVIN = 273.15
-"""K, of 0 degrees Celsius."""
+"""Temperature (K) of 0 degrees Celsius."""
 
 
 @immutable

@@ -92,7 +92,7 @@ class SwitchReading(Reading):
 
 LOG_2 = 0.6931471805599453
 TURN = 6.283185307179586
-"""rad, one turn."""
+"""One turn (rad)."""
 
 
 @immutable

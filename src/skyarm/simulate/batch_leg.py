@@ -146,7 +146,7 @@ def _contact_inputs(
 
 
 OF_CHANGES = "changes."
-"""Beginning of the paths of values that changes set."""
+"""Prefix of the paths of values that scheduled changes set."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import Clock
 
 SLACK = 1e-5
-"""m, rad or 1: how far inside a limit a lane may be that machine code, which rounds otherwise, found outside."""
+"""Distance (m, rad or 1) inside a limit up to which a lane may be that machine code, with other rounding, found
+outside."""
 
 
 @immutable(kw_only=False)
@@ -35,7 +36,7 @@ class Ended:
 
 
 RUNNING = "running"
-"""Status of a log of an episode that is not over."""
+"""Status in the log of a running episode."""
 
 
 def running_status(scenario: Scenario, tick: int) -> Ended | None:
@@ -96,7 +97,7 @@ def ending_of_command(scenario: Scenario, time: float, command: Sequence[float])
 
 
 OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
-"""Beginnings of the paths of numbers that decide what ends an episode."""
+"""Prefixes of the paths of numbers that decide when an episode ends."""
 
 
 def statuses(

@@ -17,10 +17,10 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
-"""Channels of the full state's noise and of the wind; what a scenario adds has channels of its own."""
+"""Channels of the random generator for the full state's noise and for the wind; added components have further ones."""
 
 STARTS = (2**32 - 1, 2**32 - 2)
-"""Steps -1 and -2 of a channel start a component's memory; the flight's own begin at step 0."""
+"""Steps -1 and -2 of a channel, which initialise a component's state; the flight's own begin at step 0."""
 
 
 @immutable(kw_only=False)

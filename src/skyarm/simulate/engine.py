@@ -53,21 +53,22 @@ from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
 SHORT = 500_000_000
-"""Operations up to which an episode ends sooner in code that is made in a hurry: 150 000 periods of a quadrotor with a
-two-joint arm, where the time saved in making it is the time lost in flying."""
+"""Number of operations up to which an episode ends sooner in code compiled without full optimisation: 150 000
+periods of a quadrotor with a two-joint arm, where the compilation time saved equals the flight time lost."""
 
 PIECE = 0.1
-"""s that an episode is flown at a stretch: between stretches Ctrl-C is handled."""
+"""Duration (s) of flight between two checks for Ctrl-C."""
 
 ALIVE, TICKS = 0, 1
-"""Places of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
+"""Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
 ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
-"""Replaced parts and paths of the numbers: equal for programs that differ in the values of their numbers alone."""
+"""Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
+values."""
 
 EngineRow: TypeAlias = GivenRow | tuple[GivenRow, Scalar, Command]
-"""Row of inputs, with what a command from outside says and that command where there may be one."""
+"""Row of inputs, with the mode and values of an external command where one is possible."""
 
 
 class EpisodeCode:
@@ -212,7 +213,8 @@ class _PythonSteps:
 
 
 EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
-"""Scenario, its inputs and their rows, begin of the piece, tick, end; loop state, parameters, log, memory of a law."""
+"""State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
+log, memory of a law."""
 
 
 class Engine:

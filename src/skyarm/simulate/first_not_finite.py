@@ -16,11 +16,11 @@ from skyarm.records.files.user_code import is_own
 from skyarm.records.leaves import leaves
 
 CONSTANTS = "self", "par"
-"""Arguments whose numbers a period does not change: limits among them may be infinite."""
+"""Arguments whose numbers a period does not change; limits among them may be infinite."""
 
 
 Trace: TypeAlias = Callable[[FrameType, str, Any], "Trace | None"]
-"""Function that Python calls with a frame, what happens in it, and the value or the error of it."""
+"""Trace function of Python: called with a frame, an event, and its value or error."""
 
 
 def first_line(period: Callable[[], object]) -> str:

@@ -30,7 +30,7 @@ from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
 
 Vary = Callable[[Sequence[Scalar]], Scenario]
-"""From the numbers of a lane to its scenario."""
+"""Function from the numbers of a lane to its scenario."""
 
 
 class LaneLoop:

@@ -157,10 +157,10 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
 
 
 TRIED = 1e-3
-"""A noise that no field refuses."""
+"""Noise value allowed by every field, used in trials."""
 
 REFUSALS = (ValueError, ArithmeticError)
-"""What records raise of a number that they do not take."""
+"""Exceptions that records raise for numbers that they refuse."""
 
 
 def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
@@ -240,7 +240,7 @@ class LaneRules:
 
 
 LAWS = ("controller", "controller.law")
-"""Parts that are made for the belief as it is."""
+"""Parts that are built for the controller's model as it is."""
 
 
 def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None:

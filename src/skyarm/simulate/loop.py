@@ -19,7 +19,8 @@ from skyarm.simulate.session import Session, open_session
 Progress = Callable[[int, int], None]
 
 SLOWER = "about 150 times slower per step, the same numbers"
-"""Measured on the paper's vehicle; with the tracing, which both need, 10 s take ten times as long."""
+"""Text on the speed of Python floats, measured on the paper's vehicle; with tracing, which both need, 10 s take ten
+times as long."""
 
 
 class _Episode(Session):

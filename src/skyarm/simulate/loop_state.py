@@ -58,7 +58,7 @@ class PathClock:
 
 
 Clock = PathClock | tuple[()]
-"""Clock of the reference: () where no phase waits."""
+"""State of the reference's clock; () where no phase waits."""
 
 
 @immutable
@@ -98,7 +98,7 @@ class LoopState:
 
 
 Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
-"""Reference of a row, or () until the loop has put it there."""
+"""Reference of a row; () until the loop has set it."""
 
 
 @immutable
@@ -118,7 +118,7 @@ class InputRow(Generic[Wanted_co]):
 
 
 GivenRow = InputRow[Reference | tuple[()]]
-"""Inputs as the loop gets them, with or without a reference."""
+"""Inputs as the loop receives them, with or without a reference."""
 
 
 @immutable

@@ -30,10 +30,10 @@ WHERE = "in a process with an empty environment, another folder and another hash
 CAUSES = "it reads the environment or a file that no field names, is made of random numbers, or goes through a set"
 
 FAILED = "failed"
-"""In the place of a method: why the models failed there."""
+"""Key for the reason why the models of a process failed."""
 
 KEPT = ("SYSTEMROOT", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME")
-"""Variables of the environment without which Python or NumPy may not start."""
+"""Environment variables without which Python or NumPy may not start."""
 
 PROGRAM = """import json, os, sys
 sys.path[:] = json.loads(sys.argv[1])
@@ -44,19 +44,19 @@ from skyarm.simulate.user_code import fingerprints
 text = json.dumps(answer(fingerprints))
 with open(out, "w") as file:
     file.write(text)"""
-"""What plugins print goes to standard error: the answer has standard output for itself."""
+"""Program of the other process; plugins print to standard error, since standard output carries the answer."""
 
 SECONDS = 120.0
-"""After which the other process is given up."""
+"""Time (s) after which the other process is abandoned."""
 
 DEEP = "a/b/c/d"
-"""The other folder in an empty one: a field may name a file some folders above the present one, too."""
+"""Subfolder of the other, empty folder; a field may name a file some folders above the present one."""
 
 Found = list[dict[str, str]]
 """Fingerprints of models."""
 
 TRIED: set[str] = set()
-"""Models of plugins that this process or its parent tried."""
+"""Models of plugins that this process or its parent has tried."""
 
 ANSWERING: list[bool] = []
 """Not empty in the other process, which starts no further one."""

@@ -19,7 +19,7 @@ from skyarm.simulate.stages import Readings, Stages
 from skyarm.world import WindSample
 
 Body = TypeVar("Body")
-"""State of what a plant moves."""
+"""Type of the state of a moving body."""
 
 
 class PlantSteps(Protocol[Body]):

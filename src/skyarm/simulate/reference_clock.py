@@ -84,13 +84,13 @@ class GuardTerms:
 
 
 WHOLE = 1e-9
-"""Control periods that are rounding."""
+"""Number of control periods that counts as rounding."""
 
 NEVER = 1e30
-"""Control periods that no flight has."""
+"""Number of control periods longer than any flight."""
 
 BEGUN = -1.0
-"""``waited`` of a clock that has just taken over."""
+"""Value of ``waited`` of a clock that has just taken over."""
 
 
 class Waits:

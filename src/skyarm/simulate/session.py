@@ -148,10 +148,10 @@ class Session:
     """
 
     returns = True
-    """Whether :meth:`snapshot` and :meth:`restore` work: a program that flies along cannot go back."""
+    """True if :meth:`snapshot` and :meth:`restore` work; an external program that flies along cannot go back."""
 
     _commands = True
-    """Whether :meth:`step` takes commands; without them the program is shorter."""
+    """True if :meth:`step` accepts commands; without them the program is shorter."""
 
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""

@@ -253,10 +253,10 @@ class Stages:
 
 
 POSES = ("position", "yaw", "joints", "tip")
-"""What a reference at rest keeps; its derivatives are zero."""
+"""Fields of a reference that a reference at rest keeps; its derivatives are zero."""
 
 ASKED = (0, 5)
-"""Places in the push of a requested force and grip."""
+"""Indices of force and grip in the push of a reference."""
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:

@@ -62,10 +62,10 @@ from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
 
 Call = Callable[..., Any]
-"""(method, arguments) -> result of the user's method, whatever that is."""
+"""Function (method, arguments) -> result of the user's method, of any type."""
 
 Step = Callable[[Call, Tree, Scalar, State, tuple[Scalar, ...]], Tree]
-"""(call, memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""
+"""Function (call, memory, time, state, draws) -> next memory; raises ScenarioError for a result of the wrong shape."""
 
 
 class PartError(LawError, ScenarioError):
@@ -75,7 +75,7 @@ class PartError(LawError, ScenarioError):
 PURE = "must compute from its arguments and fields alone; random numbers are its draws"
 
 Fingerprint = dict[str, str]
-"""Texts of what the methods of a part give in a trace, by place."""
+"""Text of the traced results of a part's methods, by place."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class UserPart:
 
 
 Check = Callable[[Scenario, UserPart], Fingerprint]
-"""Trace of one step of a model, which raises a one-line error of a mistake in it."""
+"""Function that traces one step of a model and raises a one-line error for a mistake in it."""
 
 
 def _as_constructed(record: Any) -> Any:

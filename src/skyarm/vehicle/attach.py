@@ -17,7 +17,7 @@ from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 MIMIC = ("lock", "couple")
-"""Treatment of joints that follow others: fixed where they rest, or moved with their leaders."""
+"""Treatments of joints that follow others: fixed at rest, or moved with their leaders."""
 
 
 @immutable(kw_only=False)
@@ -308,7 +308,7 @@ class RigidBodies:
 
 
 SHOWN = 4
-"""Names in a note; a hand of twenty joints would fill the screen."""
+"""Number of names in a note."""
 
 
 class Notes:

@@ -17,7 +17,7 @@ from skyarm.vehicle.thrust_table import ThrustTable
 ESC = ("governed", "open")
 
 HOUR = 3600.0
-"""s."""
+"""Seconds of an hour."""
 
 
 @immutable

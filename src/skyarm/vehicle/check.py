@@ -20,16 +20,16 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 
 FARTHEST = 10.0
-"""m from one part to the next: an arm of 15 mm written in millimetres is longer."""
+"""Largest plausible distance (m) from one part to the next; an arm of 15 mm written in millimetres is longer."""
 
 TURN = 2.0 * math.pi * 1.001, FARTHEST
-"""Usual position of a joint: a turn, as files round it, or m."""
+"""Usual position of a joint: a turn (rad), with the rounding of files, or a length (m)."""
 
 NOISE = 1e-15
-"""kg m^2: a negative moment of at most this size is rounding; a milligram at 30 micrometres has as much."""
+"""Size (kg m^2) of a negative moment that counts as rounding; a milligram at 30 micrometres has as much."""
 
 SHARE: Mapping[str, Any] = {"low": 0.0, "folds": True, "rule": coefficient}
-"""A number of at least 0 whose integer zero is structure: there is no such effect."""
+"""Declaration of a number of at least 0 whose integer zero is structure: the effect is absent."""
 
 
 class VehicleError(RecordError):

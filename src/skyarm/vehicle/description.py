@@ -18,7 +18,8 @@ from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import Body
 
 ROUNDING = 1e-15
-"""Entries of a rotation nearer than this to 0, 1 or -1 are that number: sin(pi) is 1.2e-16 in floating point."""
+"""Distance from 0, 1 or -1 below which an entry of a rotation becomes that number; sin(pi) is 1.2e-16 in floating
+point."""
 
 
 def zero_is_structure(value: float) -> int | float:

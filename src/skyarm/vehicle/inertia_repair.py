@@ -15,7 +15,8 @@ from skyarm.vehicle.check import NOISE, principal_moments
 from skyarm.vehicle.linkage import Body
 
 REPAIRABLE = 0.1
-"""Of the largest moment: what lies farther beyond the inequality is no slip of rounding or of a program's density."""
+"""Largest violation of the inequality, as a fraction of the largest moment, that counts as rounding or as a density
+error of a program."""
 
 
 def excess(moments: Sequence[float]) -> float:

@@ -181,7 +181,7 @@ class Joint:
 
 
 JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")
-"""Numbers of a joint that a scenario may state in place of the vehicle's."""
+"""Parameters of a joint that a scenario may state in place of the vehicle's."""
 
 
 @immutable

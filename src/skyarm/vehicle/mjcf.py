@@ -187,10 +187,10 @@ def _rotation(wxyz: Array) -> Mat3:
 
 
 KINDS = ("free", "ball", "prismatic", "revolute")
-"""Kinds of joints, in the order of MuJoCo's numbers of them."""
+"""Kinds of joints, in the order of MuJoCo's enumeration."""
 
 AT_JOINT = (0, 1)
-"""MuJoCo's numbers of the transmissions that act at a joint."""
+"""MuJoCo's enumeration values of the transmissions that act at a joint."""
 
 
 def kind_of(model: MjModel, joint: int) -> str:

@@ -21,7 +21,7 @@ from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import Body, Joint, Linkage
 
 SINGULAR = 1e-12
-"""Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
+"""Moved inertia over that of the outer bodies below which the remainder is rounding (1e-16 times a few)."""
 
 GOLDEN = 0.6180339887498949
 

@@ -20,16 +20,16 @@ from skyarm.vehicle.mobility import joint_mobility
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SOFTEST, USUAL, STIFFEST = 100.0, 200.0, 1500.0
-"""rad/s, natural frequencies of a joint against its stop: RK4 takes steps of 5 ms up to 440."""
+"""Natural frequencies (rad/s) of a joint against its stop: least, usual, largest; RK4 takes steps of 5 ms up to 440."""
 
 DEPTH = {"revolute": 0.02, "prismatic": 0.002}
-"""rad or m by which the drive's largest effort may press into the stop, where ``USUAL`` allows that."""
+"""Penetration (rad or m) of a stop by the drive's largest effort, where ``USUAL`` allows it."""
 
 DEEPEST = 5.0
-"""Largest depth in multiples of ``DEPTH``, where ``STIFFEST`` allows that."""
+"""Largest penetration in multiples of ``DEPTH``, where ``STIFFEST`` allows it."""
 
 DAMPING_RATIO = 0.5
-"""Damping ratio of the joint against its stop, at that depth."""
+"""Damping ratio of the joint against its stop, at that penetration."""
 
 
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
@@ -78,13 +78,14 @@ def _with_stops(joint: Joint, ease: float) -> Joint:
 
 
 MOST = 3000.0
-"""1/s at the six configurations looked at here: at others friction may be three times as fast; plants refuse 1e4."""
+"""Largest decay rate (1/s) of friction at the six evaluated configurations; elsewhere it may be three times as fast,
+and plants refuse 1e4."""
 
 WANTED = 2500.0
-"""1/s, below which faster friction is brought."""
+"""Decay rate (1/s) to which faster friction is reduced."""
 
 SOFTER = 1.5
-"""Factor from one try to the next."""
+"""Factor from one trial to the next."""
 
 
 NOTE = "dry friction too stiff to integrate, bent by a larger coulomb_rate; state the armature of its drive"

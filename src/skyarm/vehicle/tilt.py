@@ -15,7 +15,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
 
 ACROSS = 1e-6
-"""Cosine between a servo's axis and the rotor's within which they count as perpendicular."""
+"""Cosine between a servo's axis and the rotor's up to which they count as perpendicular."""
 
 
 @immutable

@@ -28,7 +28,7 @@ from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 READ = ("link", "joint", "material")
-"""Elements of a robot that are read, or say only how it looks."""
+"""Elements of a robot that are read, or concern only its appearance."""
 
 
 @immutable(kw_only=False)

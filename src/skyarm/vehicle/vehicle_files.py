@@ -92,7 +92,7 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
 
 
 RIGID = (".urdf", ".xml", ".mjcf")
-"""Suffixes of files that hold rigid bodies and joints, and no rotors."""
+"""Suffixes of files with rigid bodies and joints, without rotors."""
 
 
 def expand(path: Path) -> str:
@@ -152,7 +152,7 @@ def _read(
 PREFIX = "robot:"
 
 CARRIED = Path("share") / "example-robot-data" / "robots"
-"""Folder of example-robot-data below the prefix where its package puts its files."""
+"""Folder of example-robot-data below the prefix where its package installs its files."""
 
 
 def is_robot(name: str) -> bool:

@@ -30,7 +30,7 @@ from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
 LOAD = Unit("kg", "mass of the payload, in addition to the vehicle's", low=0.0, high=1e4)
-"""Unit of a carried mass: more would leave nothing of the vehicle in a sum of both."""
+"""Declaration of a carried mass; a larger one would leave nothing of the vehicle in the sum of both."""
 
 
 def rotation_sense(field: str, value: object) -> int:

@@ -28,14 +28,14 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
     "mjcf": (".xml", ".mjcf"),
     "airframe": (".toml", ".urdf", ".xml", ".mjcf"),
 }
-"""Fields that replace ``base`` and ``links``, one a file -> suffixes of the files that they name."""
+"""Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the files that they name."""
 
 Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
 Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
-"""Reader of a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
+"""Function that reads a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:

@@ -24,8 +24,8 @@ from skyarm.vehicle.vehicle_tables import COEFFICIENTS
 Table = dict[str, Any]
 
 Notes = Mapping[str, str]
-"""Dotted path of a field, with the names of links and without those of rotors -> comment behind it, or, of several
-lines, above it."""
+"""Comments: dotted path of a field, with the names of links and without those of rotors -> comment behind it, or
+above it if it has several lines."""
 
 
 def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None = None) -> str:
@@ -106,7 +106,7 @@ def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
 
 
 PLACED = ("name", "position", "direction")
-"""Fields that every rotor states itself."""
+"""Keys that every rotor states itself."""
 
 
 def _rotor(rotor: Rotor) -> Table:

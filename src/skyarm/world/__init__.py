@@ -24,7 +24,7 @@ _LATER = {
     "hanging_payload": ("HangingPayload",),
     "signal_vector": ("ColouredNoise", "SignalVector"),
 }
-"""Modules that load with the first use of one of their names."""
+"""Modules that are imported at the first use of one of their names."""
 
 
 def __getattr__(name: str) -> Any:

@@ -18,7 +18,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Force, Wrench
 
 _STILL = 1e-24
-"""m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative at rest is 0 instead of NaN."""
+"""Squared speed (m^2/s^2) added under the root; it makes the derivative at rest 0 and changes no speed above 1e-4
+m/s."""
 
 
 @immutable

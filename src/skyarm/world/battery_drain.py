@@ -21,7 +21,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     rotors: tuple[Rotor, ...]
 
     def start(self, period: float, draws: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
-        """Initial battery charge (share of the capacity) and open-circuit voltage (V)."""
+        """Initial battery charge (fraction of the capacity) and open-circuit voltage (V)."""
         charge = data(self.battery.charge)
         return charge, self.battery.voltage(charge, 0.0)
 

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
 MOST_STEPS = 1000
-"""Largest number of integration steps per control period; a model that needs more is taken for a mistake in units."""
+"""Largest number of integration steps per control period; a model that needs more is probably in other units."""
 
 MOST_UNIFORMS = 10_000
-"""Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
+"""Largest number of random numbers of one component per period; a program with more takes minutes to compile."""
 
 
 @immutable
@@ -60,7 +60,7 @@ class Wrench:
 
 
 Memory = TypeVar("Memory", bound=Tree)
-"""Internal state of a component, ``tuple[()]`` of one without any; its time derivative has the same type."""
+"""Type of a component's internal state, ``tuple[()]`` if it has none; its time derivative has the same type."""
 
 
 def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:

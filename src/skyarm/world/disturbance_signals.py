@@ -41,7 +41,7 @@ from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, 
 AXES = ("world", "frame")
 
 Numbers = tuple[Scalar, ...]
-"""Unit-variance noise; () without any."""
+"""Unit-variance noise; () for none."""
 
 
 class NoisyComponent(Component[Numbers]):

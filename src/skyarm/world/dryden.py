@@ -29,7 +29,7 @@ from skyarm.records.units import Unit
 
 METRES_PER_FOOT = 0.3048
 LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
-"""Altitudes the low-altitude model is written for, m."""
+"""Range of altitudes (m) of the low-altitude turbulence model."""
 
 
 @immutable

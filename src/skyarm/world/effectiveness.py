@@ -1,4 +1,4 @@
-"""Actuator effectiveness: the remaining share of each actuator's force."""
+"""Actuator effectiveness: the remaining fraction of each actuator's force."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from skyarm.records.immutable import immutable
 
 @immutable(kw_only=False)
 class Effectiveness:
-    """Remaining share of each rotor's thrust and of each joint drive's effort, and the stuck joints.
+    """Remaining fraction of each rotor's thrust and of each joint drive's effort, and the stuck joints.
 
     Attributes:
         rotors: share of thrust and drag torque, one per rotor.

@@ -85,7 +85,7 @@ class Fault:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(names) or 'none'}")
 
     def share(self, t: Scalar) -> Scalar:
-        """Remaining share of the actuator's force at time t (s); 1 before the fault starts."""
+        """Remaining fraction of the actuator's force at time t (s); 1 before the fault starts."""
         left = self.effectiveness
         if self.signal is not None:
             left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)

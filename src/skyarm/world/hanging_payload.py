@@ -27,10 +27,10 @@ from skyarm.world.component import Column, Wrench, require_frame, select
 from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 
 SUBSTEPS = 20
-"""Steps of the load in a control period."""
+"""Number of integration steps of the load per control period."""
 
 FASTEST = 0.5
-"""Largest product of the cord's own angular frequency, with the load on it, and the control period."""
+"""Largest product of the loaded cord's angular frequency and the control period."""
 
 
 @immutable

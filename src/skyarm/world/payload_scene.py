@@ -12,7 +12,7 @@ from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import payload_shape
 
 HELD = 0.5
-"""Share of the mass from which on it counts as held, between two instants of a log."""
+"""Fraction of the mass above which a payload counts as held, between two instants of a log."""
 
 
 def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Vec3, rigid: bool) -> Scene:

@@ -18,7 +18,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal, signal_from
 
 NONE = Constant(0)
-"""A component that is not there: a structural zero."""
+"""Absent component of a signal vector: a structural zero."""
 
 
 @immutable
@@ -55,7 +55,7 @@ NO_SIGNALS = SignalVector()
 
 
 DEVIATIONS = ("force", "torque", "velocity")
-"""Quantities that may have noise."""
+"""Quantities that may have coloured noise."""
 
 
 @immutable

@@ -75,7 +75,7 @@ class WindSample(Component[tuple[()]]):
 
 
 WindValue = Gust | tuple[Gust, ...] | Dryden | None
-"""Value of a field of a wind that a table spells in short."""
+"""Value of a wind's field with a short spelling in a table: a gust, several gusts, turbulence or none."""
 
 
 class GustyWind(Component[Memory]):
@@ -87,7 +87,7 @@ class GustyWind(Component[Memory]):
     gusts: tuple[Gust, ...]
 
     blows: ClassVar[str]
-    """A file's word for the peak of a gust."""
+    """Key in a file for the peak of a gust."""
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:

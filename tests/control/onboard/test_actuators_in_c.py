@@ -60,7 +60,7 @@ def test_a_command_of_setpoints_is_said_to_be_one():
     """At the top for each joint, at the command, and where it is remembered; the law inside remembers torques."""
     scenario = load_scenario(FLIGHT)
     text = export_c(scenario.controller, name="law", period=0.005, estimator=ErrorStateFilter()).text
-    said = "of each joint what its line above says, in that order"
+    said = "command of each joint as in its line above, in that order"
     assert "joint 0: shoulder of link 0 'upper', revolute, rad, setpoint of its PositionServo in rad" in text
     assert f"double efforts[2]; /* {said} */" in text
     assert f"double sent_efforts[2]; /* {said} */" in text

@@ -250,7 +250,7 @@ def test_flights_of_two_gravities_need_one_that_is_given(asked, files):
     ("section", "words"),
     [
         ((10.0, 20.0), "--begin = 10: must be below 10 s, the end of a"),
-        ((-5.0, 2.0), "--end = 2: must be above 2 s, the begin of b"),
+        ((-5.0, 2.0), "--end = 2: must be above 2 s, the start of b"),
         ((9.99, 20.0), ""),
     ],
 )

@@ -28,8 +28,8 @@ EFFORT = "SKYARM_EFFORT"
 """Name of the environment variable that limits LLVM's optimisation level; 0 suits many short-lived programs."""
 
 LARGE = 100_000
-"""Number of operations above which a program is compiled without optimisation: the optimiser needs minutes, in which no
-signal is answered. A law that is told of a delay of half a second has 300 000."""
+"""Number of operations above which a program is compiled without optimisation, which needs minutes without handling
+signals. A law with a nominal delay of half a second has 300 000."""
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step

@@ -116,8 +116,8 @@ ARGUMENTS = (
 )
 
 ALIGNED = 64
-"""Alignment of the stack in bytes, that of a cache line. Most numbers of a step lie there: as a caller leaves it, it
-splits every vector of 64 bytes over two lines three times in four, and flights take a fifth longer."""
+"""Alignment (bytes) of the stack, that of a cache line. Most numbers of a step lie there; with the caller's
+alignment, three vectors of 64 bytes in four span two lines, and flights take a fifth longer."""
 
 FLUSH = 0x8040
 """Bits of the x86 floating-point control register that flush subnormal numbers to zero."""

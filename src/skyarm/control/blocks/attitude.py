@@ -73,7 +73,7 @@ def vector_series(motion: Sequence[Vec3]) -> Vec3:
 
 
 FALL = 0.875
-"""Width of the range in which :func:`upright` raises a vertical force, as a share of ``start``."""
+"""Width of the range in which :func:`upright` raises a vertical force, as a fraction of ``start``."""
 
 TINY = 1e-12
 """Squared sine between thrust and heading below which the heading does not fix the attitude. The tilt limit keeps far

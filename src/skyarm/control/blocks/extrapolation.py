@@ -21,8 +21,8 @@ from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
 
 JUMP, ROUGH = 0.1, 0.02
-"""Tolerances of the jump test of a rate, as shares of the difference and of the size of two accelerations. A rate that
-misses their mean by more has jumped."""
+"""Tolerances of the jump test of a rate, as fractions of the difference and of the size of two accelerations. A rate
+that misses their mean by more has jumped."""
 
 
 def extrapolate(

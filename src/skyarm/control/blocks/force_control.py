@@ -65,7 +65,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST
 
 YIELDING = 0.8
-"""Share of the approach speed above which a pressed surface counts as yielding: doors are slower, boxes faster."""
+"""Fraction of the approach speed above which a pressed surface counts as yielding: doors are slower, boxes faster."""
 
 PRESSED = 0.75
 """Threshold of the contact history flag above which the full contact force has been commanded."""

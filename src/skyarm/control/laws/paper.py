@@ -170,7 +170,7 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 def with_friction(
     par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint torques with a share of the modelled friction compensated.
+    """Joint torques with a fraction of the modelled friction compensated.
 
     Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
     behind the inertia matrix: a joint's own friction moves nothing else.

@@ -45,7 +45,7 @@ from skyarm.sensing.sensor_kinds import (
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SETPOINTS = {"efforts": Unit("", "of each joint what its line above says, in that order")}
+SETPOINTS = {"efforts": Unit("", "command of each joint as in its line above, in that order")}
 """Unit of the command's efforts in the C struct if some joints take setpoints."""
 
 SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors above")}
@@ -150,14 +150,14 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
 
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
-"""Words of a parameter's path, with the shorter ones in its C name."""
+"""Names in a parameter's path, with their shorter forms in C."""
 
 STRUCTS = {
-    "measurement": "What the sensors say.",
+    "measurement": "Measurement: readings of the sensors.",
     "reference": "Desired motion.",
-    "memory": "What the law keeps from one call to the next; begin with the first memory.",
-    "command": "What the actuators are asked for.",
-    "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
+    "memory": "State of the law, from one call to the next; begin with the first memory.",
+    "command": "Commands of the actuators.",
+    "parameters": "Model and gains of the law; exact zeros and ones are constants of the code.",
 }
 """Comments of the C structs, by struct."""
 

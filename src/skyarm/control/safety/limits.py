@@ -26,8 +26,8 @@ STEP = 1e-3
 """Position and velocity step (m and m/s) of the stiffness test, too small to reach the law's own limits."""
 
 SETTLING = 40
-"""Number of control steps in which motor speeds settle at the commands. A law that inverts their lag then commands what
-it wants."""
+"""Number of control steps in which motor speeds settle at the commands; a law that inverts their lag then commands
+its desired speeds."""
 
 PERIOD = 0.005
 """Control period (s) of the stiffness test; a law's stiffness hardly depends on it."""

@@ -28,7 +28,7 @@ SMALL = 1e-9
 """Least squared speed per N m of yaw in the bounds, relative to the largest."""
 
 ENDLESS = 1e100
-"""N: no bound of the thrust."""
+"""Thrust (N) larger than any bound."""
 
 
 @immutable(kw_only=False)
@@ -102,7 +102,7 @@ LARGEST = 1e100
 
 
 AXES = ("roll torque", "pitch torque", "yaw torque", "thrust", "force along x", "force along y")
-"""Rows of an allocation matrix."""
+"""Names of the rows of an allocation matrix."""
 
 
 class AllocationError(ValueError):

@@ -22,7 +22,7 @@ from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 REACTIONS = 2
-"""Rounds in which the reaction of the arm's own motion turns the force that the base must give."""
+"""Number of iterations in which the reaction of the arm's motion changes the direction of the base force."""
 
 
 @immutable

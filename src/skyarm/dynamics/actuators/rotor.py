@@ -76,7 +76,7 @@ def rotor_forces(
 
 
 Turning = tuple[Rotor, Scalar, Scalar]
-"""A rotor, its speed (rad/s) and its effectiveness."""
+"""Rotor, its speed (rad/s) and its effectiveness."""
 
 
 def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:

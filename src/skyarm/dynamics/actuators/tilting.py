@@ -38,7 +38,7 @@ from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 FASTEST = 1e9
-"""rad/s: the largest rate that is reckoned with."""
+"""Largest tilt rate (rad/s) in computations, for a servo without a limit."""
 
 
 def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scalar:
@@ -90,7 +90,7 @@ def with_rest(vehicle: Vehicle, command: Command) -> Command:
 
 
 WIDEST = math.pi / 4.0
-"""rad: the angles in use go so far to either side of rest; then the two axes are perpendicular."""
+"""Largest used tilt angle (rad) to either side of rest, at which the axes of a pair are perpendicular."""
 
 
 @immutable(kw_only=False)

@@ -48,52 +48,54 @@ HOME = (47.397742, 8.545594, 488.0)
 """Latitude and longitude (deg) and altitude (m) of the world's origin."""
 
 START = 1_767_225_600
-"""s, Unix time at which each flight begins, as ArduPilot's satellites tell it (2026-01-01)."""
+"""Unix time (s) at which each flight begins, as ArduPilot's satellites report it (2026-01-01)."""
 
 LAYOUTS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
-"""Packet of pulse widths by its magic: magic, rate, count of frames, pulse widths in us."""
+"""Layout of a packet of pulse widths by its magic number: magic, rate, count of frames, pulse widths (us)."""
 
 PULSES = (1000, 2000)
-"""us of no and of full signal; 0 is a channel that is off."""
+"""Pulse widths (us) of zero and of full signal; 0 is a channel that is off."""
 
 STRAY = 200
-"""us beyond ``PULSES`` at which a pulse width is taken as nonsense."""
+"""Distance (us) beyond ``PULSES`` from which a pulse width is invalid."""
 
 SURPLUS = 1e-8
-"""Part by which time stamps run ahead: ArduPilot cuts each difference to whole microseconds, and so keeps ours."""
+"""Relative lead of the time stamps; ArduPilot truncates each difference to whole microseconds and then keeps our
+clock."""
 
 REPEATED = 0.5
-"""s by the wall clock; ArduPilot repeats a packet that has no answer after a second."""
+"""Wall-clock time (s) of silence before an answer is repeated; ArduPilot repeats an unanswered packet after a
+second."""
 
 AGAIN = 2
-"""Times that ArduPilot repeats a packet before its answer is taken as lost."""
+"""Number of repetitions of a packet by ArduPilot after which its answer counts as lost."""
 
 ESTIMATES, CONSTANT_POSITION = 0b111111, 0b10000000
-"""Flags of valid attitude, velocity and position, and of an estimator that takes the position as constant."""
+"""Flags of valid attitude, velocity and position, and of an estimator that assumes a constant position."""
 
 REPLY = 3.0
-"""s of silence after which a parameter that ArduPilot was asked for is one that it does not know."""
+"""Time (s) of silence after which a requested parameter counts as unknown to ArduPilot."""
 
 ASK, REQUEST = 0.5, 5.0
-"""s until ArduPilot is asked again: for its mode and arming, and for messages and to take off."""
+"""Time (s) until a request to ArduPilot is repeated: for mode and arming, and for messages and take-off."""
 
 SETTLED = 3.0
-"""s of valid estimates after which ArduPilot's local origin is known and it is asked to arm."""
+"""Time (s) of valid estimates after which ArduPilot's local origin is known and arming is requested."""
 
 
 PHYSICS_LINE = (
     '\n{"timestamp":%r,"imu":{"gyro":[%.9g,%.9g,%.9g],"accel_body":[%.9g,%.9g,%.9g]},"position":[%r,%r,%r],'
     '"quaternion":[%.9g,%.9g,%.9g,%.9g],"velocity":[%.9g,%.9g,%.9g],"no_time_sync":1}\n'
 )
-"""Answer to a frame; ArduPilot finds a key by the first place of its letters."""
+"""Answer to a frame; ArduPilot finds a key by the first occurrence of its letters."""
 
 
 OUTSIDE_PARAMETERS = {
     "GUID_OPTIONS": 8, "GUID_TIMEOUT": 0.2, "SERIAL1_PROTOCOL": 2, "ATC_RAT_YAW_FLTE": 0,
     "ATC_ACCEL_R_MAX": 0, "ATC_ACCEL_P_MAX": 0, "ATC_ACCEL_Y_MAX": 0,
 }  # fmt: skip
-"""Thrust of a set point is a thrust; s without set points from outside after which ArduPilot levels; MAVLink 2; yaw
-rates are not filtered, and rates are not slewed, since a law's control oscillates behind that."""
+"""Parameters for an external law: a set point's thrust is a thrust; level after so many s without set points;
+MAVLink 2; no filters of yaw and no slewing of rates, behind which a law's control oscillates."""
 
 
 @immutable

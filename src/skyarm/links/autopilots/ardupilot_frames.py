@@ -23,10 +23,10 @@ _OCTA: Motors = ((0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-9
 _COAXIAL: Motors = ((0, 1), (-90, -1), (180, 1), (90, -1), (-90, 1), (0, -1), (90, 1), (180, -1))
 
 ANGLE_TOLERANCE = 15.0
-"""deg between a rotor and its place in a frame."""
+"""Largest angle (deg) between a rotor and its position in a frame."""
 
 UPRIGHT = math.cos(math.radians(10.0))
-"""Least vertical part of a rotor's axis: ArduPilot takes all thrusts as parallel."""
+"""Least vertical component of a rotor's axis; ArduPilot assumes parallel thrusts."""
 
 
 @immutable(kw_only=False)
@@ -58,7 +58,7 @@ FRAMES = (
     ArduPilotFrame("coaxial octorotor +", 4, 0, _COAXIAL),
     ArduPilotFrame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
 )  # fmt: skip
-"""Frames that are looked for, in this order."""
+"""Supported frames, in the order in which they are tried."""
 
 
 def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
@@ -187,5 +187,6 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
 
 
 GYRO_FILTER = 80.0
-"""Hz of the gyro's low-pass filter, twice that of the rate loop, as ArduPilot's instructions for the first flight ask.
-They ask for 42 Hz with propellers of 10 inch and for 75 Hz with 5 inch; the default of 20 Hz is for the largest."""
+"""Cut-off frequency (Hz) of the gyroscope's filter, twice that of the rate loop, as in ArduPilot's first-flight
+instructions. The instructions ask for 42 Hz with propellers of 10 inch and for 75 Hz with 5 inch; the default of
+20 Hz is for the largest."""

@@ -45,7 +45,7 @@ FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(de
 
 
 LARGEST = 3.4e38
-"""Largest parameter: an autopilot's are of single precision."""
+"""Largest value of a parameter, which has single precision."""
 
 
 class LinkError(Exception):
@@ -82,7 +82,7 @@ class SimulatorLink(ABC):
     """Connection to an autopilot's running program, from its start to its end."""
 
     following: bool = False
-    """True once the vehicle is in the air and follows the set points."""
+    """True once the vehicle is in the air and tracks the set points."""
 
     @abstractmethod
     def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
@@ -93,7 +93,7 @@ class SimulatorLink(ABC):
         """
 
     released: bool = False
-    """True once the autopilot holds its place by itself and takes set points from a program outside."""
+    """True once the autopilot holds its position by itself and accepts external set points."""
 
     def release(self) -> None:
         """Hand control of the autopilot over to an external program; may be called again until that is done.
@@ -144,9 +144,9 @@ class Autopilot(ABC):
     title: ClassVar[str]
     variable: ClassVar[str]
     least_rate: ClassVar[int]
-    """Hz, of sensor messages."""
+    """Least rate (Hz) of sensor messages."""
     longest_name: ClassVar[int] = 16
-    """Letters of a parameter's name."""
+    """Largest number of characters of a parameter's name."""
 
     @abstractmethod
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:

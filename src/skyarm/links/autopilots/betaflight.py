@@ -71,14 +71,14 @@ from skyarm.sensing.sensor_kinds import Pose
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FLIGHT_CAMERA = Pose(frequency=250.0, position=Channel(sigma=0.001), attitude=Channel(sigma=0.001))
-"""Motion capture of a laboratory: 1 mm and 1 mrad at 250 Hz."""
+"""Motion capture system of a laboratory: 1 mm and 1 mrad at 250 Hz."""
 
 QUICK = 9.0
-"""1/s: with a slower angle loop the position loop is slowed by as much."""
+"""Bandwidth (1/s) of the angle loop below which the gains of the position loop are reduced in proportion."""
 
 CATCH_UP = 0.75
-"""Least distance of a state from the one before it and from its answer by the wall clock after a delay, in periods:
-Betaflight's clock runs by the distance at which it read two states, and it may read one late."""
+"""Least interval, in periods, between two states by the wall clock after a delay. Betaflight's clock runs by the
+interval at which it read two states, and it may read one late."""
 
 
 @immutable
@@ -112,31 +112,32 @@ make_betaflight = AutopilotMaker(Betaflight)
 
 
 START_TIME = 8.0
-"""Time by the wall clock within which a silent program is started again, in parts of the patience."""
+"""Wall-clock time within which a silent program is restarted, as a fraction of the patience."""
 
 WARM, WARM_STEP, WARM_WAIT = 0.4, 0.002, 0.02
-"""s of states before the flight's first, between them, and that each waits for its answer by the wall clock."""
+"""Times (s) of the states before the flight: their duration, their interval, and the wall-clock wait for each
+answer."""
 
 LEVEL = (1500, 1500, 1000, 1500)
-"""Sticks at rest."""
+"""Stick positions at rest."""
 
 ON, OFF = 2000, 1000
-"""Switches."""
+"""Switch positions on and off."""
 
 POWER_ON = 6.0
-"""s after which it is asked to arm: Betaflight calibrates its gyro and does not arm before 5 s."""
+"""Time (s) until arming is requested; Betaflight calibrates its gyroscope and does not arm before 5 s."""
 
 ANSWER = 0.4
-"""s by the wall clock that an answer is waited for; simulated time stands still meanwhile. A busy machine keeps the
-program waiting for longer than a period: two states that it then reads at once would make its clock leap. After half
-a second without a state the clock would jump."""
+"""Longest wall-clock wait (s) for an answer, while simulated time stands still. On a busy machine the program may
+need longer than a period; if it then reads two states at once, its clock jumps, as it does after half a second
+without a state."""
 
 RECENT, FAR_APART = 500, 0.1
-"""States that are looked at when Betaflight disarms, and s between two that are named as the likely cause: without
-radio for some tenths of a second it is in failsafe."""
+"""Number of states that are examined when Betaflight disarms, and interval (s) between two that is reported as the
+likely cause; it is in failsafe after some tenths of a second without radio."""
 
 RISE = 0.4
-"""m/s of the take-off."""
+"""Climb speed (m/s) of the take-off."""
 
 
 class BetaflightLink(ProgramLink):

@@ -27,16 +27,16 @@ GUARDED_PORTS = (
 )  # fmt: skip
 
 VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
-"""MSP's request for its version, which any Betaflight answers, and the head of an answer."""
+"""MSP's request for the version, which any Betaflight answers, and the head of an answer."""
 
 TAKEN = re.compile(r" set to (\S+)")
-"""Value in the answer to a setting: that of a fraction or a long number is cut off."""
+"""Value in the answer to a setting; fractions and long numbers are truncated there."""
 
 LONGEST_ANSWER = 1 << 16
-"""Bytes that the command line prints at most before its next prompt."""
+"""Largest output (bytes) of the command line before its next prompt."""
 
 HALT = 0.15
-"""s by the wall clock from an answer without a next state, after which the process is halted."""
+"""Wall-clock time (s) without a next state after an answer, after which the process is suspended."""
 
 
 class SilentStartError(LinkError):

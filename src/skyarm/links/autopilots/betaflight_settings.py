@@ -25,23 +25,23 @@ STATE, RADIO, MOTORS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Str
 MOST_ROTORS = 8
 
 IDLE = 0.03
-"""Signal of an armed motor at zero throttle."""
+"""Motor signal of an armed motor at zero throttle."""
 
 LINEARIZATION = 1.5
-"""Betaflight's thrust linearisation, its most: with it the thrust of a rotor that goes with the square of its signal is
-linear within 6 % of full thrust."""
+"""Betaflight's largest thrust linearisation; a thrust quadratic in the signal is then linear within 6 % of full
+thrust."""
 
 TILT_LIMIT, YAW_LIMIT = 30.0, 120.0
-"""deg and deg/s of a stick at its end."""
+"""Tilt (deg) and yaw rate (deg/s) at the end of a stick."""
 
 LOWEST_STICK = 1050
-"""us: Betaflight's throttle begins here."""
+"""Stick position (us) at which Betaflight's throttle begins."""
 
 UNITS = {"P": 0.032029, "I": 0.244381, "D": 0.000529}
-"""Motor signal, in thousandths, per deg/s, deg and deg/s^2 of a gain of 1 (Betaflight 4.6, scales of its rate loop)."""
+"""Motor signal, in thousandths, per deg/s, deg and deg/s^2 at a gain of 1 (Betaflight 4.6, scales of its rate loop)."""
 
 QUICKEST_RATE, QUICKEST_YAW = 32.0, 8.0
-"""rad/s of the rate loop; 0.4 of a rotor's own bandwidth is the most that is taken."""
+"""Largest bandwidths (rad/s) of the rate loop and of its yaw axis; at most 0.4 of a rotor's bandwidth is used."""
 
 
 def curve(mix: float) -> float:
@@ -61,7 +61,7 @@ def shares(vehicle: Vehicle) -> Array:
 
 
 def mixer(vehicle: Vehicle) -> Array:
-    """Custom mixer for Betaflight (n, 4): each motor's share of throttle, roll, pitch and yaw.
+    """Custom mixer for Betaflight (n, 4): each motor's coefficients of throttle, roll, pitch and yaw.
 
     The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
     sign of the yaw's round.

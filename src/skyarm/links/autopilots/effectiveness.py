@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-"""Position and attitude."""
+"""Position and attitude of a level vehicle at the origin."""
 
 
 def centre_of_mass(vehicle: Vehicle) -> Array:
@@ -42,7 +42,7 @@ def highest_thrust(vehicle: Vehicle) -> list[float]:
 
 
 def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> float:
-    """Hover thrust of a vehicle as a share of its maximum thrust.
+    """Hover thrust of a vehicle as a fraction of its maximum thrust.
 
     Args:
         vehicle: vehicle to hover.
@@ -65,7 +65,7 @@ def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> fl
 
 
 def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
-    """Least-squares share a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
+    """Least-squares weight a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
     s = np.asarray(signals)
     full = float(push(rotor, rotor.max_speed))
     thrust = np.array([float(push(rotor, each * float(rotor.max_speed))) for each in signals]) / full

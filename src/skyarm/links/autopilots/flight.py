@@ -40,20 +40,20 @@ from skyarm.simulate.session import Course, Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
 ENDED = "autopilot"
-"""Status of a flight that ended because its autopilot did not fly on."""
+"""Status of a flight that ended because its autopilot failed."""
 
 LATE = 0.02
-"""s behind the wall clock that a flight in real time makes up for; beyond, its clock is set back."""
+"""Lag (s) behind the wall clock that a real-time flight makes up for; beyond, its clock is reset."""
 
 NEAR = 0.15
-"""m from the start at which the flight is handed over, after ``STEADY``; less than an autopilot's own noise in hover
-would make the hand-over a matter of luck."""
+"""Distance (m) from the start within which the flight is handed over, after ``STEADY``; a smaller one is within an
+autopilot's own noise in hover."""
 
 SLOW = 0.15
-"""m/s at hand-over."""
+"""Largest speed (m/s) at hand-over."""
 
 STEADY = 2.0
-"""s that the vehicle is near and slow before the flight begins."""
+"""Time (s) within the limits of distance and speed before the flight begins."""
 
 
 def planned_scenario(scenario: Scenario) -> Scenario:

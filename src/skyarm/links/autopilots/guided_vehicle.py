@@ -16,16 +16,16 @@ from skyarm.links.mavlink_messages import FieldValue
 from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 
 POSITION_MASK = 0b100_000_000_000
-"""Set points of position, velocity, acceleration and yaw; the yaw rate is ignored."""
+"""Mask of set points with position, velocity, acceleration and yaw; the yaw rate is ignored."""
 
 REPLY = 1.0
-"""s after which a parameter that was requested and has not come is requested again."""
+"""Time (s) after which a missing parameter is requested again."""
 
 FEW = 8
-"""Parameters that are requested at a time: ArduPilot drops what its queue of requests has no place for."""
+"""Number of parameters that are requested at once; ArduPilot drops requests that its queue cannot hold."""
 
 ABSENCE = 3.0
-"""s out of the mode for set points from outside, in flight, after which the flight is over."""
+"""Time (s) outside the mode for external set points after which the flight ends."""
 
 
 class GuidedVehicle(MavlinkVehicle):

@@ -20,10 +20,10 @@ from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 
 LAST_WORDS = 400
-"""Characters of a program's output that a message repeats."""
+"""Number of last characters of a program's output that a message repeats."""
 
 MOST_READ = 1 << 16
-"""Bytes of a program's output that are read, the last ones."""
+"""Number of last bytes of a program's output that are read."""
 
 
 def find_program(autopilot: Autopilot, usual: str = "") -> Path:
@@ -54,8 +54,8 @@ shift
 { read -r _ <&3; kill -9 $$; rm -rf -- "$folder"; kill -9 -- -$$; } >/dev/null 2>&1 &
 exec "$@" 3<&-
 """
-"""Shell that becomes the program, after it has left a guard behind: a process of the same group that waits for the end
-of a pipe of which only we have the other end. The kernel closes that when we end, however we end."""
+"""Shell command that starts the program next to a guard process of its group, which waits for the end of a pipe that
+only this process holds. The kernel closes the pipe when this process ends, and the guard then ends the program."""
 
 
 class Child:

@@ -44,42 +44,42 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 STALL = 1.0
-"""s by the wall clock after which a step without an answer is given up: PX4 may drop a sample, as when it selects
-another sensor, and would wait for the next one for ever."""
+"""Wall-clock time (s) without an answer after which a step is abandoned; PX4 may drop a sample and would wait for
+ever."""
 
 HALT, HASTE, STEADY = 0.1, 0.75, 10
-"""s without an answer in real time after which PX4's motors are taken to be commanded from outside, when it answers new
-commands only; share of a period that is waited then; answers in a row that show it commands them itself again."""
+"""Time (s) without an answer in real time after which the motors count as commanded externally; fraction of a period
+to wait then; number of answers in a row after which PX4 commands them again."""
 
 BOOT_STEP = 0.02
-"""s by the wall clock between sensor messages until PX4 answers the first."""
+"""Wall-clock time (s) between sensor messages until PX4 answers the first."""
 
 OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7, "MC_YAW_TQ_CUTOFF": 0}
-"""PX4 holds its place where set points from outside are missing; it needs no remote control; its yaw torque is not
-filtered, since a law's yaw control oscillates behind its usual filter of 2 Hz."""
+"""Parameters for an external law: PX4 holds its position without set points and needs no remote control; its yaw
+torque is not filtered, since yaw control oscillates behind its usual filter of 2 Hz."""
 
 OFFBOARD_LOSS = 0.15
-"""s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the
-take-off, faster than real time, it stays at that."""
+"""Time (s) without external set points after which PX4 holds its position; its default of 1 s is long for a body
+rate. It stays at that during the take-off, which is faster than real time."""
 
 LOCKSTEP = 1
-"""Bit of a message's flags."""
+"""Bit of a message's flags for lockstep."""
 
 ESTIMATED = 0b111
-"""Flags of the estimator: attitude, horizontal and vertical velocity."""
+"""Estimator flags: attitude, horizontal and vertical velocity."""
 
 REPLIES = 10.0
-"""s after which a parameter that PX4 was asked for, by the wall clock sooner, must have come."""
+"""Time (s) within which a requested parameter must arrive from PX4."""
 
 SETTLED = 5
-"""s of valid estimates after which PX4's local origin is known and it is asked to arm."""
+"""Time (s) of valid estimates after which PX4's local origin is known and arming is requested."""
 
 LINKS = "px4-rc.mavlink"
-"""Script that PX4's start script runs for its MAVLink links, the first of that name in ``PATH``. PX4's own opens four
-UDP ports to every interface, and PX4 obeys whoever sends there; ours opens the onboard one only."""
+"""Script for MAVLink links that PX4's start script runs, the first of that name in ``PATH``. PX4's own opens four
+UDP ports to every interface and obeys any sender; this one opens the onboard port only."""
 
 BABBLE = 4096
-"""Bytes that are no MAVLink after which the other side is taken for another program."""
+"""Number of bytes that are not MAVLink after which the peer counts as another program."""
 
 
 @immutable

@@ -29,27 +29,27 @@ ROTOR_FUNCTION = 101
 """Output function of PX4's first motor; those of the others follow."""
 
 RATE_BANDWIDTH = 18.0
-"""rad/s, the largest bandwidth of the rate loop about roll and pitch."""
+"""Largest bandwidth (rad/s) of the rate loop about roll and pitch."""
 
 LAG_SHARE = 0.5
 """Largest bandwidth of the rate loop times the rotors' mean time constant: 27 degrees of phase lag at the crossing."""
 
 YAW_BANDWIDTH = 6.0
-"""rad/s; PX4 filters the yaw torque at 2 Hz."""
+"""Largest bandwidth (rad/s) of the yaw rate loop; PX4 filters the yaw torque at 2 Hz."""
 
 ATTITUDE_RATIO = 2.0
 """Bandwidth of the rate loop over the gain of the attitude loop around it: the damping optimum of a cascade, in which
 each loop is half as fast as the one inside it. Source: Kessler 1955; Naslin 1960, characteristic ratios of 2."""
 
 ATTITUDE_P = 6.0
-"""1/s, the largest gain of the attitude loop; with it the velocity and position gains stay in PX4's ranges."""
+"""Largest gain (1/s) of the attitude loop; with it the velocity and position gains stay in PX4's ranges."""
 
 VELOCITY_D = 0.2
 """PX4's default gain of the measured acceleration. It makes the response of the acceleration 1 + D times as fast and as
 small, so the damping optimum of the velocity and position loops is attitude gain (1 + D)^2 / 2 and (1 + D) / 4."""
 
 VELOCITY_P, VELOCITY_I = 1.8, 0.4
-"""PX4's default gains, 1/s and 1/s^2, whose ratio in parts of the velocity gain is retained."""
+"""PX4's default velocity gains (1/s and 1/s^2); their ratio is kept."""
 
 
 def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
@@ -116,7 +116,7 @@ def rate_bandwidth(vehicle: Vehicle) -> float:
 
 
 def thrust_factor(rotor: Rotor) -> float:
-    """Least-squares share a of the square in PX4's thrust curve a s^2 + (1 - a) s of a signal s."""
+    """Least-squares weight a of the square in PX4's thrust curve a s^2 + (1 - a) s of a signal s."""
     return min(max(square_share(rotor, [0.2 + 0.05 * k for k in range(17)]), 0.0), 1.0)
 
 

@@ -9,10 +9,10 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import ScenarioError
 
 INSTANCES = 10
-"""PX4's start script knows ports of ten programs."""
+"""Number of program instances for which PX4's start script has ports."""
 
 ONBOARD_PORT, JOINT_PORT = 14540, 14640
-"""UDP ports of instance 0: to which PX4 sends its onboard MAVLink, and of the joints for a program outside."""
+"""UDP ports of instance 0: for PX4's onboard MAVLink, and for the joints of an external program."""
 
 
 @immutable(kw_only=False)

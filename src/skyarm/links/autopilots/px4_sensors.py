@@ -13,7 +13,7 @@ from skyarm.algebra.frames import to_our_axes
 from skyarm.links.autopilots.autopilot import Numbers
 
 SEMI_MAJOR_AXIS = 6378137.0
-"""m, equatorial radius of the ellipsoid WGS 84."""
+"""Equatorial radius (m) of the ellipsoid WGS 84."""
 
 FLATTENING = 1.0 / 298.257223563
 """Flattening of the ellipsoid WGS 84, (a - b) / a."""

@@ -39,13 +39,13 @@ from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 
 FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
-"""Domain, and the namespace of PX4's topics."""
+"""Pattern of a DDS address: domain, and namespace of PX4's topics."""
 
 OURS = 1, COMPONENT
-"""Our numbers of system and component."""
+"""System and component number of this program."""
 
 NED, FRD, BODY = 1, 2, 3
-"""Frames of an odometry: north, east, down; the same from another heading; the base's axes, of velocities only."""
+"""Frames of an odometry message: north-east-down; the same with another heading; base axes, for velocities only."""
 
 
 @immutable(kw_only=False)

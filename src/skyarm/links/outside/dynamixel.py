@@ -22,25 +22,25 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 OPERATING_MODE, TORQUE_ENABLE, BUS_WATCHDOG = 11, 64, 98
-"""Addresses of one byte."""
+"""Addresses of one-byte registers."""
 
 GOAL_CURRENT, GOAL_POSITION, PRESENT = 102, 116, 128
-"""Addresses: of two bytes, four bytes, and of velocity and position, four bytes each."""
+"""Addresses of registers: goal current (two bytes), goal position (four), velocity and position (four each)."""
 
 CURRENT_MODE, POSITION_MODE = 0, 4
 """Operating modes: current, and position over several turns."""
 
 TICK, ZERO = 2.0 * math.pi / 4096.0, 2048
-"""rad of a tick of position, and the tick of joint angle zero."""
+"""Angle (rad) per position count, and position count of joint angle zero."""
 
 RATE = 0.229 * 2.0 * math.pi / 60.0
-"""rad/s of a tick of velocity."""
+"""Velocity (rad/s) per count."""
 
 CURRENT = 2.69e-3
-"""A of a tick of current."""
+"""Current (A) per count."""
 
 WATCHDOG = 25
-"""Times 20 ms without a packet after which a servo stops."""
+"""Time without a packet after which a servo stops, in units of 20 ms."""
 
 
 @immutable

@@ -10,7 +10,7 @@ from skyarm.links.mavlink_vehicle import SET_MODE
 from skyarm.links.outside.state_frames import AutopilotState, is_whole
 
 COMPONENT = 191
-"""MAVLink's component number of an onboard computer, which is ours."""
+"""MAVLink's component number of this program, an onboard computer."""
 
 
 class Estimates:

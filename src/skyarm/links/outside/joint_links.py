@@ -11,7 +11,7 @@ from skyarm.records.registry.plugins import FROM_FILE, load_plugin
 from skyarm.vehicle.vehicle_records import Vehicle
 
 OPTIONS = ("ids", "baud", "torque", "most")
-"""Of a bus of servos."""
+"""Options of a servo bus."""
 
 
 def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:

@@ -1,4 +1,4 @@
-"""Motor set points by which an autopilot applies the rotor speeds of a control law, as shares of the highest thrust.
+"""Motor set points by which an autopilot applies the rotor speeds of a control law, as fractions of the highest thrust.
 
 The autopilot keeps its thrust curve, motor order and limits, and none of its loops: the law's own bandwidth counts.
 """
@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class MotorCommand:
-    """Set point for an autopilot: thrust of each rotor as a share of its highest, in the vehicle's order."""
+    """Set point for an autopilot: thrust of each rotor as a fraction of its highest, in the vehicle's order."""
 
     thrusts: Annotated[tuple[Scalar, ...], Unit("", "normalized thrust set point of each motor, 0 to 1")]
 
@@ -47,7 +47,7 @@ class MotorSettings:
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
     ) -> tuple[Vec3, MotorCommand]:
-        """Rotor thrusts as shares of the highest, for a law's commanded rotor speeds; integral torque unchanged."""
+        """Rotor thrusts as fractions of the highest, for a law's commanded rotor speeds; integral torque unchanged."""
         pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
         shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
         return integral, MotorCommand(thrusts=tuple(shares))

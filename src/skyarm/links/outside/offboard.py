@@ -40,25 +40,25 @@ from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 
 BEAT = 0.25
-"""s between heartbeats of ours."""
+"""Time (s) between the heartbeats of this program."""
 
 HAND_BACK = 0.3
-"""s to wait at the end for a heartbeat, which says whether the vehicle is still in the mode that takes set points."""
+"""Time (s) to wait at the end for a heartbeat, which shows whether the vehicle is still in the set point mode."""
 
 BEAT_LOST = 3.0
-"""s without a heartbeat of the autopilot, which sends one each second."""
+"""Time (s) without a heartbeat after which the autopilot counts as lost; it sends one each second."""
 
 LEAD = 0.6
-"""s of set points before the autopilot is asked to take them, as PX4 requires."""
+"""Time (s) of set points before the mode is requested, as PX4 requires."""
 
 TAKE_OVER = 5.0
-"""s after which an autopilot that does not take the set points is left alone."""
+"""Time (s) after which an autopilot that does not accept the set points is abandoned."""
 
 MODE_KNOWN = 2.5
-"""s after the take-over from which the mode of a heartbeat counts: an older one may still be on its way."""
+"""Time (s) after the take-over from which the mode in a heartbeat counts; an older one may still be in transit."""
 
 LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged", "stopped"
-"""Status of a flight that ended early: silence, the pilot's mode, an error beyond the leash, Ctrl-C."""
+"""Status of a flight that ended early: silence, mode change by the pilot, error beyond the leash, Ctrl-C."""
 
 
 @immutable

@@ -28,7 +28,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 
 NO_ATTITUDE = 128
-"""Set point without attitude: rates and thrust count."""
+"""Type mask of a set point without attitude: rates and thrust count."""
 
 STREAMS: Mapping[str, float] = {
     "ODOMETRY": 1.0,
@@ -38,17 +38,17 @@ STREAMS: Mapping[str, float] = {
     "EXTENDED_SYS_STATE": 0.02,
     "HEARTBEAT": 0.05,
 }
-"""Message -> rate as a share of the state's."""
+"""Message -> its rate as a fraction of the rate of states."""
 
 LANDED = 1
-"""EXTENDED_SYS_STATE: on the ground."""
+"""Value of EXTENDED_SYS_STATE on the ground."""
 
 BODY_FRAMES = (12,)
-"""Frames of velocity that turn with the base: body forward, right, down."""
+"""Frames of a velocity that turn with the base: body forward, right, down."""
 
 
 MOST_TIMES = 10_000
-"""Times of round trips that are kept."""
+"""Number of round-trip times that are stored."""
 
 
 class OffboardError(ValueError):
@@ -56,10 +56,10 @@ class OffboardError(ValueError):
 
 
 QUIET = 0.1
-"""s after which a message that carries the same in another form is read in place of the one that is missing."""
+"""Time (s) after which a missing message is replaced by another one with the same content."""
 
 OLD = 0.1
-"""s between an attitude and the place that is moved on to it, at most."""
+"""Longest time (s) by which a position is extrapolated to the time of an attitude."""
 
 
 @immutable(kw_only=False)
@@ -258,4 +258,4 @@ _READERS: Mapping[str, Callable[[OffboardLink, mavlink.Message], None]] = {
     "COMMAND_ACK": OffboardLink._hear_answer,
     "TIMESYNC": OffboardLink._hear_time,
 }
-"""Message -> its reader."""
+"""Message -> function that reads it."""

@@ -50,7 +50,7 @@ DEFINITIONS: Mapping[str, str] = {
         "uint64 timestamp\nuint64 timestamp_sample\nuint16 reversible_flags\nfloat32[12] control"
     ),
 }
-"""Type -> its fields."""
+"""Message type -> its fields."""
 
 ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
     f"/fmu/out/{name}"
@@ -79,7 +79,7 @@ IN: Mapping[str, str] = {
 """Topic that PX4 reads -> its type."""
 
 MOST_MOTORS = 12
-"""Motors of a set point."""
+"""Number of motors in a set point."""
 
 OFFBOARD_BIT, AUTO_BIT = 1, 2
-"""Bits of a mode here: it takes set points from outside; it flies by itself."""
+"""Bits of a mode: it accepts external set points; it flies autonomously."""

@@ -114,7 +114,7 @@ class PidRateLoop:
 
 @immutable
 class RateCommand:
-    """Set point for an autopilot: body rates (rad/s, base axes), and thrust as a share of the highest."""
+    """Set point for an autopilot: body rates (rad/s, base axes), and thrust as a fraction of the highest."""
 
     rates: Annotated[Vec3, Unit("rad/s", "commanded body rates, base axes")]
     thrust: Annotated[Scalar, Unit("", "normalized thrust set point, 0 to 1")]

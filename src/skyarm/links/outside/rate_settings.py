@@ -22,10 +22,10 @@ AXES = ("ROLL", "PITCH", "YAW")
 LIMITS = {"ROLL": "MC_RR_INT_LIM", "PITCH": "MC_PR_INT_LIM", "YAW": "MC_YR_INT_LIM"}
 
 DEFAULTS: Mapping[str, float] = dict.fromkeys(LIMITS.values(), 0.3) | {f"MC_{axis}RATE_K": 1.0 for axis in AXES}
-"""PX4's own values of what :func:`skyarm.links.autopilots.px4_parameters.rate_gains` leaves as it is."""
+"""PX4's defaults of the parameters that :func:`skyarm.links.autopilots.px4_parameters.rate_gains` does not set."""
 
 NAMES = tuple(f"MC_{axis}RATE_{gain}" for axis in AXES for gain in "KPID") + tuple(LIMITS.values())
-"""Parameters that describe the loop."""
+"""Names of the parameters that describe the rate loop."""
 
 ANGLE_GAINS, ANGLE_FILTER = ("ATC_ANG_RLL_P", "ATC_ANG_PIT_P", "ATC_ANG_YAW_P"), "ATC_RAT_YAW_FLTE"
 """ArduPilot's gains of its attitude loop, 1/s, and cutoff (Hz) of its filter of the yaw rate's error, 0 for none."""
@@ -63,7 +63,7 @@ def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateL
 
 
 HOVER = (0.05, 0.95)
-"""Thrust set points with which a vehicle can hover."""
+"""Range of plausible thrust set points in hover."""
 
 
 class ParameterReader:

@@ -25,10 +25,11 @@ BASE = ("x", "y", "z")
 HEADING = "yaw"
 
 SPEED, ACCELERATION = 1.0, 1.0
-"""Limits of a motion to a goal: m/s and m/s^2, rad/s and rad/s^2."""
+"""Limits of a motion to a goal: speed (m/s, rad/s) and acceleration (m/s^2, rad/s^2)."""
 
 FARTHEST = SPEED * float(DURATIONS[-1]) * 8.0 / 15.0
-"""m or rad; way to a goal whose quintic motion, 15/8 times as fast at most as on average, takes the longest time."""
+"""Farthest goal (m or rad): a quintic motion, at most 15/8 times as fast as on average, reaches it in the longest
+time."""
 
 
 def with_goals(scenario: Scenario) -> tuple[Scenario, str]:

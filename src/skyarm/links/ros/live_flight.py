@@ -16,13 +16,13 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_LATE = 0.25
-"""s of wall time that are caught up at most; of a longer pause the flight is late from then on."""
+"""Longest delay (s of wall time) that is made up for; after a longer pause the flight stays late."""
 
 TOLD = 0.1
-"""s of wall time between two looks of the progress display."""
+"""Wall time (s) between two updates of the progress display."""
 
 SOON = 0.005
-"""s; a lateness below it is that of the system's clock and is not counted."""
+"""Lateness (s) that is attributed to the system's clock and not counted."""
 
 
 class Pace:

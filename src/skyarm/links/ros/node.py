@@ -9,7 +9,7 @@ from typing import Any, Protocol
 LOOPBACK = "127.0.0.1"
 
 MOST_WAITING = 100
-"""Messages that wait for a slow receiver, or for the flight; older ones are dropped."""
+"""Largest number of waiting messages for a slow receiver or for the flight; older ones are dropped."""
 
 Content = dict[str, Any]
 """Content of a message: field -> number, text, list of these, or content of the message inside."""

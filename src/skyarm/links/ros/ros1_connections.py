@@ -1,4 +1,4 @@
-"""TCP connections of ROS 1 topics (TCPROS): to subscribers of ours, and to publishers that we subscribe to.
+"""TCP connections of ROS 1 topics (TCPROS): to the node's subscribers, and to the publishers it subscribes to.
 
 Both sides begin with a header of fields KEY=VALUE, each behind its length; then every message follows behind its own
 length. Numbers are little endian. Source: wiki.ros.org/ROS/TCPROS, ROS/Connection Header.
@@ -19,18 +19,18 @@ from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum, definition
 from skyarm.records.immutable import immutable
 
 PATIENCE = 3.0
-"""s within which the other side has to answer."""
+"""Time (s) within which a peer must answer."""
 
 LONGEST_HEADER, LONGEST_MESSAGE = 1 << 16, 1 << 20
-"""Bytes; a length beyond is none of a topic of ours."""
+"""Largest length (bytes) of a connection's header and of a message."""
 
 MOST_CONNECTIONS = 64
-"""Connections of one topic, and callers of one port, at a time; more are refused."""
+"""Largest number of connections of one topic, and of callers of one port; more are refused."""
 
 LENGTH = struct.Struct("<I")
 
 ANY = "*"
-"""Type or checksum of a subscriber that takes whatever is published."""
+"""Type or checksum of a subscriber that accepts any message."""
 
 
 @immutable(kw_only=False)
@@ -178,7 +178,7 @@ class _Outlet:
 
 
 Finder = Callable[[str, str], tuple[str, int]]
-"""(address of a node, topic) -> host and port at which it gives out the topic."""
+"""Function (address of a node, topic) -> host and port at which the node offers the topic."""
 
 
 class Subscription:

@@ -45,26 +45,26 @@ ADDRESSES = ("ROS_HOSTNAME", "ROS_IP")
 USUAL_MASTER = "http://127.0.0.1:11311"
 
 WATCH = 1.0
-"""s between two looks at the master."""
+"""Time (s) between two polls of the master."""
 
 PROTOCOL = "TCPROS"
 
 MOST_PORT = 65535
 
 LONGEST_REQUEST = 1 << 16
-"""Bytes of a call of the node's API; no call of a master or a node is longer."""
+"""Largest length (bytes) of a call of the node's API."""
 
 SUCCESS = 1
 
 Value: TypeAlias = "int | str | Sequence[Value]"
-"""Argument or answer of a call by XML-RPC."""
+"""Argument or result of an XML-RPC call."""
 
 Request = socket.socket | tuple[bytes, socket.socket]
-"""Connection of a caller, as socketserver hands it on."""
+"""Connection of a caller, as passed by socketserver."""
 
 
 class Ros1Node:
-    """Node of ROS 1.
+    """ROS 1 node in pure Python: advertises topics and subscribes to them.
 
     Args:
         master: address of the master; that of ROS_MASTER_URI, else of this machine, if left out.

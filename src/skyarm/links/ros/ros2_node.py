@@ -24,16 +24,16 @@ DOMAIN = "ROS_DOMAIN_ID"
 """Environment variable with the number of the DDS domain, as in ROS 2."""
 
 CONFIGURATION = "CYCLONEDDS_URI"
-"""Environment variable with Cyclone's own configuration, which replaces ours: that of other machines, for example."""
+"""Environment variable with a user's Cyclone configuration, which replaces this one, for example for other machines."""
 
 MOST_DOMAIN = 232
 """Highest number of a DDS domain, whose ports end at 65535."""
 
 LAST = 0.05
-"""s for the last messages to arrive."""
+"""Time (s) for the last messages to arrive."""
 
 ANNOUNCED = "500 ms"
-"""Time between two announcements of the node; without multicast, programs that start later learn of it by them."""
+"""Time between two announcements of the node, by which later programs find it without multicast."""
 
 LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 <General><Interfaces><NetworkInterface address="{LOOPBACK}" multicast="false"/></Interfaces>
@@ -41,7 +41,7 @@ LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
 <Peers><Peer address="{LOOPBACK}"/></Peers><SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
 </Domain></CycloneDDS>"""
-"""Configuration that neither sends to nor hears of another machine."""
+"""Configuration that exchanges no messages with other machines."""
 
 
 class Ros2Node:
@@ -57,7 +57,7 @@ class Ros2Node:
 
     packed = False
     problem = end_reason = ""
-    """DDS has no server that could be lost, and ROS 2 ends no other process."""
+    """Empty: DDS has no server that could be lost, and ROS 2 ends no other process."""
 
     def __init__(self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS) -> None:
         try:

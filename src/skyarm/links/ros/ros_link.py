@@ -34,20 +34,20 @@ from skyarm.simulate.assemble_log import join_pieces, sensor_data
 from skyarm.simulate.session import Session, open_session
 
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
-"""Topics that are listened to."""
+"""Topics that are subscribed to."""
 
 APPLIED, ROTORS, CLOCK = "/skyarm/applied", "/rotor_states", "/clock"
-"""Topics beside those of a log."""
+"""Topics in addition to those of a log."""
 
 NUMBERS, POSE, JOINTS, TIME = (
     "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "rosgraph_msgs/Clock"
 )  # fmt: skip
 
 TIMEOUT = 0.1
-"""s of flight after the last command until the law takes over again."""
+"""Time of flight (s) after the last command until the law takes over again."""
 
 GOAL_PAUSE = 0.2
-"""s of flight between two goals that are taken at least; of more, the last."""
+"""Least time of flight (s) between two accepted goals; of several, the last counts."""
 
 Warn = Callable[[str], object]
 

@@ -24,7 +24,7 @@ from skyarm.records.registry.class_signatures import class_mistake, refuse_mista
 HUGE = 1e300
 
 CONTINUOUS = "_continuous"
-"""Suffix of what is measured against the continuous reference; without it, against the held samples."""
+"""Suffix of metrics against the continuous reference; without it, against the held samples."""
 
 
 def joint_norm(joints: tuple[Scalar, ...], desired: tuple[Scalar, ...]) -> Scalar:
@@ -61,7 +61,7 @@ def _jitter(now: MetricInstant, size: Callable[[Scalar], Scalar]) -> Scalar:
 
 
 ROUNDING = 1e-9
-"""Share of a limit by which a law that cuts its own commands may stay below it."""
+"""Fraction of a limit below it at which a command that the law itself limits still counts as at the limit."""
 
 
 def _limited_rotors(now: MetricInstant) -> Scalar:
@@ -85,7 +85,7 @@ def _limited_joints(now: MetricInstant) -> Scalar:
 
 
 NEAR = 0.05
-"""m: beyond it a tip counts as away from its reference."""
+"""Distance (m) above which a tip counts as away from its reference."""
 
 QUANTITIES: Mapping[str, interaction.Quantity] = {
     "position": lambda now, goal: distance(now.state.position, goal.position),
@@ -109,16 +109,17 @@ QUANTITIES: Mapping[str, interaction.Quantity] = {
     "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
     **interaction.QUANTITIES,
 }
-"""Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared), commands at limits (1 or 0);
-efforts are ``effort`` + i."""
+"""Quantity -> function: errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared),
+commands at limits (1 or 0); efforts are ``effort`` + i."""
 
 Total = tuple[str, str, str]
-"""Kind ("sum", "square", "max", "min", "peak", "last"), window, quantity; the quantity may end with ``_continuous``.
+"""Running total: kind ("sum", "square", "max", "min", "peak", "last"), window, and quantity, which may end with
+``_continuous``.
 
 Of kind "added" it is the memory of a registered metric, by its name."""
 
 Totals: TypeAlias = tuple[Any, ...]
-"""Values of some totals in their order: scalars, and what registered metrics remember."""
+"""Values of some totals in order: scalars, and internal states of registered metrics."""
 
 ADDED = "added"
 

@@ -22,16 +22,16 @@ from skyarm.records.arrays import AnyArray
 from skyarm.records.immutable import immutable
 
 BOUNCES = 0.3
-"""s after the first touch in which a loss of contact belongs to the impact."""
+"""Time (s) after the first contact in which a loss of contact belongs to the impact."""
 
 SETTLED = 2.0
-"""s after the first touch from which on the force is held against the wanted one."""
+"""Time (s) after the first contact from which the force error counts."""
 
 BAND = 0.3
-"""Share of the wanted force within which a force counts as held."""
+"""Relative error of the desired force below which a force counts as held."""
 
 NOT_YET = 1e30
-"""s, of what has not happened."""
+"""Time (s) of an event that has not happened."""
 
 
 @immutable
@@ -195,7 +195,7 @@ TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "pha
 
 
 Quantity = Callable[[MetricInstant, MetricGoal], Scalar | None]
-"""Instant and reference -> number of which totals are counted; None in a flight that lacks it."""
+"""Function (instant, reference) -> number that is totalled; None in a flight without it."""
 
 
 def _of_part(name: str, index: int) -> Quantity:
@@ -209,7 +209,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "mechanism": _of_part("mechanism_position", 0),
     "tip_height": lambda now, _: now.tool.z,
 }
-"""Force at all points (N), place of the first object (m), coordinate of the first mechanism, height of the tip (m)."""
+"""Quantity -> function: force at all points (N), position of the first object (m), coordinate of the first
+mechanism, height of the tip (m)."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
     "contact_last": ("last", "contact", "contact force at the end", "N"),
@@ -219,7 +220,7 @@ COUNTED: Mapping[str, tuple[str, str, str, str]] = {
     "mechanism_furthest": ("largest", "mechanism", "largest coordinate of the first mechanism", ""),
     "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
 }
-"""Metric -> its form, its quantity, its words and unit."""
+"""Metric -> its form, quantity, description and unit."""
 
 
 def _share(total: Scalar, count: Scalar) -> AnyArray:
@@ -268,4 +269,4 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     ),
     "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag of the gripped handle", "rad"),
 }  # fmt: skip
-"""Metric -> the totals that it is made of, its value from them, its words and unit."""
+"""Metric -> its totals, function from them to its value, description and unit."""

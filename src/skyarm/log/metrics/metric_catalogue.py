@@ -66,8 +66,8 @@ FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., AnyArray]]] = {
     "largest": (("max",), _or_nan),
     "lowest": (("min",), _or_nan),
 }
-"""Form of a metric -> kinds of the totals of its quantity, and its value from them; ``root`` is the RMS of a quantity
-that is squared already."""
+"""Form of a metric -> kinds of totals of its quantity, and function from them to its value; ``root`` is the RMS of a
+squared quantity."""
 
 
 def _measure(form: str, window: str, quantity: str, words: str = "", unit: str = "") -> Measure:
@@ -137,13 +137,13 @@ FREE = {
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),
 }
-"""Metrics that have no twin."""
+"""Metrics without a counterpart for the continuous reference."""
 
 INTERACTION = {
     name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, memory, value=value: value(memory), words, unit)
     for name, (totals, value, words, unit) in TOTALED.items()
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
-"""Metrics of the interaction with the world, of which a flight without it has none."""
+"""Metrics of contact with the world, which a flight without contact lacks."""
 
 
 REFERRED = TRACKING | GUST | PAPER
@@ -166,7 +166,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "contact": tuple(INTERACTION),
     "all": (*REFERRED, *FREE, "efforts"),
 }
-"""Words for several metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
+"""Names of groups of metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
 
 
 def measures(joints: int) -> dict[str, Measure]:

@@ -7,7 +7,7 @@ import numpy as np
 from skyarm.records.arrays import Array
 
 AT_ONCE = 256
-"""Points that are compared with the whole path at a time."""
+"""Number of points compared with the whole path at a time."""
 
 
 def path_distance(points: Array, path: Array) -> Array:

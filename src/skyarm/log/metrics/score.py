@@ -74,7 +74,7 @@ def score(
 
 
 SETTLING_BAND = 0.02
-"""m: the position error has settled when it stays this near its steady mean."""
+"""Distance (m) from its steady mean within which the position error has settled."""
 
 
 def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:

@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
 
 LARGEST_ERROR = 0.5
-"""m, in the mean over the end of a flight: a base or tip beyond it has not followed its reference."""
+"""Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
 
 SELDOM = 0.01
-"""Share of the periods below which commands exactly at a limit are not worth a line: a step of the reference."""
+"""Fraction of periods below which commands exactly at a limit are not reported; a step of the reference causes some."""
 
 PLACES = ("rad", "m")
-"""Units of setpoints."""
+"""Units of position setpoints."""
 
 
 @immutable
 class Saturation:
-    """Saturation of a flight's actuators: share of periods at a limit, and the worst command.
+    """Saturation of a flight's actuators: fraction of periods at a limit, and the worst command.
 
     Attributes:
         share: share of the control periods in which any command is at a limit.

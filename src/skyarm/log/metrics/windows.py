@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 SETTLING_SHARE = 1.0 / 3.0
-"""Of a flight: what the general windows leave to the transient."""
+"""Fraction of a flight that the general windows leave to the transient."""
 
 LAST = 5.0
-"""s before the planned end, where nobody says; at most what follows the settling share."""
+"""Default length (s) of the window before the planned end; at most the remainder after the settling fraction."""
 
 NAMES = ("steady", "transient", "gust", "hover")
-"""Windows that are one interval."""
+"""Names of the windows that are one interval."""
 
 
 @immutable(kw_only=False)

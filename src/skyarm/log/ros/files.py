@@ -19,14 +19,14 @@ from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.files.writing import writing_atomically
 
 INFO, SCENARIO, ARRAYS = "info.json", "scenario.json", "flight.npz"
-"""Attachments of an MCAP file: the description of the flight, the scenario as plain data, and the log as an npz file,
-from which it is read back."""
+"""Attachments of an MCAP file: description of the flight, scenario as plain data, and the log as an npz file, from
+which it is read back."""
 
 CHUNK = 1 << 19
-"""Bytes of a chunk, about a second of flight."""
+"""Size (bytes) of a chunk, about a second of flight."""
 
 PIECE = 10_000
-"""Control instants that are made into messages at a time, about."""
+"""Approximate number of control instants converted to messages at a time."""
 
 
 def write_mcap(log: Log, path: Path) -> Path:

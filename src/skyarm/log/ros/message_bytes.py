@@ -24,16 +24,17 @@ from skyarm.records.arrays import AnyArray
 Bytes = npt.NDArray[np.uint8]
 
 Value: TypeAlias = "float | str | AnyArray | Sequence[Value] | Mapping[str, Value] | None"
-"""Text, number, numbers of many messages (N,) or (N, k), list, or record; None for zero or empty."""
+"""Value of a message's field: text, number, numbers of many messages (N,) or (N, k), list, or record; None for zero
+or empty."""
 
 Values: TypeAlias = Mapping[str, Value]
 """Fields of a message by name."""
 
 Message: TypeAlias = dict[str, Any]
-"""Fields of a message that was read, by name: numbers, texts, lists, and records in turn."""
+"""Fields of a received message by name: numbers, texts, lists, and nested records."""
 
 HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation: plain CDR, little endian."""
+"""Head of serialised messages: plain CDR, little endian."""
 
 LETTERS = {
     "bool": "B",

@@ -66,10 +66,10 @@ DEFINITIONS: Mapping[str, str] = {
     "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
     "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
 }
-"""Type, without the ``/msg/`` in its name, -> its fields."""
+"""Message type, without ``/msg/`` in its name -> its fields."""
 
 _BUILT_IN = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
-"""Types that ROS 1 has without a package."""
+"""Types that ROS 1 defines without a package."""
 
 _MARKERS = "ARROW CUBE SPHERE CYLINDER LINE_STRIP LINE_LIST CUBE_LIST SPHERE_LIST POINTS TEXT_VIEW_FACING MESH_RESOURCE"
 
@@ -89,16 +89,16 @@ _DIFFERENT: Mapping[str, str] = {
         "string mesh_resource\nbool mesh_use_embedded_materials"
     ),
 }
-"""Types of ROS 1 (branch noetic) that differ: its header counts, its markers have fewer fields."""
+"""Types that differ in ROS 1 (noetic): its header has a counter, its markers have fewer fields."""
 
 ROS1_DEFINITIONS: Mapping[str, str] = {
     _BUILT_IN.get(kind, kind): re.sub("|".join(_BUILT_IN), lambda match: _BUILT_IN[match[0]], text)
     for kind, text in {**DEFINITIONS, **_DIFFERENT}.items()
 }
-"""The same for ROS 1, with the constants that a checksum covers."""
+"""Message type of ROS 1 -> its fields, with the constants that a checksum covers."""
 
 FLIGHT = "skyarm_msgs/Flight"
-"""Type of our own: every number of a log at one control instant, a field a column."""
+"""Message type of skyarm: every number of a log at one control instant, one field per column."""
 
 
 class MessageField(NamedTuple):

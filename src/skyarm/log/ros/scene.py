@@ -134,7 +134,8 @@ COLORS = {
 """Role of a vehicle's shape -> red, green, blue, opacity."""
 
 MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
-"""Kind of a shape -> a marker's cube or sphere, by its lengths or diameters; a capsule is its cylinder, 3."""
+"""Kind of a shape -> type of a marker: cube or sphere by lengths or diameters; a capsule is drawn as its cylinder,
+3."""
 
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:

@@ -36,7 +36,7 @@ from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FAST, SLOW = 200.0, 50.0
-"""Hz: of base and joints; of the rest. Slower controls are written at each of their instants."""
+"""Rates (Hz) of messages of base and joints, and of the others; a slower control writes each of its instants."""
 
 FLIGHT_TOPIC = "/skyarm/flight"
 
@@ -155,14 +155,14 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
 
 Fields = Mapping[str, Array]
-"""Numbers of a reading by field."""
+"""Values of a reading by field."""
 
 ODOMETRY, POINT, JOINTS, OWN = (
     "nav_msgs/Odometry", "geometry_msgs/PointStamped", "sensor_msgs/JointState", "skyarm_msgs/Reading"
 )  # fmt: skip
 
 BASE_SIZES = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
-"""How many numbers each field has from which an odometry is written, whatever else there is."""
+"""Number of components of the fields that form an odometry."""
 
 JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "effort"}
 """Array -> its field in a sensor_msgs/JointState."""
@@ -197,7 +197,7 @@ MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], Values]]
     JOINTS: ("", {}, lambda read: {JOINT_FIELDS[field]: array for field, array in read.items()}),
     OWN: ("", {}, lambda read: {"value": np.column_stack(list(read.values()))}),
 }
-"""Message -> its frame, how many numbers each field of the readings has that are written as it, and its fields."""
+"""Message type -> its frame, number of components of each source field, and its fields."""
 
 
 def _topic(

@@ -13,7 +13,7 @@ from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_
 _REQUIRED = object()
 
 MOST_COMPARED = 1000
-"""Fields of a table that are searched for one that is spelt wrongly."""
+"""Largest number of keys of a table that are compared with a misspelt one."""
 
 
 class Fields:

@@ -10,13 +10,13 @@ from functools import cache
 from pathlib import Path
 
 LONGEST = 100
-"""Characters of a value that a message shows."""
+"""Largest number of characters of a value that a message shows."""
 
 LONGEST_LIST = 400
-"""Characters of a list of names."""
+"""Largest number of characters of a list of names in a message."""
 
 LONGEST_LINE = 1000
-"""Characters of a message."""
+"""Largest number of characters of a message."""
 
 
 def printable(text: str) -> str:
@@ -65,11 +65,11 @@ def errors_as(
 
 
 LIKE = 0.6
-"""Likeness from which a name counts as meant, of difflib's ratio from 0 to 1."""
+"""Least similarity (difflib's ratio, 0 to 1) at which a name is suggested for a misspelt one."""
 
 
 NEAREST = 4
-"""Names of a long list that a message shows."""
+"""Number of names of a long list that a message shows."""
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:

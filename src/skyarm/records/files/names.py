@@ -16,7 +16,7 @@ from skyarm.records.files.writing import output_file
 
 NO_FILE = "no such file"
 NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
-"""Reasons that are no more than that."""
+"""Error numbers of a file that does not exist, in contrast to one that cannot be read."""
 
 
 def file_name(value: object, field: str) -> str:
@@ -49,13 +49,13 @@ def unreadable(path: Path) -> str:
 
 
 LONGEST_NAME, LONGEST_BYTES = 100, 200
-"""Characters, and bytes of UTF-8: a file system takes 255 with what is put before and after."""
+"""Largest number of characters, and of bytes in UTF-8, of a file name; prefixes and suffixes need the rest of 255."""
 
 FORBIDDEN = '/\\:*?"<>|'
-"""Characters of no file name, on one system or another."""
+"""Characters that are not allowed in file names on at least one operating system."""
 
 DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10))}
-"""Names that Windows keeps for itself, with any suffix."""
+"""File names that Windows reserves for devices, with any suffix."""
 
 ALLOWED = (
     f"must be 1 to {LONGEST_NAME} letters, digits and other printable characters without any of {' '.join(FORBIDDEN)}; "
@@ -104,7 +104,7 @@ def require_suffix(path: Path, field: str = "file") -> str:
 
 
 VEHICLES = ("rotors", "base", "urdf", "mjcf", "airframe", "attach")
-"""Words of a vehicle file that no other file has."""
+"""Keys of a vehicle file by which it is recognised among TOML files."""
 
 READS = {
     "vehicle": "skyarm show",
@@ -112,7 +112,7 @@ READS = {
     "study": "skyarm sweep",
     "gains": "skyarm run SCENARIO --laws",
 }
-"""Kind of a file -> a command that reads it."""
+"""Kind of a TOML file -> a command that reads it."""
 
 
 def kind_of(document: Mapping[str, object]) -> str:

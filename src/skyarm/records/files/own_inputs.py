@@ -12,7 +12,7 @@ from skyarm.records.files.messages import shown
 from skyarm.records.files.paths import PathLike
 
 _read: ContextVar[set[tuple[Path, tuple[int, ...]]] | None] = ContextVar("read", default=None)
-"""Path and stamp of each file that was read; None outside commands, where all may be written."""
+"""Path and stamp of each file read by the running command; None outside commands, where any file may be overwritten."""
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from pathlib import Path
 WITH_OWNERS = hasattr(os, "geteuid")
 
 OTHERS, OTHERS_WRITE = 0o077, 0o022
-"""Any right of group and others, and theirs to write."""
+"""Permission bits of group and others: all of them, and those for writing."""
 
 _READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))

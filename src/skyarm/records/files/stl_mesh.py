@@ -14,28 +14,28 @@ from skyarm.records.files import unreadable
 from skyarm.records.files.paths import PathLike
 
 MOST = 200_000
-"""Triangles: what films and browsers draw at their rate."""
+"""Largest number of triangles of a mesh that films and browsers still draw at their frame rate."""
 
 LARGEST = 100e6
-"""Bytes of a file: as text, so many triangles take less."""
+"""Largest size (bytes) of a mesh file; as text, ``MOST`` triangles take less."""
 
 FARTHEST = 1e3
-"""m from the middle of the body: what is farther was written in other units."""
+"""Largest distance (m) of a vertex from the middle of the body; a larger one is probably in another unit."""
 
 THINNEST = 1e-7
-"""m: standard deviation of the vertices along any axis; renderers refuse surfaces that are not much smaller."""
+"""Smallest standard deviation (m) of the vertices along any axis; renderers refuse flatter meshes."""
 
 VERTEX, CORNER = re.compile(rb"(?<!\S)vertex(?!\S)"), re.compile(rb"(?<!\S)vertex" + 3 * rb"\s++(\S{1,64}+)(?!\S)")
-"""The word before a corner of a file of text, and that with the corner's numbers."""
+"""Patterns of an STL text file: the word before a vertex, and that word with the vertex's coordinates."""
 
 HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-"""Of a binary file: bytes before the triangles, and one of these."""
+"""Layout of a binary STL file: length of its head in bytes, and type of one triangle."""
 
 
 Scale = tuple[float, float, float]
 
 METRES: Scale = (1.0, 1.0, 1.0)
-"""m of one of a file's numbers along its axes."""
+"""Length (m) of one unit of a mesh file, along each axis."""
 
 
 def read_corners(path: PathLike, scale: Scale = METRES) -> Array:

@@ -12,22 +12,22 @@ from typing import TypeAlias
 from skyarm.records.files.messages import one_line
 
 Entry: TypeAlias = bool | int | float | str | datetime.date | datetime.time | list["Entry"] | dict[str, "Entry"]
-"""What a file may have behind a name: a value, a list or a table of them."""
+"""Value of a key in a TOML file: a number, text, date, list or table."""
 
 DEEPEST = 64
-"""Tables and arrays in one another: readers of tables call themselves, and no file of ours needs ten."""
+"""Largest nesting depth of tables and lists in a file; readers recurse, and no file needs ten."""
 
 LARGEST_BITS = 1024
-"""Of a whole number: one above 1.8e308 fits into no field, and Python refuses to write out one of 4300 digits."""
+"""Largest number of bits of a whole number in a file; a larger one fits into no field."""
 
 MOST_KEYS = 50_000
-"""Of a file: the time for reading grows with them, and no file of ours needs a thousand."""
+"""Largest number of keys of a file; the reading time grows with them, and no file needs a thousand."""
 
 _KEY = re.compile(r"=|^[ \t]*\[[^\],\n]*\]", re.MULTILINE)
-"""A key's value, or the head of a table; a row of several numbers is none."""
+"""Pattern of a key's assignment or the head of a table; a row of several numbers does not match."""
 
 _CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""A key of too many parts: the library's time grows with their square."""
+"""Pattern of a dotted key with too many parts, whose parsing time grows with their square."""
 
 
 def read_toml(content: bytes) -> dict[str, Entry]:

@@ -10,10 +10,10 @@ import numpy as np
 from skyarm.records.arrays import AnyArray
 
 LARGEST = 1e9
-"""Bytes that a file may unpack to, whatever its own size."""
+"""Largest unpacked size (bytes) of a file of any packed size."""
 
 RATIO = 20
-"""Beyond that it may take so many times its own size: numbers of a flight shrink to a half or a tenth."""
+"""Largest ratio of unpacked to packed size above that limit; arrays of a flight shrink to a half or a tenth."""
 
 
 class TooLargeError(ValueError):

@@ -16,18 +16,18 @@ from typing import NamedTuple, TypeVar
 from skyarm.records.files.messages import one_line, shown
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
-"""Where the library's own code stands."""
+"""Folder of the library's own code."""
 
 PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
-"""Where Python's own library stands, and the folder within it that is not Python's."""
+"""Folder of Python's standard library, and the folder of installed packages within it."""
 
 Result = TypeVar("Result")
 
 LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "pyarrow", "typer", "click"])
-"""Installed libraries: an error that they raise is told at the line that called them."""
+"""Installed libraries whose errors are reported at the user's line that called them."""
 
 DEPTH = 8
-"""How far functions within functions are followed."""
+"""Largest depth at which functions inside functions are searched for user code."""
 
 
 def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
@@ -165,7 +165,7 @@ def own_failure(error: BaseException) -> str:
 
 
 COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
-"""The room whose modules call commands, one's own too."""
+"""Folder of the modules that call commands, user-defined ones included."""
 
 
 class StackFrame(NamedTuple):
@@ -194,7 +194,7 @@ def place_of_error(error: BaseException) -> str:
 
 
 MISSING = "missing"
-"""Identity of a file that cannot be read any more."""
+"""Text in place of the digest of a file that can no longer be read."""
 
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:

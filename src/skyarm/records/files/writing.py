@@ -21,7 +21,7 @@ from skyarm.records.files.own_inputs import require_no_input
 from skyarm.records.files.paths import PathLike
 
 CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
-"""What file systems answer that cannot force a file to their disk."""
+"""Error numbers of file systems that cannot flush a file to disk."""
 
 
 def write_atomically(path: PathLike, content: bytes, *, entry: bool = True) -> Path:
@@ -88,10 +88,10 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
 
 
 PART = re.compile(r"\..+\.[0-9a-f]{12}\.part", re.DOTALL)
-"""Names of temporary files, beside their targets. Who writes one holds its lock: a kill leaves it without."""
+"""Pattern of the names of temporary files next to their targets; a running writer holds a lock on its file."""
 
 _cleared: set[Path] = set()
-"""Folders where this process has removed what killed ones left."""
+"""Folders from which this process has removed temporary files of killed processes."""
 
 
 def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
@@ -225,7 +225,7 @@ def require_replaceable(*files: Path, renames: bool = False) -> None:
 
 
 LONGEST_NAME = 80
-"""Characters of a label that its file's name keeps."""
+"""Largest number of characters of a label that are kept in its file name."""
 
 
 def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]:
@@ -307,13 +307,13 @@ def _with_parents(paths: tuple[PathLike | None, ...]) -> list[Path]:
 
 
 LOCK = ".writing"
-"""Name of the lock's file, which is there while someone writes; one that a killed process left holds nobody up."""
+"""Name of the lock file; one that a killed process left blocks nobody."""
 
 POLL = 0.02
-"""s between two tries of a process that waits for a lock."""
+"""Time (s) between two attempts to take a lock."""
 
 TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
-"""What systems answer of a file that another process has locked; any other answer is that they have no locks there."""
+"""Error numbers of a file that another process has locked; any other number means that locks are not supported."""
 
 _OPEN = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK"))
 
@@ -405,7 +405,7 @@ def _lock(handle: int) -> None:
 
 
 FAR = 4096
-"""The byte that is locked on Windows, where nobody reads a locked one."""
+"""Offset of the locked byte on Windows, where a locked byte cannot be read."""
 
 
 def _process(handle: int) -> str:

@@ -16,7 +16,7 @@ from skyarm.records.leaves import field_names
 from skyarm.records.registry.registrations import RegistryError
 
 PACKAGE = __name__.partition(".")[0]
-"""The library's own name: bases whose module begins with it say how methods are called."""
+"""Name of the library's package; base classes of its modules define the signatures of methods."""
 
 BASES: Mapping[str, str] = {
     "air": "skyarm.Air",
@@ -34,7 +34,7 @@ BASES: Mapping[str, str] = {
 """Kinds of what is registered as a subclass that is a dataclass, each with its base class."""
 
 NAMING = "kind", "mode"
-"""Words of a table that name the class of its record, which therefore has no such fields."""
+"""Keys of a table that select the class of its record; the class cannot have fields of these names."""
 
 
 def class_mistake(kind: type) -> tuple[str, str] | None:

@@ -46,7 +46,7 @@ GROUP = "skyarm.plugins"
 """Entry-point group of installed packages; each entry point names a module that registers."""
 
 FILE_MODULE = "skyarm_plugin_"
-"""Beginning of the module's name of a plugin's file; its stem and eight digits of its SHA-256 follow."""
+"""Prefix of the module name of a plugin file; its stem and eight digits of its SHA-256 follow."""
 
 
 @immutable(kw_only=False)
@@ -70,15 +70,15 @@ class Plugin:
 
 
 Sources = dict[str, tuple[str, bytes]]
-"""Name of a module -> path of its file, as it was given, and content."""
+"""Module name -> path of its file as given, and the file's content."""
 
 _LOADED: dict[str, Plugin] = {}
 _MODULES: dict[str, ModuleType] = {}
 _SOURCES: dict[str, Sources] = {}
-"""What the file of each plugin, and the modules beside it, held when they were loaded."""
+"""Content, at loading time, of each plugin file and of the modules in its folder."""
 
 _SENT: Sources = {}
-"""The same of another process, from which modules are loaded here: its files need not be here."""
+"""Content of plugin modules that another process sent; their files need not exist here."""
 
 
 class _SentModules(SourceLoader):
@@ -262,7 +262,7 @@ def _require_right(source: str) -> None:
 
 
 FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
-"""A law of one's own on the command line: the file, and the function in it that makes the controller."""
+"""Pattern of a user's law on the command line: FILE.py:make, the file and its function that makes the controller."""
 
 
 def is_law_of_file(text: object) -> bool:

@@ -40,14 +40,14 @@ KINDS: Mapping[str, str] = {
     "flight_format": "a file of measured flights: an object with read(path, columns)",
     "command": "a command of the command line: a function with typed parameters",
 }
-"""What can be registered, and what it must be."""
+"""Kinds of extensions that can be registered, each with the requirements on the registered object."""
 
 API = 1
-"""Version of these extension points; a plugin may state the one that it was made for as ``SKYARM_API``."""
+"""Version of the extension interface; a plugin may state the version that it was written for as ``SKYARM_API``."""
 
 
 LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
-"""How a plugin's file is loaded, on the command line and in Python; for messages."""
+"""Text for messages: how to load a plugin file, on the command line and in Python."""
 
 
 class RegistryError(ValueError):
@@ -91,7 +91,7 @@ _READY: list[bool] = []
 
 
 LETTERS = "_-.+"
-"""Beside letters and digits, in names."""
+"""Characters allowed in registered names besides letters and digits."""
 
 
 def add(kind: str, name: str, target: object, title: str = "", source: str = "", letters: str = LETTERS) -> None:
@@ -114,7 +114,7 @@ def add(kind: str, name: str, target: object, title: str = "", source: str = "",
 
 
 SHIPPED = "skyarm"
-"""Source of what ships."""
+"""Source of the registrations that ship with the library."""
 
 
 def take_over(row: Registration) -> None:

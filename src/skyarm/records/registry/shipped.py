@@ -65,7 +65,7 @@ OPTIONS: Mapping[str, str] = {
     "show FLIGHT": f"{_IDENTIFY}.flight_page:show_flight",
     "studio --vehicle": f"{_IDENTIFY}.flight_replay:replay_of",
 }
-"""Option or argument of a command that a leaf performs -> location of the leaf's function."""
+"""Command-line option that a separate module performs -> location of the function in that module."""
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "air": {
@@ -247,10 +247,10 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "the controller of the scenario": ("own",),
     },
 }
-"""Names that stand for something else where the registry's do: kind -> what they are -> names."""
+"""Names that users cannot register: kind -> description of the present owner -> names."""
 
 TUNED = "_tuned"
-"""Ending of a shipped law's name that stands for its tuned gains."""
+"""Suffix of a shipped law's name that selects its tuned gains."""
 
 
 def reserved_for(kind: str, name: str) -> str | None:

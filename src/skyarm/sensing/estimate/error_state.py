@@ -23,14 +23,14 @@ from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading
 
 Aid = PoseReading | PositionReading | HeadingReading
-"""Reading that corrects the inertial unit's."""
+"""Reading that corrects the inertial unit."""
 
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCELEROMETER_BIAS, PUSH = 0, 3, 6, 9, 12, 15
-"""First component of each part of the error."""
+"""Index of the first component of each part of the error state."""
 
 Covariance = tuple[tuple[Scalar, ...], ...]
 Row = Mapping[int, Scalar]
-"""Entries of a row of a matrix that are not zero by structure."""
+"""Structurally non-zero entries of a row of a matrix."""
 
 
 def diagonal(variances: Sequence[Scalar]) -> Covariance:

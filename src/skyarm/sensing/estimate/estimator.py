@@ -15,7 +15,7 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FULL_STATE = "state"
-"""Name of the reading that every scenario has: the full state with the noise of ``[sensors]``."""
+"""Name of the reading of every scenario: the full state with the noise of ``[sensors]``."""
 
 
 class Estimator:

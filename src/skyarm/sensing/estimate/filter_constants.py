@@ -36,7 +36,7 @@ AIDS: dict[str, tuple[type, ...]] = {
     "position": (PositionReading,),
     "position_heading": (PositionReading, HeadingReading),
 }
-"""Readings that correct the inertial unit's, by the word of the filter's ``aiding``."""
+"""Value of the filter's ``aiding`` -> readings that correct the inertial unit."""
 
 _ORIGIN = Vec3(0.0, 0.0, 0.0)
 _LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
@@ -116,7 +116,7 @@ NEEDED: Mapping[str, tuple[type, ...]] = {
     "position": (Position,),
     "position_heading": (Position, Heading),
 }
-"""Sensors of each word of the filter's ``aiding``."""
+"""Value of the filter's ``aiding`` -> sensors that it needs."""
 
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:

@@ -20,22 +20,22 @@ from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, ser
 from skyarm.studies.assess.thrust import thrust_margin
 
 INSTANTS, FEWEST = 2000, 9
-"""Instants of a flight, and the least of a stretch between two jumps of the reference."""
+"""Number of instants of a flight, and least number between two jumps of the reference."""
 
 SHORTEST = 1e-3
-"""s: of a stretch."""
+"""Shortest interval (s) between two jumps of the reference that is examined."""
 
 POSES_HELD = 100
-"""Poses of the reference while a load is held, in which a level hover is looked at."""
+"""Number of poses of the reference, while a load is held, whose static hover is examined."""
 
 
 LEFT = 1e-3
-"""Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
+"""Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 
 @immutable(kw_only=False)
 class Followed:
-    """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
+    """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
 
     Attributes:
         demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
@@ -66,7 +66,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
-    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as shares of their limits."""
+    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as fractions of their limits."""
     with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
         pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
     names = field_names(ActuatorDemand) or ()

@@ -19,7 +19,8 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
 
 WRENCH = 4
-"""Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
+"""Number of rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z
+(N)."""
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
@@ -77,13 +78,14 @@ class Allocation:
 
 
 GRAVITY = 9.81
-"""m/s^2: a rest under weight alone is the same under any."""
+"""Gravity (m/s^2) of a static pose; a pose under weight alone is the same under any."""
 
 RESTS, SETTLED = 50, 1e-9
-"""Times that every joint is brought to rest while the others stay, and rad or m by which none moves any more."""
+"""Largest number of passes that bring every joint to rest while the others stay, and change (rad or m) that ends
+them."""
 
 NOTHING = 1e-9
-"""N m or N: a joint that weight does not move stays where it is."""
+"""Effort (N m or N) below which the weight does not move a joint."""
 
 
 def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
@@ -137,19 +139,19 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
 
 
 Quantities = Callable[[Array], Array]
-"""From joint values (lanes, n) to quantities (count, lanes)."""
+"""Function of joint values (lanes, n) that returns quantities (count, lanes)."""
 
 POSES, MOST_POSES = 1024, 1_000_000
-"""Sampled poses if nothing is said, and the most."""
+"""Number of sampled poses by default, and its upper bound."""
 
 LANES = 4096
-"""Poses at a time, so that long arms do not fill the memory."""
+"""Number of poses evaluated at once, which bounds the memory for long arms."""
 
 CORNERS = 6
-"""Joints up to which every corner of the joint ranges is tried, too."""
+"""Largest number of joints for which every corner of the joint ranges is evaluated."""
 
 ROUNDS, AROUND, CLOSER = 16, 24, 0.65
-"""Rounds of the local search, tries of each around the worst pose so far, and how their steps shrink."""
+"""Local search around the worst pose: number of rounds, trials of each round, and factor on their steps per round."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,7 +61,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
 
 
 PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment"
-"""Questions."""
+"""Names of the questions about plan, law and parts."""
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:

@@ -38,7 +38,7 @@ FOLLOWS = {
     r"^rotors along the reference": rf"{THRUST}|^thrust margin",
     r"^joints along the reference": r"static effort",
 }
-"""Question, field and text of an alarm -> those of alarms that can cause it, as patterns."""
+"""Question, field and text of an alarm, as a pattern -> patterns of alarms that can cause it."""
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:

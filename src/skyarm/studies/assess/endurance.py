@@ -10,7 +10,7 @@ from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SHORTEST = 120.0
-"""s: hardly a take-off and a landing."""
+"""Flight time (s) that hardly allows take-off and landing."""
 
 
 def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding]:
@@ -59,7 +59,7 @@ def _hovers(vehicle: Vehicle, gravity: float) -> bool:
 
 
 STEPS = 2000
-"""Of the charge between full and empty."""
+"""Number of charge levels between full and empty."""
 
 
 @immutable(kw_only=False)

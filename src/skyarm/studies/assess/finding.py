@@ -16,11 +16,11 @@ from skyarm.view.pages import Facts
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 
 LEVELS = (OK, NOTE, WARNING, FAULT)
-"""From good to bad: a note is worth knowing and no alarm; with a fault the vehicle cannot fly as it is described."""
+"""Levels of a finding, from good to bad: a note is no alarm; with a fault the described vehicle cannot fly."""
 
 
 UNITS = "units"
-"""Question of numbers that are probably in other units."""
+"""Name of the question about numbers that are probably in other units."""
 
 
 @immutable(kw_only=False)
@@ -109,7 +109,7 @@ def at_most(question: str, value: float, *words: str, fault: float = math.inf, w
 
 
 BEHIND_A_FIELD = re.compile(r": | of | reaches ")
-"""What stands in a line between the field and what is said of it where there is no equals sign."""
+"""Pattern of the separator between a field and its finding in a line without an equals sign."""
 
 
 def finding_of_line(line: str, question: str, level: str) -> Finding:

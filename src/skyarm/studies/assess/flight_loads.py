@@ -22,10 +22,10 @@ from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AT_ONCE = 1 << 14
-"""Control periods whose frames are computed at once: bounds the memory of a long flight."""
+"""Number of control periods whose frames are computed at once, which bounds the memory of a long flight."""
 
 OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
-"""Beginnings of the paths of changes that leave plant, surroundings and reference as they are."""
+"""Prefixes of the paths of changes that do not alter plant, surroundings or reference."""
 
 
 @immutable(kw_only=False)

@@ -16,7 +16,7 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOTHING = 1e-12
-"""N m or N: below it is rounding."""
+"""Effort (N m or N) below which a value is rounding."""
 
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
@@ -63,7 +63,7 @@ def effort_limits(vehicle: Vehicle) -> Array:
 
 
 OFTEN = 0.05
-"""Share of the flight in saturation above which the reference cannot be followed."""
+"""Fraction of the flight in saturation above which the reference is infeasible."""
 
 
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:

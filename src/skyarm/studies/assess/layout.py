@@ -14,7 +14,7 @@ from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 DISC_LOADING = 2.0, 1000.0
-"""N/m^2 of weight on the rotors' discs: indoor models have 5, multirotors 20 to 200, helicopters to 500."""
+"""Plausible disc loading (N/m^2): indoor models have 5, multirotors 20 to 200, helicopters up to 500."""
 
 
 def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
@@ -34,7 +34,7 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
 
 
 STAGGERED = 0.1
-"""Height between two hubs over their distance from which their discs may lie above each other."""
+"""Height between two hubs over their distance from which their discs may overlap."""
 
 
 def disc_radius(vehicle: Vehicle) -> float:
@@ -54,20 +54,20 @@ def _hub_distances(vehicle: Vehicle) -> Array:
 
 
 AIR = 1.225
-"""kg/m^3, ISA at sea level."""
+"""Air density (kg/m^3), ISA at sea level."""
 
 THRUST_COEFFICIENTS = 0.003, 2.0
-"""C_T on the largest disc that fits, thrust / (rho n^2 D^4): propellers have 0.05 to 0.15 on their own, and smaller
-discs than fit have less."""
+"""Plausible thrust coefficient C_T = thrust / (rho n^2 D^4) on the largest disc that fits. Isolated propellers have
+0.05 to 0.15, and discs smaller than those that fit less."""
 
 MOMENT_ARMS = 0.01, 0.6
-"""Drag torque over thrust, in disc radii: propellers have 0.1 to 0.3."""
+"""Plausible drag torque over thrust, in disc radii; propellers have 0.1 to 0.3."""
 
 UNEVEN = 0.2
-"""Spread of the rotors' hover thrusts over their mean from which a flipped rotor is looked for."""
+"""Relative spread of the rotors' hover thrusts above which a flipped rotor is suspected."""
 
 EVENER = 0.25
-"""Share of the spread that is left where turning one rotor round explains it."""
+"""Fraction of the spread that may remain after one rotor is turned round, if that explains it."""
 
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:

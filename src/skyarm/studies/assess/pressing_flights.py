@@ -34,17 +34,18 @@ from skyarm.vehicle.vehicle_records import Vehicle
 QUESTION, STEPS = "force in flight", "steps of the contact"
 
 SHARES, NOISES = (0.25, 0.5, 0.75, 1.0), 8
-"""Of the commanded force, and noises of each."""
+"""Fractions of the commanded force, and number of noise seeds of each."""
 
 ALLOWED = 0.05
-"""Share of the commanded force that the mean of its error over a flight may be."""
+"""Largest mean force error over a flight, as a fraction of the commanded force."""
 
 LIMITED = 0.05
-"""Share of the periods with a rotor at its limit that a force may take: of 16 flights of 30 s of an octocopter none was
-lost with 0.02, one with 0.05, three with 0.13; others have below 0.001 at half of what their joints bear."""
+"""Fraction of the periods with a rotor at its limit that a force may take: of 16 flights of 30 s of an octocopter
+none was lost with 0.02, one with 0.05, three with 0.13; others have below 0.001 at half of what their joints
+bear."""
 
 SLUGGISH = 5.0
-"""m/s^2 of the tip under the force below which a bounce takes tenths of a second."""
+"""Acceleration (m/s^2) of the tip by the force below which a bounce takes tenths of a second."""
 
 VALUE = "reference.push.force.value"
 
@@ -127,7 +128,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
 
 
 def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
-    """Force error (N), status and share of saturated periods of flights at several force levels and noise seeds.
+    """Force error (N), status and fraction of saturated periods of flights at several force levels and seeds.
 
     Args:
         scenario: a constant force, no changes of it in flight.

@@ -20,20 +20,20 @@ from skyarm.studies.assess.finding import NOTE, WARNING, Finding, at_most
 from skyarm.studies.assess.joints import effort_limits
 
 FORCE = "reference.push.force"
-"""Field that these findings are about."""
+"""Field to which the findings about the pressing force belong."""
 
 INSTANTS = 500
-"""Of the flight, at which force and pose are looked at."""
+"""Number of instants of the flight at which force and pose are evaluated."""
 
 ASSUMED = Tolerances(torques=0.1, masses=0.0)
-"""Where the law is told of none."""
+"""Tolerances of a law that states none."""
 
 WARNS, HALF = 0.8, 0.5
-"""Shares of a joint's limit and of the yaw torque that leave little: friction and a tilted base take the rest."""
+"""Fractions of a joint's limit and of the yaw torque that leave little for friction and for a tilted base."""
 
 
 LEVEL = 0.3
-"""Largest vertical part of a level direction."""
+"""Largest vertical component of a direction that counts as horizontal."""
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:

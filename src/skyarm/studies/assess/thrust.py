@@ -16,14 +16,14 @@ from skyarm.studies.assess.joints import effort_limits
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.2
-"""What the busiest rotor can give over what hover asks of it: with less, attitude control saturates often."""
+"""Least ratio of the busiest rotor's largest thrust to its hover thrust; below it attitude control saturates often."""
 
 LEAST_SHARE = 0.05
-"""Of the slowest rotor's thrust in the mean: below it a small torque stops that rotor."""
+"""Least thrust of the slowest rotor over the mean; below it a small torque stops that rotor."""
 
 
 def thrust_margin(poses: ArmPoses) -> list[Finding]:
-    """Check results for thrust: margin of the most loaded rotor and share of the least loaded, worst arm pose."""
+    """Check results for thrust: margin of the most loaded rotor and load of the least loaded one, worst arm pose."""
 
     def quantities(joints: Array) -> Array:
         squared = poses.squared_speeds(joints)
@@ -61,7 +61,8 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
 AXES = ("roll", "pitch", "yaw")
 
 FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
-"""rad/s^2: below the first it cannot be held against a breeze, below the second it is slow; yaw can be weaker."""
+"""Angular accelerations (rad/s^2) about x, y, z: below the first the base cannot be held against a breeze, below the
+second it turns slowly."""
 
 
 def torque_authority(poses: ArmPoses) -> list[Finding]:
@@ -108,7 +109,7 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
 
 
 NOTHING = 1e-9
-"""kg: rounding of a vehicle that holds its own weight and no more."""
+"""Mass (kg) below which a payload is rounding."""
 
 
 def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:

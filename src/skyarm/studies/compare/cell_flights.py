@@ -28,8 +28,8 @@ from skyarm.studies.flights import Rows, Work
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
-"""Metrics that every table shows beside the tip's error: RMS change of a rotor command per control period, rad/s, and
-the share of periods with a rotor at its limit."""
+"""Metrics that every table shows next to the tip error: RMS change of a rotor command per control period (rad/s),
+and fraction of periods with a rotor at its limit."""
 
 METRICS = (
     *(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max")),
@@ -37,25 +37,25 @@ METRICS = (
     *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
     *(JITTER, LIMITED, "rate_rms", "tilt_max", "altitude_error_max_continuous"),
 )
-"""Counted of every flight, under the names of :mod:`skyarm.log.metrics.metric_catalogue`; and every joint's effort."""
+"""Metrics of every flight, named as in :mod:`skyarm.log.metrics.metric_catalogue`; and every joint's effort."""
 
 ONE_BY_ONE = 8
-"""Perturbed plants that a law meets whose flights fly one by one."""
+"""Number of perturbed plants of a law whose flights fly one by one."""
 
 TILTED = math.radians(80.0)
-"""rad: a flight that leans further is lost, even where it comes to its end."""
+"""Tilt (rad) above which a flight counts as lost, even if it comes to its end."""
 
 Record = Mapping[str, Any]
 """Plain data of a results file."""
 
 Document = dict[str, Any]
-"""The same while it is written."""
+"""Plain data of a results file while it is written."""
 
 NAMES = ("condition", "case", "law")
-"""Columns of the rows that name a cell."""
+"""Columns of a row that identify a cell."""
 
 FEW = 16
-"""Episodes up to which a compiler's full effort takes longer than it saves."""
+"""Number of episodes up to which full compiler optimisation takes longer than it saves."""
 
 
 @immutable(kw_only=False)
@@ -112,7 +112,7 @@ class CellFlights:
     """Metrics in addition to those that every comparison counts."""
 
     same_noise: ClassVar[bool] = False
-    """Whether all episodes have the noise of the first."""
+    """True if all episodes have the noise of the first."""
 
     @property
     def name(self) -> tuple[str, str, str]:
@@ -189,7 +189,7 @@ class CellFlights:
 
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
-"""A success flew to its end with the tip within 20 mm of its reference all through the last 5 s."""
+"""Success criterion: the flight completes with the tip within 20 mm of its reference throughout the last 5 s."""
 
 
 def summary(cell: Cell) -> Document:

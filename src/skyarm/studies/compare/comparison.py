@@ -19,7 +19,7 @@ SUITE = "paper-suite"
 SHARE = "flights with the tip within 20 mm in the last 5 s\nnoisy wrong plants, Case 3 in wind"
 
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
-"""Groups of entrants that meet perturbed plants in one case only: their tables say what a part of a law is worth."""
+"""Groups of entrants that meet perturbed plants in one case only; their tables show the effect of a part of a law."""
 
 
 @immutable
@@ -119,12 +119,12 @@ TRACKING = (
     ReportColumn("side tip, mm", "case3_wind_side", TOOL),
     ReportColumn("50 g, wind tip, mm", "case3_wind_payload", TOOL),
 )
-"""Where the laws are on the truth."""
+"""Columns of tracking errors on the true plant."""
 
 WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.startswith("ee"))
 
 WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
-"""Which case a head means that names none."""
+"""Text on the case to which a head without a case refers."""
 
 COST = (
     *(
@@ -142,7 +142,7 @@ COST = (
     ReportColumn("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
     ReportColumn("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
 )
-"""What the errors were bought with: rotor jitter and saturation wherever the tip's error is shown."""
+"""Columns of control activity: rotor jitter and saturation next to the tip error."""
 
 COST_WORDS = "What they were bought with (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
 
@@ -152,7 +152,7 @@ CAPTION = (
 )
 
 FEW = 10
-"""Below this a share says how many flights it is of; and where others flew more."""
+"""Number of flights below which a fraction states its number of flights, as where others flew more."""
 
 WRONG_NOTE = (
     "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "

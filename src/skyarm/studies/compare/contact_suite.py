@@ -29,14 +29,14 @@ from skyarm.view.pages import DASH, Report, Section, Table, number
 CONTACT = "contact-suite"
 
 WORLDS, QUICK = 200, 16
-"""Perturbed worlds of each task; where it is to be quick."""
+"""Number of perturbed worlds of each task, by default and with --quick."""
 
 
 METRICS = ("contact", "phases_done")
-"""Beside what every comparison counts."""
+"""Metrics in addition to those of every comparison."""
 
 CONDITIONS = {"perfect": "perfect state", "noisy": "noisy measurements"}
-"""Both in the same perturbed worlds, with a delay of up to 10 ms that no law knows of."""
+"""Conditions of the suite, both in the same perturbed worlds, with an unmodelled delay of up to 10 ms."""
 
 
 @immutable(slots=False)
@@ -167,13 +167,13 @@ class ContactSuite(Suite[ContactFlights]):
 
 
 HELD = 0.9
-"""Share of the time that a force must be within 30 % of the wanted one."""
+"""Fraction of the time in which the force must be within 30 % of the desired one."""
 
 NEAR = 0.010
-"""m, of the place where an object is set down."""
+"""Largest distance (m) of an object from its goal."""
 
 APART = 0.05
-"""m, of a vehicle that stands from where it shall."""
+"""Largest distance (m) of a landed vehicle from its goal."""
 
 
 NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
@@ -189,7 +189,7 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
     "radial_most": ("grip_force_max", "largest, in 95 %, N", 1.0, 95.0),
     "lag_most": ("grip_lag_max", "largest lag, in 95 %, deg", 180.0 / math.pi, 95.0),
 }
-"""Number of a cell -> metric, head, factor from SI to its unit, percentile over flights that came to their end."""
+"""Quantity of a cell -> metric, head, factor from SI to its unit, percentile over completed flights."""
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:

@@ -24,28 +24,28 @@ Range = tuple[float, float]
 
 FRICTION: Range = (0.1, 0.8)
 STIFFNESS: Range = (500.0, 1e5)
-"""N/m, drawn by its logarithm."""
+"""Range of the surface stiffness (N/m), log-uniform."""
 
 NORMAL = 0.17453292519943295
-"""rad, 10 degrees: largest error of the believed normal."""
+"""Largest error (rad) of the modelled normal: 10 degrees."""
 
 RADIUS = 0.06
-"""Share by which the way from the tip to a hinge may be wrong."""
+"""Largest relative error of the lever from the tip to a hinge."""
 
 MASS: Range = (0.5, 2.0)
-"""Share of an object's mass, drawn by its logarithm."""
+"""Range of an object's mass over the nominal one, log-uniform."""
 
 DRAG: Range = (0.5, 2.0)
-"""Share of a mechanism's closer, damping and friction, drawn by its logarithm, each by itself."""
+"""Range of a mechanism's closer, damping and friction over the nominal ones, each log-uniform."""
 
 THRUST: Range = (0.9, 1.0)
-"""Share of the rotors' thrust."""
+"""Range of the rotors' thrust over the nominal one."""
 
 WIND = 2.0
-"""N, largest."""
+"""Largest wind force (N)."""
 
 DELAY = 0.010
-"""s, largest age of the commands, of which no law knows."""
+"""Largest unmodelled delay (s) of the commands."""
 
 
 @immutable
@@ -91,26 +91,26 @@ class Task:
 
 
 TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
-"""By name, in the order of the tables."""
+"""Tasks by name, in the order of the tables."""
 
 
 FLAGSHIP, MOTION, LOAD = "centroidal", "centroidal_motion", "centroidal_load"
 
 OWN = (FLAGSHIP, MOTION, LOAD)
-"""Laws that the scenario's own is made into."""
+"""Variants of the scenario's own law."""
 
 LARGEST = 0.3
-"""kg, that a law learns that learns its load."""
+"""Largest mass (kg) that a load-estimating law estimates."""
 
 RIVALS = ("hybrid_ct", "admittance_pd")
-"""Laws of the paper that also press; they fly with tuned gains on every vehicle."""
+"""Published laws that also press; they fly with tuned gains on every vehicle."""
 
 LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
-"""What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
-two as others make them press."""
+"""Default laws: the scenario's own with and without parts of it, the paper's two, and these two with published
+contact control."""
 
 BEHIND = 0.01
-"""m, behind the believed surface, of the path of a law that follows positions."""
+"""Distance (m) behind the modelled surface of the path of a law that tracks positions."""
 
 
 def document_of(task: Task) -> dict[str, Any]:

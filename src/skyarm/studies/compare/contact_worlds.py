@@ -22,13 +22,13 @@ from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADI
 from skyarm.studies.compare.perturbed_plants import on_sphere
 
 CHANNEL = 30
-"""Channel of the generator, apart from those of flights and of wrong plants."""
+"""Channel of the random generator for worlds, separate from those of flights and perturbed plants."""
 
 NUMBERS = 10
-"""Uniform numbers of a world."""
+"""Number of uniform random numbers of a world."""
 
 MOST_DISCARDED = 0.3
-"""Share of the drawn worlds that may be discarded."""
+"""Largest fraction of the drawn worlds that may be discarded."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -28,11 +28,11 @@ from skyarm.records.registry.registrations import SHIPPED, registrations
 from skyarm.studies.compare.suite import DELAY, library_rows
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
-"""Every step of the ladder flies with the paper's gains; only the law differs."""
+"""Gains of every step of the ladder: the paper's; only the law differs."""
 
 
 TUNED: Mapping[str, str] = {"paper_pd": "decoupled_pd_tuned", "paper_ct": "hybrid_computed_torque_tuned"}
-"""Law with the paper's gains -> the same law with gains tuned for another vehicle, which the paper's are not for."""
+"""Law with the paper's gains -> the same law with tuned gains, for vehicles that the paper's gains do not fit."""
 
 
 @immutable
@@ -122,4 +122,4 @@ def _entrant(row: dict[str, Any]) -> Entrant:
 
 
 ENTRANTS: Mapping[str, Entrant] = {row["name"]: _entrant(row) for row in library_rows("entrants")}
-"""By name, in the order of the tables."""
+"""Entrants by name, in the order of the tables."""

@@ -31,13 +31,13 @@ from skyarm.view.pages import DASH, Report, Section, Table, image, number
 ENVELOPE = "envelope-suite"
 
 LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip")
-"""What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
+"""Default laws; nmpc takes a quarter of an hour more (--laws nmpc)."""
 
 TUNED_LAWS = tuple(TUNED.get(law, law) for law in LAWS)
-"""What flies on another vehicle than the paper's where nobody chooses."""
+"""Default laws on other vehicles than the paper's."""
 
 QUICK = 10.0
-"""s, of a trial where the envelope is to be quick."""
+"""Duration (s) of a trial with --quick."""
 
 
 @immutable(slots=False)
@@ -211,22 +211,23 @@ class Envelope(Suite[AxisFlights]):
 
 
 LEVELS = (0.010, 0.100)
-"""m: how far along an axis the error stays within these says where a law is good and where it still serves."""
+"""Tip errors (m) by which an axis is rated: the largest level with an error below the first shows where a law is
+accurate, below the second where it is still usable."""
 
 MEASURED = {
     **{"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"},
     **{"jitter": JITTER, "limited": LIMITED},
 }
-"""Key of a point -> metric, m, s, rad, rad/s and a share."""
+"""Key of a point -> metric in m, s, rad, rad/s or as a fraction."""
 
 NEAR = 0.020
-"""m: a plant whose tip stays within this all through its window counts as held; the comparison's success."""
+"""Tip error (m) below which a plant counts as held throughout its window; the comparison's success criterion."""
 
 OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
-"""The same of an axis of wrong plants."""
+"""Description of that count, for an axis of perturbed plants."""
 
 JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
-"""What the numbers of an axis are, in words."""
+"""Metric -> description of an axis' numbers."""
 
 
 def points_of(cell: Cell, axis: EnvelopeAxis, values: int | None = None) -> list[Document]:
@@ -403,7 +404,7 @@ def command_rows(axis: Record) -> list[list[str]]:
 
 
 def command_text(point: Record) -> str:
-    """Table text of rotor jitter (rad/s) and share of periods at a limit (%); the largest of perturbed plants."""
+    """Table text of rotor jitter (rad/s) and periods at a limit (%); the largest of perturbed plants."""
     if point["jitter"] is None or (point["lost"] and "plants" not in point):
         return LOST
     return f"{number(point['jitter'])}; {number(point['limited'], 1e2)} %"

@@ -30,58 +30,63 @@ from skyarm.world.dryden import Dryden
 from skyarm.world.signal_vector import SignalVector
 
 TIP, OVERSHOOT = "ee_error_mean_continuous", "x_error_max_continuous"
-"""Metrics that judge an axis: the mean distance of the tip from where a level base on its reference would carry it, or
-how far the base goes beyond a step along x."""
+"""Metrics that judge an axis: mean distance of the tip from its reference with a level base, or overshoot of the
+base in a step along x."""
 
 TIP_MAX, OUTSIDE = "ee_error_max_continuous", "ee_time_outside_continuous"
-"""The largest such distance, and for how long it was over 5 cm."""
+"""Metrics: largest such distance, and time for which it exceeds 5 cm."""
 
 SETTLED, DISTURBED, STEP = 7.0, 4.0, 1.0
-"""s: from when on a motion that grows until 5 s is judged; a hover; and when the position steps."""
+"""Start (s) of the judged window of a motion that grows until 5 s, and of a hover; and time (s) of the position
+step."""
 
 EASE = Ramp(start=2.0, duration=3.0, height=1.0, shape="quintic")
-"""From 2 to 5 s every motion grows from rest to its amplitude."""
+"""Envelope of every motion, which grows from rest to its amplitude between 2 and 5 s."""
 
 ARM, ARM_HZ, ARM_PHASE = (0.2, 0.15), 0.5, 0.6
-"""Swing of the joints during a motion of the base: rad, one joint after the other, Hz, and rad from joint to joint."""
+"""Swing of the joints during a motion of the base: amplitudes (rad), frequency (Hz), phase (rad) from joint to
+joint."""
 
 SWING_PHASE = 0.9
-"""rad, from joint to joint where the swing of the arm is the trial."""
+"""Phase (rad) from joint to joint in the trials of a swinging arm."""
 
 SLOW = (0.3, 0.15)
-"""m, m/s: circle of the trials of delay, lag, payload and noise."""
+"""Radius (m) and speed (m/s) of the circle in the trials of delay, lag, payload and noise."""
 
 HULL, SCALE_LENGTH = 0.02, 3.0
-"""N/(m/s)^2: drag of the hull in turbulence, for the paper's weight; m, of turbulence along all axes."""
+"""Drag of the hull (N/(m/s)^2) in turbulence, for the paper's weight; length scale (m) of the turbulence along all
+axes."""
 
 FALLING = 3.2 - 1.0
-"""The lag of falling rotors grows to 3.2 times where that of rising ones grows to four (12.5/25 to 50/80 ms)."""
+"""Growth of the lag of falling rotors, up to 3.2 times while that of rising ones grows to four (12.5/25 to 50/80
+ms)."""
 
 LONGEST = 0.03
-"""s, of the commands."""
+"""Longest delay (s) of the commands."""
 
 ON_TIME = Delays()
-"""No dead time in the loop."""
+"""Delays of a loop without dead time."""
 
 ONSET, LATEST = 8.0, 0.04
-"""s: from when on commands are late that were on time before, and by how much at most."""
+"""Onset (s) and largest size (s) of a command delay that appears in flight."""
 
 VEHICLES = ("hexarotor_arm6", "octo_coaxial_two_arms", "quadrotor_roll_arm2")
-"""Other vehicles that fly an axis of delays each: six joints, two arms with slides on eight rotors, and servos."""
+"""Further vehicles, each with an axis of delays: six joints, two arms with slides on eight rotors, and servos."""
 
 FIGURE = {"x": (0.8, 2.0, 0.0), "y": (0.5, 3.0, 0.7), "z": (0.15, 5.0, 1.9)}
 FIGURE_ARM = (0.3, 7.0, 1.1)
-"""Lissajous figure that no gain or law was chosen on: m (of the joints rad), times the axis' frequency, rad."""
+"""Lissajous figure that no gain or law was chosen on: amplitudes (m; of the joints rad), multiples of the axis'
+frequency, and phases (rad)."""
 
 POINTS, SPAN = 31, {"x": 0.8, "y": 0.8, "z": 0.3, "joints": 0.6}
-"""Seed of the random curve's points, and their largest distance from the middle: m, of the joints rad."""
+"""Seed of the random curve's points, and their largest distance (m; of the joints rad) from the middle."""
 
 PLANTS, WIDEST = 24, 2.0
 """Perturbed plants of every value, the same ones for every law, further from the model as the value grows; the last
 value, times the comparison's spread."""
 
 WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),), "z": ((15.0, math.inf, 1.0),)}
-"""World axis -> (start, stop, share): +x, 0, +y, -x, 0, +z, each for 3 s."""
+"""World axis -> (start, stop, fraction): +x, 0, +y, -x, 0, +z, each for 3 s."""
 
 Numbers = Mapping[str, float]
 
@@ -317,7 +322,7 @@ def by_weight(setting: Setting) -> float:
 
 
 RANDOM_STEPS = (1.0, 0.7, 0.5, 0.35)
-"""s, between the points of the random curve."""
+"""Times (s) between the points of the random curve."""
 
 MOVING = partial(EnvelopeAxis, start=SETTLED)
 SLOWLY = partial(EnvelopeAxis, noisy=True)
@@ -432,6 +437,7 @@ ROWS = (
         },
     ),
 )  # fmt: skip
-"""Motions of base and arm; a step, and forces on a hover; delays, lags, a load and noise on a slow circle."""
+"""Axes of the envelope: motions of base and arm; a step, and forces in hover; delays, lags, a load and noise on a
+slow circle."""
 
 AXES: Mapping[str, EnvelopeAxis] = {axis.name: axis for axis in ROWS}

@@ -28,19 +28,19 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PAPER = "hummingbird_arm2_rotors"
-"""The vehicle that the amplitudes are stated for, as RotorS simulates it; laws believe the paper's Table 1."""
+"""Vehicle for which the amplitudes are stated, as RotorS simulates it; the laws' model is the paper's Table 1."""
 
 HEIGHT = 1.5
-"""m, of the base; more where an arm reaches further down than 1 m."""
+"""Height (m) of the base; more where an arm reaches further down than 1 m."""
 
 CLEARANCE = 0.5
-"""m, between the tip of a hanging arm and the ground at least."""
+"""Least distance (m) between the tip of a hanging arm and the ground."""
 
 ROOM = 0.7
-"""Share of the way to a joint's nearer limit that a swing of 1 (rad, or m) takes at most."""
+"""Largest fraction of the distance to a joint's nearer limit that a swing of 1 (rad or m) uses."""
 
 DURATION = 20.0
-"""s, of a trial."""
+"""Duration (s) of a trial."""
 
 
 @immutable

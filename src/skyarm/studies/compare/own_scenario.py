@@ -23,13 +23,13 @@ from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report, Section, Table, number
 
 OWN = "own"
-"""The scenario's own law, which flies first."""
+"""Name of the scenario's own law, which flies first."""
 
 LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
-"""What flies after it, where nobody chooses."""
+"""Default laws that fly after the scenario's own."""
 
 AS_GIVEN = "given"
-"""Name of the only condition: the file says sensors, delays, air and forces."""
+"""Name of the only condition: sensors, delays, air and forces of the file."""
 
 COLUMNS: Sequence[tuple[str, str, float]] = (
     ("base, mm", BASE, 1e3),
@@ -39,7 +39,7 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
     ("a rotor at its limit, %", LIMITED, 100.0),
     ("largest tilt, deg", "tilt_max", 57.29577951308232),
 )
-"""Head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
+"""Columns: head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
 
 
 @immutable

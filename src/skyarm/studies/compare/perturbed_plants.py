@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
 CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANNEL_WIND = range(16, 22)
-"""Channels of the generator, apart from those of a flight's own noise."""
+"""Channels of the random generator for perturbed plants, separate from those of a flight's noise."""
 
 
 @immutable
@@ -99,17 +99,19 @@ def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:
 
 
 MASS, ARM = 0.806, 0.3
-"""kg and m: the vehicle for which the comparison's spread was written; Barakou et al. 2026, Table 1."""
+"""Mass (kg) and arm length (m) of the vehicle for which the comparison's spread was chosen; Barakou et al. 2026,
+Table 1."""
 
 FRICTION = 40.0
-"""1/s: most joint damping over the joint's inertia at rest; what the comparison's spread is for the paper's forearm."""
+"""Largest joint damping over the joint's inertia at rest (1/s), equal to the comparison's spread for the paper's
+forearm."""
 
 RESERVE = 0.9
-"""Of the weakest rotors' thrust: what load and wind together may ask for in a hover."""
+"""Largest hover load, payload and wind together, as a fraction of the weakest rotors' thrust."""
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """Scale the standard model mismatch to a vehicle; also returns the share of payload and wind that thrust allows.
+    """Scale the standard model mismatch to a vehicle; also returns the fraction of payload and wind that it can lift.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a

@@ -28,7 +28,7 @@ PAGE = "report.html"
 F = TypeVar("F", bound=CellFlights)
 
 Refused = Mapping[str, str]
-"""Law, or law and trial -> why it does not fly."""
+"""Law, or law and trial -> reason why it does not fly."""
 
 
 class Suite(ABC, Generic[F]):

@@ -22,10 +22,10 @@ NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, jo
 """White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
 
 DELAY = 0.005
-"""s: age of a measurement in the noisy conditions, one control period. Laws with an option for it are given it."""
+"""Age (s) of a measurement in the noisy conditions, one control period; laws with an option for it receive it."""
 
 GROUND = False
-"""The suite measures tracking; a flight that sinks below z = 0 goes on and shows its error."""
+"""Setting without a ground: the suite measures tracking, and a flight below z = 0 continues."""
 
 
 def library_rows(name: str) -> Iterator[dict[str, Any]]:

@@ -21,7 +21,7 @@ LOCAL, PROCESSES, RAY = "local", "processes", "ray"
 PLACES = re.compile(rf"{LOCAL}|{PROCESSES}|{RAY}(:[\w.\-\[\]:]+:\d{{1,5}})?")
 
 Progress = Callable[[int, int, str], object]
-"""Called with (pieces of work done, in all, the stage or the last of them)."""
+"""Callback (pieces of work done, total, present stage or last piece)."""
 
 
 def require_place(on: str, field: str = "on") -> str:

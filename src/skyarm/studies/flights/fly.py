@@ -21,7 +21,7 @@ from skyarm.simulate.loop import run
 from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
 
 MOST_PROGRAMS = 16
-"""Compiled simulations that a process keeps."""
+"""Number of compiled simulations that a process keeps."""
 
 _programs: OrderedDict[str, Batch] = OrderedDict()
 

@@ -20,10 +20,10 @@ from skyarm.simulate.other_process import TRIED
 from skyarm.studies.flights.work import Arguments, Work
 
 Call = tuple[Callable[..., bytes], tuple[object, ...]]
-"""Function and its arguments."""
+"""Function of a call and its arguments."""
 
 MOST_TRIES = 3
-"""Times that a call may begin whose process ends."""
+"""Largest number of starts of a call whose process ends."""
 
 
 class Processes:
@@ -111,7 +111,7 @@ class Processes:
 
 
 _REFUSED: list[RegistryError] = []
-"""Why this process cannot have its parent's plugins, if it cannot."""
+"""Reason why this process cannot load its parent's plugins; empty if it can."""
 
 
 def perform(work: bytes) -> bytes:

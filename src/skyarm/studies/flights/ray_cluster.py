@@ -33,14 +33,16 @@ if TYPE_CHECKING:
     from ray import ObjectRef
 
 QUIET = {"log_to_driver": False, "logging_level": logging.ERROR}
-"""Nothing of Ray's own is printed."""
+"""Ray settings that suppress its output."""
 
 SETTINGS = {"RAY_task_oom_retries": str(MOST_TRIES), "RAY_DEDUP_LOGS_SKIP_REGEX": "."}
-"""Variables that Ray reads when it loads. Without the first, what needs more memory than there is is tried for ever;
-without the second, Ray writes of every process that died to standard output, where a report for machines may stand."""
+"""Environment variables that Ray reads when it is imported. The first ends the endless retries of a task that needs
+more memory than there is; the second keeps Ray's messages about dead processes out of standard output, where a
+report for machines may be written."""
 
 ANSWER_SECONDS, JOIN_SECONDS, LOOK_SECONDS = 5.0, 30.0, 5.0
-"""Until an address counts as silent, until a cluster counts as closed, and between two counts of its processors."""
+"""Times (s) until an address counts as silent, until a cluster counts as closed, and between two counts of its
+processors."""
 
 ENDINGS = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
 """Signals that end a command."""
@@ -52,7 +54,7 @@ try:
 except Exception as error:
     sys.exit(" ".join(str(error).split()))
 ray.shutdown()"""
-"""Joins a cluster in a process of its own: Ray ends the whole process where it cannot, or waits for minutes."""
+"""Program that joins a cluster in a separate process, since Ray ends the process or waits for minutes on failure."""
 
 
 class Ray:
@@ -256,7 +258,7 @@ def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:
 
 
 _arrived: dict[bytes, list[RegistryError]] = {}
-"""Outfits that this process has put on, with what is wrong with them."""
+"""Plugins that this process has loaded for others, with their errors."""
 
 
 def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:

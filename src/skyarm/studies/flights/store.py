@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 FILE = re.compile(r"(?P<label>.+)\.(?P<digest>[0-9a-f]{64})\.parquet")
 
 KEY, LABEL, STUDY = b"skyarm.key", b"skyarm.label", b"skyarm.study"
-"""Keys of a file's metadata: digest and label of the work; digest of the study that it is of."""
+"""Keys of a file's metadata: digest and label of the work; digest of its study."""
 
 MAGIC = b"PAR1"
 
 LONGEST = 120
-"""Characters of a label that a file's name keeps."""
+"""Largest number of characters of a label in a file's name."""
 
 
 @lru_cache(maxsize=1)
@@ -234,7 +234,7 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
 
 
 WORDS = ("controller", "status")
-"""Columns of words; all others are numbers."""
+"""Columns of text; all others are numbers."""
 
 
 def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array:
@@ -256,7 +256,7 @@ def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array
 
 
 ROWS = "rows"
-"""Name of the folder of the files, in that of a study's results."""
+"""Name of the folder of row files in the folder of a study's results."""
 
 
 class Store:

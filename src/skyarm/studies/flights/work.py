@@ -26,17 +26,17 @@ from skyarm.records.registry import registrations
 from skyarm.scenario.scenario_record import Scenario
 
 Rows = dict[str, Array]
-"""Columns by name, a number or a word of each flight: first those that tell flights apart, then metrics and status."""
+"""Columns of rows by name, a number or text per flight: identifying columns first, then metrics and status."""
 
 AUTOPILOT = "autopilot"
-"""Status of a flight that ended because an autopilot's program failed; in rows its cause follows."""
+"""Status of a flight that ended because an autopilot's program failed; the cause follows in rows."""
 
 
 Arguments = TypeVarTuple("Arguments")
 """Types of the arguments of a call that flies a work."""
 
 Measure = Callable[[Log], Mapping[str, float | None]]
-"""Metrics of a log that the catalogue has no names for. A function of a module, or a partial of one."""
+"""Function that returns additional metrics of a log; a module's function, or a partial of one."""
 
 
 @immutable(slots=False, eq=False)
@@ -120,7 +120,7 @@ def _bytes(column: Array) -> str:
 
 
 identified: OrderedDict[int, tuple[Scenario, str]] = OrderedDict()
-"""Scenarios by address, held so that no other gets it, and their digests: many works share one.
+"""Scenarios by address with their digests; they are stored so that no other object takes the address.
 
 A component of the user may be changed, so that it holds for one crew only."""
 

@@ -19,10 +19,10 @@ from skyarm.studies.identify.window_fit import WindowFit, loose_with, reduce, va
 from skyarm.studies.identify.windows import Clocked
 
 NOISE, PERIOD = {"position": 0.001, "quaternion": 0.002}, 0.01
-"""m, rad, and s from sample to sample of a pose that is not measured: those of motion capture."""
+"""Noise (m, rad) and sampling time (s) assumed for a pose that is not measured: those of motion capture."""
 
 KNOWN = 1e-3
-"""Of what is known before of an effort that is not logged: as good as nothing is left of it."""
+"""Fraction of the prior information that an effort keeps if it is not logged: practically none."""
 
 
 def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[str, Array]:

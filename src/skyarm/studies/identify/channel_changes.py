@@ -23,9 +23,8 @@ from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 PRICE_OUT, PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.35, 0.003, 0.02, 0.1
-"""Prices in the cost: of a channel left out, of each column that a change moves, of a change by any amount, and of such
-a change of all clocks or axes.
-"""
+"""Costs: of a channel left out, of each column that a change alters, of a change by any amount, and of a change of
+all clocks or axes."""
 
 MAP = "map its columns, their signs or its frame in columns.toml"
 SHIFTED = "stamps are off by {:+.0f} ms, + is late"
@@ -35,11 +34,11 @@ ORDER_JOINTS = "order the columns as the vehicle's joints, and check their signs
 
 JOINTS = ("joint_positions", "joint_rates")
 ROTOR_COMMANDS = "rotor commands"
-"""Name of the channel, whichever it is."""
+"""Common name of all channels of rotor commands."""
 
 OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
 SHIFTS = (-200.0, -50.0, 50.0, 200.0)
-"""Wrong scales over right ones, and ms of a shift, from which the best one is looked for."""
+"""Starting values of the search for a clock shift (ms)."""
 
 Channels: TypeAlias = Mapping[str, Channel]
 
@@ -153,7 +152,7 @@ READINGS: Mapping[str, Callable[[Array, float], Array]] = {
     "looks like that of forward, right, down": partial(_ours, "FRD", "z up"),
     "looks like that in north, east, down": partial(_ours, "FLU", "NED"),
 }
-"""Words -> quaternion that was meant, from the one that was read."""
+"""Description -> quaternion that was meant, computed from the one that was read."""
 
 DEGREES = 180.0 / math.pi
 OTHER_UNITS = (
@@ -168,7 +167,7 @@ OTHER_UNITS = (
     ("joint_efforts", "N mm", 1e3),
     ("joint_efforts", "kN m", 1e-3),
 )
-"""Channel, unit that it may have, and the number of an SI unit in it."""
+"""Channel, unit that it may be in, and size of that unit in SI."""
 
 
 def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:

@@ -30,22 +30,23 @@ from skyarm.studies.identify.windows import on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SEGMENT = 10.0
-"""s, of a segment, about: its ends at rest show nothing, and few segments leave no choice."""
+"""Approximate duration (s) of a segment; its ends at rest show nothing, and few segments leave no choice."""
 
 SLOWEST, FASTEST = 0.4, 0.8
-"""Of a rotor's speed in hover, and of its highest: with a fifth less thrust than believed it still has some to turn."""
+"""Range of a rotor's speed: fraction of its hover speed, and of its highest; reserve for a fifth less thrust than
+modelled."""
 
 EFFORT = 0.6
-"""Of a joint's effort limit."""
+"""Largest effort of a joint, as a fraction of its limit."""
 
 TRACKING = 0.85
-"""Of box and tilt: what the loop overshoots stays inside."""
+"""Fraction of box and tilt that a design uses; the remainder is for overshoots of the loop."""
 
 PERIOD = 0.01
-"""s, between instants at which the flight of a segment is looked at."""
+"""Time (s) between instants at which the flight of a segment is evaluated."""
 
 SHRUNK, PATIENCE = 0.85, 20
-"""Factor of the amplitudes of what breaks a limit, and turns of it before everything is shrunk."""
+"""Factor on the amplitudes that violate a limit, and number of rounds before all amplitudes are reduced."""
 
 
 @immutable
@@ -65,7 +66,7 @@ class DesignLimits:
     seconds: Annotated[float, Unit("s", "duration of the designed flight")] = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
-        """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""
+        """Fractions (4 + n,), 0 to 1, of x, y, z, yaw and each joint in a designed flight's violation of its limits."""
         shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
             shares[:2] = 1.0
@@ -80,7 +81,7 @@ class DesignLimits:
 
 
 _FAULT = ((1.0, 1.0, 1.0, 0.0, 0.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.0, 0.0, 0.0, 1.0, 0.3))
-"""Fault of x, y, z, heading and joints for too much force along z, and too much torque about x, y and z.
+"""Weights of x, y, z, heading and joints in the violation by the force along z, and by the torques about x, y and z.
 
 An arm that swings needs more of the torques about x and y than a base that tilts slowly.
 """

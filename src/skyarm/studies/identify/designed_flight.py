@@ -39,13 +39,13 @@ USUAL = DesignLimits()
 Progress: TypeAlias = Callable[[int, int, str], None]
 
 LAW = "centroidal_joint"
-"""Law that flies: it tracks base and joints, which are excited, and not the tip."""
+"""Law of the designed flight: it tracks base and joints, which are excited, and not the tip."""
 
 FLIGHTS = 8
-"""Most flights in the closed loop until one stays in the limits."""
+"""Largest number of closed-loop flights until one stays within the limits."""
 
 SATURATED = 0.002
-"""Largest share of commands at a rotor's limit."""
+"""Largest fraction of commands at a rotor's limit."""
 
 
 @immutable

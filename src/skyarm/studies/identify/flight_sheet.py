@@ -13,7 +13,7 @@ from skyarm.studies.identify.log_checks import channel_gaps
 from skyarm.view.pages import Facts, Line, table_of
 
 SHOWN = 12
-"""Unused columns that are listed."""
+"""Number of unused columns that are listed."""
 
 
 def flight_facts(flight: FlightData) -> Facts:

@@ -55,32 +55,30 @@ from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 APART = 0.1
-"""s from begin to begin."""
+"""Time (s) between the starts of two predictions."""
 
 LEARNT, ONCE = 300, 2000
-"""Begins at most of predictions in the flights of the fit that show how a past counts, and of those of one step."""
+"""Largest number of predictions in the fitted flights that determine how a past counts, and of one-step predictions."""
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
-"""s, of a past that shows what the commands do not explain, and in which of it what does not last fades, to choose
-from.
-"""
+"""Candidate durations (s) of the past that shows the unexplained part, and candidate decay times (s) of its variable
+fraction."""
 
 SMOOTHED = ((), ("position", "velocity"), ("quaternion", "rate"), FIELDS)
-"""Fields of a state that are those of the past's window, to choose from: any may be measured better than it tells."""
+"""Candidate sets of state fields that are taken from the window of the past, where smoothing measures them better."""
 
 WORSE = 1.01
-"""Times the error of a prediction without the past, up to which one with it is as good."""
+"""Ratio of the error with the past to that without up to which both count as equal."""
 
 FAR = 0.2
-"""s, of horizons by which is chosen, if there are any: over less, much of an error is the noise of what is measured."""
+"""Shortest horizon (s) for the choice, if there is one; below it the error is mostly measurement noise."""
 
 LASTING = 3.0
-"""s, over which the mean of what the commands do not explain is taken to last. A fit leaves no mean in its own flights,
-so that they cannot show it: in others battery, wind and trim may be different.
-"""
+"""Time (s) over which the mean unexplained wrench is taken to last. A fit leaves no mean in its own flights, so they
+cannot show it; in others battery, wind and trim may differ."""
 
 ROUNDS = 4
-"""Rounds in which the noises of the sensors and the spread of the wrench are found."""
+"""Number of iterations of the estimate of sensor noise and wrench spread."""
 
 
 def predict_held_out(
@@ -199,10 +197,10 @@ def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
 
 
 PARTS = ("position", "velocity", "attitude", "rate")
-"""Of a state, as far as an error is reported."""
+"""Fields of a state whose prediction errors are reported."""
 
 WHOLE, NOTHING = (np.array([[part], [0.0]]) * np.ones(3) for part in (1.0, 0.0))
-"""Shares of a prediction that is the model's, and of holding."""
+"""Weights of a prediction by the model alone, and by holding the state."""
 
 
 @immutable(kw_only=False, eq=False)
@@ -257,7 +255,7 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
-    """Root mean square errors of predictions that combine model and rest with weights (2, 3) or (4, 2, 3)."""
+    """Root mean square errors of the model's prediction combined with a base at rest, weights (2, 3) or (4, 2, 3)."""
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - predicted, PARTS.index("attitude")
     left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))

@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 from skyarm.records.immutable import immutable
 
 HORIZONS = (0.01, 0.1, 0.5, 1.0)
-"""s, of the reported errors."""
+"""Horizons (s) of the reported errors."""
 
 SHORTEST = HORIZONS[0]
-"""s, of a horizon: all others are its multiples, and whole steps of the clock."""
+"""Shortest horizon (s); all others are its multiples and whole steps of the clock."""
 
 CURVE = (SHORTEST, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""s, horizons of a figure; those of a table are among them."""
+"""Horizons (s) of a figure, those of the table among them."""
 
 IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hold"
-"""Predictors; with the past, what the commands do not explain is estimated from the flight until then."""
+"""Predictors; "with past" estimates the unexplained wrench from the flight before the prediction."""
 
 ORDER = (IDENTIFIED, PAST, START, HOLD)
-"""Of tables and figures."""
+"""Order of the predictors in tables and figures."""
 
 
 @immutable

@@ -15,22 +15,22 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 AXES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
-"""Last parts of names of numbers that are entries of one field."""
+"""Suffixes of parameters that are components of one field."""
 
 CURVE = "rotors.thrust_table"
-"""Field of a thrust curve."""
+"""Name of a parameter field: the thrust curve."""
 
 VOLTAGE = "voltage"
-"""Known number that is none of the search: V, at which the start's thrust holds."""
+"""Known number that is not estimated: voltage (V) at which the start vehicle's thrust holds."""
 
 POSITION = "rotors.position"
-"""Field of the height at which hub drag acts."""
+"""Field with the height at which hub drag acts."""
 
 IDENTIFIED_BY = "Identified by skyarm"
-"""Beginning of the first comment of the file."""
+"""Prefix of the first comment of an identified vehicle file."""
 
 SUFFIX = "_identified"
-"""Behind the name of the start vehicle."""
+"""Suffix of an identified vehicle's name."""
 
 
 def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], known: Mapping[str, float]) -> str:

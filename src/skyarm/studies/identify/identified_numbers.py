@@ -21,19 +21,19 @@ from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOT_SHOWN = "not in this data"
-"""Reason of a number of which the flights tell less than what was known before."""
+"""Reason for a parameter on which the flights give less information than the prior."""
 
 APART = f"{NOT_SHOWN} apart from "
-"""Begin of the reason of a number that shows beside another one only, whose name follows."""
+"""Prefix of the reason for a parameter known only together with another one, whose name follows."""
 
 GIVEN = "Total mass and rotor places are given; inertia scales with both."
-"""Flights show forces per mass, and torques as these times the distances of the rotors."""
+"""Note on the given numbers: flights show forces per mass, and torques as these times the distances of the rotors."""
 
 SHOWN = 0.5
-"""Least share of a number's information that the flights must give."""
+"""Least fraction of a parameter's information that the flights must give."""
 
 LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
-"""Numbers of the rotors' commands that samples below 40 Hz do not show."""
+"""Parameters of the rotor response that commands below 40 Hz do not show."""
 
 
 @immutable

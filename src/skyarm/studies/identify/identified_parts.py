@@ -24,13 +24,13 @@ from skyarm.vehicle.vehicle_records import BodyDrag, MountedDrive, Rotor, Vehicl
 R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive, BodyDrag)
 
 SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
-"""Numbers of a rotor that are above 0: of each rotor in the proportion of the start vehicle."""
+"""Positive parameters of a rotor; those of all rotors keep the proportions of the start vehicle."""
 
 FRICTIONS = ("damping", "coulomb", "coulomb_rate", "armature")
-"""Numbers of a joint that may be identified."""
+"""Friction parameters of a joint that may be identified."""
 
 OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
-"""Numbers of a joint's position servo that may be identified."""
+"""Parameters of a joint's position servo that may be identified."""
 
 
 @immutable
@@ -99,11 +99,11 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
 
 
 THIN = 1e-3
-"""Least principal second moment of mass of a body, of the sum of the three."""
+"""Least principal second moment of mass of a body, as a fraction of the sum of the three."""
 
 
 def of_a_body(inertia: Sym3) -> Sym3:
-    """Nearest physically possible inertia: principal second moments of mass not below a share of their sum.
+    """Nearest physically possible inertia: principal second moments of mass not below a fraction of their sum.
 
     Moments that were found beside one that stays at the start's may add up to what no body has.
     """

@@ -24,16 +24,16 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
-"""Names of the file of the vehicle, of all numbers, and of the errors of predictions."""
+"""File names: vehicle, all parameters, prediction errors, and figure."""
 
 CLOSE, MOST = 0.9, 12
-"""Correlation from which two numbers are named; lines of them at most."""
+"""Correlation above which two parameters are reported, and largest number of such lines."""
 
 WIDENED = 1.5
-"""Times by which an interval is wider, as flights disagree or lack a channel, from which it is said."""
+"""Factor of widening, for disagreeing flights or an absent channel, above which an interval's widening is reported."""
 
 LISTED = 4
-"""Flights that a heading names, and numbers that an absent channel blurs."""
+"""Number of flights in a heading, and of parameters blurred by an absent channel, that are listed."""
 
 HEADS = ("", "value", "95 % interval", "start", "unit")
 
@@ -124,7 +124,7 @@ STEPS = {"specific_force": "m/s^2", "angular_acceleration": "rad/s^2"}
 TABLE_HEAD = ",".join(
     ("horizon_s", "predictor", "predictions", *(f"{name}_{unit.replace('/', '_')}" for name, unit in ERRORS.items()))
 )
-"""First line of the table of predictions."""
+"""First line of the table of prediction errors."""
 
 
 def prediction_lines(held_out: HeldOut) -> list[str]:

@@ -58,7 +58,8 @@ from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FLATTEST, STEEPEST, LONGEST = 2.0, 60.0, 600.0
-"""deg, below what a loop tilts by itself, and far from lying on its side; s, of a battery."""
+"""Bounds of the options: tilt (deg) below which the loop tilts anyway, and far from lying on its side; duration (s)
+of a battery."""
 
 USUAL = DesignLimits()
 
@@ -220,7 +221,7 @@ def design(
 
 
 SUBCOMMANDS: Mapping[str, Callable[..., None]] = {"flights": flights, "lags": lags, "design": design}
-"""Word behind the command -> its function."""
+"""Subcommand -> its function."""
 
 OPTIONS = {
     word: {
@@ -230,7 +231,7 @@ OPTIONS = {
     }
     for word, function in SUBCOMMANDS.items()
 }
-"""Word -> parameters of its options, which are all that may be left out."""
+"""Subcommand -> parameters of its options, all of which are optional."""
 
 
 def _words_and_files(begun: str) -> list[str]:

@@ -101,7 +101,7 @@ def identify_files(
             if begin >= flight.end:
                 raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
             if end <= flight.start:
-                raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
+                raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the start of {flight.name}")
 
     def report(more: Sequence[LogFault]) -> None:
         faults.extend(more)

@@ -20,13 +20,13 @@ from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TOTAL = "mass"
-"""Known number that is none of the search: kg, of the whole vehicle."""
+"""Known number that is not estimated: mass (kg) of the whole vehicle."""
 
 MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
-"""Known numbers that must be given together, as the search is for sums of them."""
+"""Known numbers that must be given together, since sums of them are estimated."""
 
 FLAT = 1e-6
-"""Of the sum of the moments, least second moment of mass: that of a flat plate, which is 0, has no logarithm."""
+"""Least second moment of mass over the sum of the moments; that of a flat plate is 0 and has no logarithm."""
 
 
 def identify_flights(

@@ -42,25 +42,26 @@ from skyarm.studies.identify.windows import Clocked, ClockedWindows, clock_step,
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
-"""s, of the first windows, whose problem is nearly linear, of the last ones, and of commands below 40 Hz."""
+"""Lengths (s) of the first windows, whose problem is nearly linear, of the last ones, and with commands below 40 Hz."""
 
 FEW, SOME = 200, 60
-"""First windows at most, and those of the whole length from which the last search begins."""
+"""Largest number of first windows, and number of full-length windows with which the last search begins."""
 
 FEWEST = 4
-"""Windows."""
+"""Least number of windows."""
 
 BRIEF, ALIKE = 4, ("joint_efforts", "joint_commands")
-"""Samples of a channel at least; quantities that all flights hold or none."""
+"""Least number of samples of a channel, and quantities that all flights must contain or none."""
 
 SAMPLES = 12
-"""Samples of the gyroscope in a window at least."""
+"""Least number of gyroscope samples in a window."""
 
 FINEST, UNMOVED = 16, 0.05
-"""Most integration steps within a step, and of a sensor's noise what halving them may move its readings."""
+"""Largest number of integration steps per sample, and change of the readings by halving them, as a fraction of the
+noise."""
 
 TURNING, LATE = 0.05, 0.005
-"""rad/s and s: what is known of a gyro's bias and of a pose's delay before, standard deviations."""
+"""Prior standard deviations of a gyroscope's bias (rad/s) and of a pose's delay (s)."""
 
 
 @immutable(eq=False)
@@ -310,7 +311,7 @@ def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
 
 
 def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Share of each sensor axis' variance that the model explains, and standard deviation of its errors."""
+    """Fraction of each sensor axis' variance that the model explains, and standard deviation of its errors."""
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]

@@ -18,7 +18,7 @@ from skyarm.studies.identify.windows import ClockedWindows
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOT_EXCITED = "not in this flight"
-"""Words for a number of which a flight gives less than half of the information."""
+"""Text for a parameter on which a flight gives less than half of the information."""
 
 TITLES: Mapping[str, str] = {
     "rotors.thrust_coefficient": "thrust coefficient",
@@ -50,7 +50,7 @@ TITLES: Mapping[str, str] = {
     **{f"offset.{axis}": f"offset of the accelerometer along {axis}" for axis in "xyz"},
     **{f"torque.{axis}": f"constant torque about {axis}" for axis in "xyz"},
 }
-"""Name of a number -> words."""
+"""Parameter -> its readable name."""
 
 
 @immutable

@@ -49,10 +49,10 @@ from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step,
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Rows: TypeAlias = Mapping[tuple[str, int], float]
-"""Sensor and column -> size of what the model leaves, over the sensor's own white noise."""
+"""Sensor and column -> RMS residual of the model over the sensor's white noise."""
 
 PUSHES = ("unexplained force", "unexplained torque")
-"""Rows of the wrench that differs from window to window, over the size that it is thought to have before."""
+"""Rows of the window-dependent wrench, over its prior size."""
 
 
 @immutable(kw_only=False)
@@ -85,36 +85,34 @@ class Left:
 
 
 ALARM, DOUBTFUL, ODD = 1.3, 3.0, 200.0
-"""Times its own white noise beyond which a row is not explained; and beyond which the model is doubted; and the sum of
-squares of the numbers' distances from the start beyond which they explain what no vehicle does.
-"""
+"""Thresholds: residual over white noise above which a row is unexplained; the same above which the model is doubted;
+and squared distance of the parameters from the start above which they describe no plausible vehicle."""
 
 GAIN, AHEAD = 0.3, 0.1
-"""Of the cost: least fall by which a change is named that does not make all white; and what it must be better by than
-changes of other channels to be named alone.
-"""
+"""Thresholds of the cost: least decrease of a reported change that does not make all residuals white; and least
+advantage over changes of other channels of a change that is reported alone."""
 
 UNUSUAL, FINE = 0.003, 0.1
-"""Costs of a number that is a standard deviation of what was known off, and of rows that are white, over their sizes.
+"""Costs of a parameter one prior standard deviation off, and of white residuals, each over its size.
 
 The former tells of two changes that mend a flight as well the one after which the vehicle is the start's; the latter
 tells amounts apart that all make white.
 """
 
 QUICK, SOON, LAST = (12, 1), (12, 4), (60, TURNS)
-"""Windows and turns of a first search for each change, of a second one for some, and of the last."""
+"""Windows and iterations of a first search for each change, of a second one for some, and of the last."""
 
 SECOND, FINAL, HOPEFUL, HALVES = 8, 4, 0.8, 5
-"""Changes that are searched for again, and once more; share of the cost below which at once; and how often the distance
-to the next amount is halved.
-"""
+"""Number of changes searched a second and a third time; fraction of the cost below which a change is searched at
+once; number of halvings of the distance to the next amount."""
 
 SECONDS, FLOWN, COARSE = 30.0, (20.0, 1e4), 4e-3
-"""s of a flight that are looked at; Hz, of a gyroscope whose windows are flown; s, of a step at most in a first search.
+"""Duration (s) of a flight that is examined; range of gyroscope rates (Hz) whose windows are simulated; longest step
+(s) of a first search.
 """
 
 LATE_POSE = 0.05
-"""s, by which a pose is late that is reported although it is aligned."""
+"""Delay (s) of a pose above which it is reported although it is aligned."""
 
 BESIDE = {
     "gyro": ("gyro", "quaternion"),
@@ -123,7 +121,7 @@ BESIDE = {
     "velocity": ("position", "velocity"),
     "joint_rates": JOINTS,
 }
-"""Channel -> sensors of which a row is not explained if it is at fault; others may spoil any."""
+"""Channel -> sensors that may be unexplained if it is at fault; other channels may spoil any."""
 
 
 class Tried(NamedTuple):
@@ -136,10 +134,10 @@ class Tried(NamedTuple):
 
 
 Flights: TypeAlias = tuple[FlightData, FlightData]
-"""Flight as it is stamped, and with its poses on the clock of the gyro."""
+"""Flight as it is stamped, and the same with its poses aligned to the gyroscope's clock."""
 
 Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
-"""Change, amount, windows and turns -> what it leaves; nothing where it cannot be flown."""
+"""Function (change, amount, windows and iterations) -> residuals; empty where it cannot be simulated."""
 
 
 def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[LogFault, ...]:

@@ -67,7 +67,7 @@ def every_lag(found: LoopLags) -> list[Lag]:
 
 
 PHYSICS_STEP = 0.001
-"""s, of the usual physics, of which a command's delay is a whole number."""
+"""Physics step (s) of usual scenarios, of which a command delay is a multiple."""
 
 
 def lag_tables(found: LoopLags, measured: float = 0.0) -> str:

@@ -21,7 +21,7 @@ from skyarm.studies.identify.logged_commands import SETTLING, command_samples, c
 from skyarm.vehicle.vehicle_records import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
-"""Severities: an identification from such a flight would give wrong numbers; it gives worse ones."""
+"""Severities: an identification from such a flight would be wrong, or less accurate."""
 
 
 @immutable
@@ -52,10 +52,10 @@ Found: TypeAlias = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
 IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")
-"""Channels without which nothing is identified; commands to the rotors, of which one is needed."""
+"""Channels without which identification is impossible; channels of rotor commands, one of which is needed."""
 
 USED = (*IMU, *COMMANDS, "joint_positions")
-"""Channels whose damage spoils numbers."""
+"""Channels whose damage spoils estimates."""
 
 CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.toml"
 RANGE = "state low and high in columns.toml"
@@ -119,7 +119,7 @@ def _severity(name: str) -> str:
 
 
 LOST = re.compile(r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<words>.*)$")
-"""Note of a reader on rows that it left out; the channel ``file`` stands for all."""
+"""Pattern of a reader's note on rows that it left out; the channel ``file`` denotes all channels."""
 
 
 def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -133,10 +133,10 @@ def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
 
 
 RANGES = {"gyro": 4000.0 * math.pi / 180.0, "accelerometer": 64.0 * GRAVITY}
-"""Channel -> largest range that such a sensor has on a vehicle, rad/s and m/s^2."""
+"""Channel -> largest range of such a sensor on a vehicle (rad/s, m/s^2)."""
 
 RARE = 0.01
-"""Share of samples beyond the range up to which these are spikes, and not a unit."""
+"""Largest fraction of samples beyond the range that counts as spikes; more suggest another unit."""
 
 
 def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -185,7 +185,7 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
         {"percent": 1e2, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2e3, "a word of 16 bit": 65535.0},
     ),
 }
-"""Channel -> sizes that flights have on the median, SI units, and other units with the number of one."""
+"""Channel -> plausible range of its median size in SI units, and other units with their size in SI."""
 
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -215,7 +215,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
 
 
 RATES, STEADY = (10.0, 2e4), 0.7
-"""Hz, of gyroscopes in logs; share of an accelerometer's size that its mean has, which is gravity."""
+"""Plausible rates (Hz) of gyroscopes in logs; least mean of the accelerometer over its size, which is gravity."""
 
 
 def _damaged_shares(flight: FlightData) -> Iterator[Found]:
@@ -230,10 +230,11 @@ def _damaged_shares(flight: FlightData) -> Iterator[Found]:
 
 
 WEIGHTS = (0.4, 2.5)
-"""Mean thrust over the weight that a wrong thrust curve explains."""
+"""Range of mean thrust over weight that a wrong thrust curve explains."""
 
 MOVING, RESTING, SHORTEST_FLIGHT = 0.05, 0.02, 1.0
-"""rad/s, deviation of the gyro, and m of the position, of a vehicle that flies; s of a flight in the air at least."""
+"""Standard deviation of the gyroscope (rad/s) and of the position (m) above which the vehicle flies; least time (s)
+in the air."""
 
 SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind a gear, or of poles": 7.0}
 
@@ -265,10 +266,11 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
 
 
 SENSOR_GAP, HELD_GAP, FEWEST_SAMPLES = 0.1, 0.5, 20
-"""Shortest gap of a sensor and of a held command, s, that is reported; samples of a channel whose rate is known."""
+"""Shortest reported gap (s) of a sensor and of a held command; number of samples from which a channel's rate is
+known."""
 
 DROPPED, EARLY = 0.03, 1.0
-"""Least share of missing samples that is reported; s, by which a needed channel may end before the flight."""
+"""Least reported fraction of missing samples; time (s) by which a needed channel may end before the flight."""
 
 
 def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
@@ -311,19 +313,21 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
 
 
 FROZEN, ALONE, STUCK, BUSY = 0.3, 0.6, 1.0, 0.5
-"""s, run of equal rows in the air of a sensor, of one axis, and of a command of which so many rows change."""
+"""Reported runs (s) of equal rows in the air of a sensor, of one axis, and of a command; fraction of the command's
+rows that change otherwise."""
 
 REPEATED, SPARSE = 0.3, 0.7
-"""Least share of rows that repeat the one before; most of a channel's rate at which it was sampled, and filled up."""
+"""Least fraction of repeated rows that is reported; largest ratio of sampling to logging rate that counts as
+resampled."""
 
 AT_LIMIT = 5
-"""Fewest samples at the same largest or smallest number of a saturated axis, in runs of three or more."""
+"""Least number of samples at the same extreme value of a saturated axis, in runs of three or more."""
 
 MANY = 100
-"""Rows of a sensor that is checked."""
+"""Least number of rows of a sensor that is checked."""
 
 NEVER_STILL = (*IMU, "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
-"""Channels whose noise or motion never repeats a row for long."""
+"""Channels whose noise or motion prevents long runs of equal rows."""
 
 
 def _within(channel: Channel, spans: Sequence[tuple[float, float]]) -> Mask:

@@ -18,23 +18,26 @@ from skyarm.records.arrays import Array, IntArray
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SLOWEST = 0.025
-"""s, between commands of rotors: pulse widths come at 50 Hz at least, and slower ones are samples of faster ones."""
+"""Longest interval (s) between rotor commands; pulse widths come at 50 Hz or more, and slower ones are samples of
+faster ones."""
 
 ROUNDED, NOUGHT = 2.5, 1e-9
-"""Smallest second differences that rounding makes of a straight line; share of the largest one that is nought."""
+"""Smallest second differences that rounding makes of a straight line; fraction of the largest one that counts as
+zero."""
 
 EVEN, REGULAR = 0.1, 0.5
-"""Share by which times between samples differ at most from their median, and share of those that do not."""
+"""Largest relative deviation of sample intervals from their median, and fraction of intervals that must satisfy it."""
 
 FEWEST = 20
-"""Samples in a row that steps of a test hardly are."""
+"""Least number of consecutive samples; steps of a test are hardly longer."""
 
 AIRBORNE, SETTLING = 0.5, 0.5
-"""Of the weight, thrust beyond which a vehicle flies; s, over which it is averaged and that are left out beside it."""
+"""Thrust over weight above which a vehicle flies; time (s) over which the thrust is averaged and which is left out
+at both ends."""
 
 
 def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
-    """Commanded rotor speeds (rad/s), from logged speeds or from logged shares of the full signal."""
+    """Commanded rotor speeds (rad/s), from logged speeds or from logged fractions of the full signal."""
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]

@@ -96,42 +96,44 @@ class LoopLags:
 
 
 LONGEST, SLOWEST = 0.08, 0.5
-"""s, longest delay and time constant that are looked for."""
+"""Longest delay and time constant (s) that are considered."""
 
 INSTANT, SHARE = 0.1, 0.01
-"""Of a control period and of the time itself: what sampling and a model that is never quite right leave, whatever the
-noise; no half of an interval is smaller than both together."""
+"""Fractions of the control period and of the time itself that sampling and model errors leave whatever the noise; no
+half-width of an interval is smaller than both together."""
 
 CLEAR, WIDEST = 0.02, 0.01
-"""Least share of the motion that commands must explain, and the widest half of an interval of delay and lag together,
-s: else the flight does not tell."""
+"""Least fraction of the motion that commands must explain, and largest half-width (s) of the interval of delay plus
+lag; otherwise the flight does not determine them."""
 
 APART = 0.004
-"""Half of an interval of the delay alone, s, beyond which it cannot be separated from the lag."""
+"""Half-width (s) of the delay's interval above which delay and lag cannot be separated."""
 
 STIRRING = 1e-5
-"""Of the size of commands, least change from one control period to the next."""
+"""Least change of commands per control period, as a fraction of their size."""
 
 SHORTEST, UNEVEN = 1.0, 0.01
-"""s of a flight of which anything is asked, and share of a period by which instants may be off an even clock."""
+"""Shortest flight (s) that is analysed, and largest deviation of instants from an even clock, as a fraction of a
+period."""
 
 USUAL = 0.02
-"""s: time constant that drives of joints are thought to have."""
+"""Assumed time constant (s) of joint drives."""
 
 LATE, SLOW = 0.05, 1.5
-"""s, standard deviation of a delay before the flight; of the logarithm of a time constant."""
+"""Prior standard deviations of a delay (s) and of the logarithm of a time constant."""
 
 SENSORS = ("gyro", "quaternion", "velocity", "joint_positions", "joint_rates")
-"""Quantities that are compared: a position tells nothing beyond the velocity."""
+"""Compared quantities; a position adds nothing to the velocity."""
 
 ROTORS = "rotors"
 """Name of the rotors' lag."""
 
 MODELLED = ("rotors.thrust_coefficient", "base.second_moment.", "links.", "drives.")
-"""Begins of the names of what need not be modelled rightly: answers to commands, the arm, its friction and servos."""
+"""Prefixes of parameters that need not be modelled correctly: response to commands, the arm, its friction and
+servos."""
 
 FEW, PARTS = 40, 16
-"""Windows with which the search begins; of a flight at least as many at its end."""
+"""Number of windows at the beginning of the search, and least number of a flight at its end."""
 
 
 def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:

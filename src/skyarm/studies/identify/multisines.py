@@ -23,25 +23,26 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 BASE_AXES = 4
-"""x, y, z and heading, before the joints."""
+"""Number of axes of the base: x, y, z and heading, before the joints."""
 
 SINES = 4
-"""Of an axis; more raise the crest factor and the length of the file, not the information."""
+"""Number of sines of an axis; more raise the crest factor and the size of the file, not the information."""
 
 EASING = 1.5
-"""s, of the envelope's rise and of its fall."""
+"""Rise time and fall time (s) of the envelope."""
 
 LOWEST, HIGHEST_BASE, HIGHEST_JOINTS = 0.15, 1.2, 2.5
-"""Hz, of the sines."""
+"""Lowest frequency (Hz) of the sines, and highest of the base and of the joints."""
 
 STRONGEST = 4.0
-"""m/s^2, highest acceleration of the base along an axis that is drawn: a tilt of 22 degrees."""
+"""Highest acceleration (m/s^2) of the base along a drawn axis: a tilt of 22 degrees."""
 
 STEEPEST = 2.0
-"""Amplitudes fall with at most this power of the frequency: equal accelerations."""
+"""Largest power of the frequency with which amplitudes fall: equal accelerations."""
 
 HEADING, SWING, MARGIN = 1.2, 1.2, 0.05
-"""rad: swing at most of the heading, and of a joint without limits; share of a joint's range that it stays inside."""
+"""Largest swing (rad) of the heading, and of a joint without limits; margin to joint limits as a fraction of the
+range."""
 
 
 @immutable(eq=False)

@@ -32,25 +32,26 @@ from skyarm.studies.identify.windows import RUN_IN, Clocked, ClockedWindows, clo
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SLOPE, FEWEST = 0.1, 5
-"""s and samples at least, over which the slope of a measured position is taken where no velocity is measured."""
+"""Interval (s) and least number of samples over which a position is differentiated where no velocity is measured."""
 
 TURN, AVERAGED = 0.1, 0.005
-"""s, over which parabolas through a gyroscope's samples give the rates of begins; s, of means that ends have."""
+"""Interval (s) of the parabolas through gyroscope samples for initial rates; averaging time (s) at the ends of
+predictions."""
 
 SWING = 0.1
-"""s, over which polynomials of the fourth degree through measured joints give their rates and accelerations."""
+"""Interval (s) of the fourth-degree polynomials through measured joint positions, for rates and accelerations."""
 
 FITS = 1.1
-"""Of the white noise, what a polynomial leaves that fits."""
+"""Largest residual of a polynomial fit over the white noise."""
 
 FIELDS = ("position", "quaternion", "velocity", "rate")
-"""Of a state of the base."""
+"""Fields of the base's state."""
 
 NONE = np.zeros(0)
-"""Numbers that a prediction searches."""
+"""Empty parameter vector of a prediction."""
 
 NEEDED = ("position", "quaternion", "gyro")
-"""Channels without which a model has no state to begin from."""
+"""Channels without which a model has no initial state."""
 
 COMMANDS = ("rotor_commands", "rotor_speed_commands")
 
@@ -97,7 +98,7 @@ def measured_states(
 
     Returns:
         States (N + 1, ...); the same with velocities and rates from what is measured until each instant; and (3, N, n)
-        positions and rates of the joints at the begins of the steps, and accelerations in them.
+        positions and rates of the joints at the starts of the steps, and accelerations in them.
 
     Raises:
         ValueError: one line: the flight has too few samples.

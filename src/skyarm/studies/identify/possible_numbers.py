@@ -14,42 +14,43 @@ from skyarm.studies.identify.logged_commands import commanded_speeds, time_const
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FAR_OFF, IMPOSSIBLE = 4.0, 8.0
-"""Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
+"""Factors between an estimate and its start value above which it is doubted, and above which a firm one is refused.
 
 Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
 """
 
 FIRM_NUMBERS = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
-"""Numbers that drawing and scale tell better than by a factor of 8, and that a wrong mass puts off all alike."""
+"""Parameters known within a factor of 8 from drawing and scale, which a wrong mass scales alike."""
 
 DOUBTED = (*FIRM_NUMBERS, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
-"""Numbers above 0 that are compared with those of the start."""
+"""Positive parameters that are compared with their start values."""
 
 ALL_OFF = 1.45
-"""Times by which the firm numbers are off the start's on the mean, all to one side, before the mass is doubted."""
+"""Mean factor on the firm parameters, all to one side, above which the mass is doubted."""
 
 LONGEST_DELAY, SHORT = 0.06, 5.0
-"""s, dead time of commands and delay of an accelerometer beyond which a clock is wrong rather than a loop slow; and of
-a flight that may be too short for its commands to explain it.
-"""
+"""Longest dead time (s) of commands and accelerometer above which a clock is wrong rather than a loop slow; duration
+(s) below which a flight may be too short for its commands to explain it."""
 
 DEAD_TIMES = ("delay", "joint_delay")
-"""Numbers that no clock lets be negative."""
+"""Parameters that no clock allows to be negative."""
 
 BLIND = 0.02
-"""Share of the rotation's variance below which the commands explain nothing."""
+"""Explained fraction of the rotation's variance below which the commands explain nothing."""
 
 ASIDE, TURNED = 0.5, 0.2
-"""Of the rotors' distance from the base, and rad about a joint: what a centre of mass may be off the drawing's."""
+"""Largest plausible deviation of a centre of mass from the drawing: in units of the rotors' distance from the base,
+and about a joint (rad)."""
 
 FULL, HIGHEST = "rotors.thrust_at_100_percent", 0.95
-"""Thrust at full signal, and share of the full speed that some commands must reach for it to be more than a guess."""
+"""Parameter of the thrust at full signal, and fraction of full speed that some commands must reach for a reliable
+value."""
 
 LENGTHS = ("base.com.", "place.", "rotors.drag_height")
-"""Begins of the names of lengths from the base or from a hub."""
+"""Prefixes of parameters that are lengths from the base or from a hub."""
 
 TIMES = (*DEAD_TIMES, "accelerometer_delay", "rotors.time_constant_up", "rotors.time_constant_down")
-"""Numbers that a flight must be longer than, beside the latencies of servos."""
+"""Parameters that a flight must exceed in duration, in addition to the latencies of servos."""
 
 
 def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix: str) -> None:

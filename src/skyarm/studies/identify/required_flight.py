@@ -33,11 +33,12 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TURNS = 4
-"""Of attitude and centre of mass: an arm moves the centre by a small part of what gravity asks of the attitude."""
+"""Number of iterations of attitude and centre of mass; the arm moves the centre by little of what gravity requires
+of the attitude."""
 
 
 BLUR = 0.2
-"""s, of a window over the needed force: a loop does not follow the jumps of jerk where an envelope begins and ends."""
+"""Averaging time (s) of the required force; a loop does not follow the jumps of jerk at the ends of an envelope."""
 
 
 @immutable(eq=False)

@@ -24,16 +24,16 @@ from skyarm.vehicle.linkage import Body, Link
 from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
 
 KNOTS = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the full signal at which the thrust of a rotor with a curve of its own is identified."""
+"""Fractions of the full signal at which the thrust of a rotor with a curve of its own is identified."""
 
 USUAL_DELAY, DELAY_SPREAD = 0.005, 0.01
-"""s, dead time that is expected, and standard deviation of what is known of it."""
+"""Expected dead time (s) and its prior standard deviation."""
 
 STICKING = 0.01
-"""rad or m, error in which a servo without dry friction on record is thought to stick at most."""
+"""Largest static error (rad or m) assumed for a servo without recorded dry friction."""
 
 UNKNOWN = 20.0
-"""rad/s, natural frequency that a servo of an unknown make is thought to have, critically damped."""
+"""Assumed natural frequency (rad/s) of an unknown servo, critically damped."""
 
 DRAG_HEIGHT = "rotors.drag_height"
 """Height of the hub drag's point above the hubs of the start vehicle: blades flap, which tilts thrust and adds a moment
@@ -41,21 +41,21 @@ DRAG_HEIGHT = "rotors.drag_height"
 """
 
 DRY = 0.1
-"""Of a link's weight at its reach, friction of which a joint without any on record is thought capable.
+"""Largest friction assumed for a joint without recorded friction, as a fraction of the link's weight torque at its
+reach.
 
 Dry, or by damping at the rate of the link's swing, or at 1 m/s.
 """
 
 ACCELEROMETER = "accelerometer_delay"
-"""Delay that is not known better than to half a sample: what a sensor averages in between is not said."""
+"""Parameter: delay of the accelerometer, known to half a sample at best because sensors average without stating it."""
 
 THRUST, BATTERY = "thrust.", 0.2
-"""Begin of the name of a flight's thrust over that of the first one, and the standard deviation of its logarithm, by
-what a battery may have lost.
-"""
+"""Prefix of the parameter of a flight's thrust relative to the first flight, and the standard deviation of its
+logarithm by battery sag."""
 
 WIND = 0.3
-"""1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
+"""Largest rotor drag over speed and mass (1/s) assumed for a start vehicle without hub drag."""
 
 
 @immutable

@@ -27,40 +27,36 @@ from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
-"""What is known of a window's first state before, standard deviations in SI units: next to nothing."""
+"""Prior standard deviations of a window's initial state in SI units: practically uninformative."""
 
 LOOSE, CARRIED = 0.3, 0.25
-"""The same of servos' integrals, rad s; and of efforts that are not logged, of the weight, at the rotors' distance for
-joints that turn.
-"""
+"""The same of servos' integrals (rad s), and of unlogged efforts as a fraction of the weight, at the rotors'
+distance for revolute joints."""
 
 HAT = 0.02
-"""s, from hat to hat of an effort that is not logged."""
+"""Spacing (s) of the hat functions of an unlogged effort."""
 
 OUTLIER = 3.0
-"""Standard deviations beyond which an error counts by its size only (Huber 1964)."""
+"""Standard deviations above which an error counts linearly (Huber 1964)."""
 
 SMALL = 1e-6
-"""Differences for slopes, of the numbers' usual sizes. What a forward difference leaves looks like information on sums
-of numbers of which the data hold none: at 1e-3 more than what was known before.
-"""
+"""Finite difference for slopes, over the usual size of a parameter. A forward difference leaves apparent information
+on sums of parameters that the data do not contain: at 1e-3 more than the prior."""
 
 SAME = 0.1
-"""Of a step, for each time that samples were put on the clock: by less a delay may change before they are put there
-anew; a slope stands for the rest.
-"""
+"""Change of a delay, in steps, below which the samples are not aligned anew; a slope accounts for it."""
 
 CHUNK = 24
-"""Steps whose slopes are held at once."""
+"""Number of steps whose slopes are held in memory at once."""
 
 PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
-"""Force and torque that nothing explains, of weight and of weight times the rotors' distance, before any is found."""
+"""Prior size of the unexplained force and torque, over the weight and the weight times the rotors' distance."""
 
 IN_INPUTS = ("delay", "joint_delay", "drift", "sag", "setpoint_hold", "pose_delay", "accelerometer_delay")
-"""Numbers that the plant in machine code does not see: they are in its inputs, or in what is read of it."""
+"""Parameters outside the compiled plant: they act in its inputs or on its readings."""
 
 BIAS = {"gyro": "gyro_bias.", "accelerometer": "offset."}
-"""Sensor -> begin of the names of what is added to its readings."""
+"""Sensor -> prefix of the parameters that are added to its readings."""
 
 DELAY = {
     "position": "pose_delay",
@@ -68,16 +64,16 @@ DELAY = {
     "velocity": "pose_delay",
     "accelerometer": "accelerometer_delay",
 }
-"""Sensor -> number by which its samples are late."""
+"""Sensor -> parameter of its delay."""
 
 TRIM = "torque."
-"""Begin of the names of the constant torque, beside which each window has one of its own."""
+"""Prefix of the constant torque; each window has an additional one."""
 
 HEAVY = 1e6
-"""kg m^2 or kg, inertia of drives beside which nothing moves a joint, and which do not act on the base."""
+"""Inertia (kg m^2 or kg) of drives that makes joints immovable, without effect on the base."""
 
 READ = {"gyro": "rate", "joint_positions": "joints"}
-"""Sensor -> field of a state, where names differ."""
+"""Sensor -> field of a state, where their names differ."""
 
 
 def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
@@ -135,7 +131,8 @@ class NormalEquations:
 
 
 Direction = tuple[int, float]
-"""Place of what a lane differs in from the first, among the free numbers and then the numbers, and by how much."""
+"""Index of the parameter in which a lane differs from the first, among the free and then the other parameters, and
+the difference."""
 
 
 class WindowErrors:
@@ -149,7 +146,7 @@ class WindowErrors:
         driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
         finer: least number of integration steps within a step.
-        given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
+        given: (3, steps, n) positions of the joints at the start of each step, rates there, and accelerations in it,
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:

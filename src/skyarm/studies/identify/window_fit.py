@@ -24,31 +24,32 @@ from skyarm.studies.identify.window_errors import OUTLIER, NormalEquations, Wind
 from skyarm.studies.identify.windows import ClockedWindows
 
 TURNS = 40
-"""Most turns of the search."""
+"""Largest number of iterations of the search."""
 
 SETTLED, SOONEST = 0.1, 3
-"""Standard deviations: a turn that moves every number by less is the last; and the first turn that may be."""
+"""Change of every parameter, in standard deviations, below which the search ends; and first iteration at which it
+may."""
 
 TRIES, SHORTER = 6, 0.4
-"""Most steps that a turn tries, and how much shorter than the one before each is."""
+"""Largest number of steps tried per iteration, and factor from one to the next."""
 
 FIRM, SLOWLY = 1e-3, 5.0
-"""Least spread of the wrench, of what it is thought to be; factor by which a turn changes it at most."""
+"""Least spread of the wrench over its prior size; largest factor of change per iteration."""
 
 TOLD = 0.3
-"""Least share of a row's samples that a window's free numbers must leave for its noise to be seen."""
+"""Least fraction of a row's samples that a window's free parameters must leave for an estimate of its noise."""
 
 FAINT, LASTS = 0.05, 0.25
-"""Least share of an error that the next one is seen to keep; of a window, the longest memory that it shows."""
+"""Least fraction of an error that persists to the next one; longest memory, as a fraction of a window."""
 
 BLOCK = 2.0
-"""s, of a block of data whose errors may depend on each other."""
+"""Duration (s) of a block of data whose errors may be correlated."""
 
 MANY = 10
-"""Blocks by which it is seen whether the errors are the noise alone."""
+"""Number of blocks needed to see whether the errors are noise alone."""
 
 NORMAL = 1.959964
-"""Standard deviations of half an interval of 95 % where the spread is known (normal distribution)."""
+"""Half-width of a 95 % interval in standard deviations, for a known spread (normal distribution)."""
 
 LEAST = {
     "gyro": 1e-4,
@@ -59,11 +60,11 @@ LEAST = {
     "joint_positions": 1e-5,
     "joint_rates": 1e-4,
 }
-"""Least noise of a sensor, SI units: after a noiseless one the search would creep."""
+"""Least noise of a sensor in SI units; with a noiseless one the search would converge slowly."""
 
 
 Quantile = Callable[[Array, float], Array]
-"""Function of degrees of freedom and of a probability."""
+"""Quantile function of degrees of freedom and a probability."""
 
 
 def student_quantile() -> Quantile:

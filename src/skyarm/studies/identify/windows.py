@@ -30,31 +30,31 @@ from skyarm.studies.identify.logged_commands import (
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions", "joint_rates")
-"""Measured quantities that a window can compare, if the log holds them."""
+"""Measured quantities that a window can compare, if the log contains them."""
 
 DERIVED = ("velocity", "joint_rates")
-"""Those of them that are made of others, smoothed: a fit would believe them beyond what they tell."""
+"""Measured quantities derived from others by smoothing; a fit would rate their information too high."""
 
 NEEDED = ("gyro", "accelerometer", "joint_positions")
-"""Sensors without a gap in a window."""
+"""Sensors that must have no gap in a window."""
 
 SHORTEST, LONGEST = 1e-3, 5e-3
-"""s, of a step: commands may switch once within it."""
+"""Shortest and longest integration step (s); commands may switch once within it."""
 
 RUN_IN = 8.0
-"""Longest time constants of the rotors before a window from which their speeds are known: 3e-4 of a change is left."""
+"""Longest rotor time constants before a window from which the speeds are known; 3e-4 of a change remains."""
 
 GAP = 5.0
-"""Usual times between samples, beyond which a sensor has a gap."""
+"""Interval over the usual one above which a sensor has a gap."""
 
 COASTING = 0.1
-"""Of the full signal: below, a motor that is commanded by a share of it coasts and does not obey its lag."""
+"""Fraction of the full signal below which a motor coasts and does not follow its lag."""
 
 RECOVERED = 3.0
 """Time constants after coasting until a rotor's speed is predictable again."""
 
 AROUND = 0.05
-"""s, to each side of an instant, over which parabolas through the samples give a first state."""
+"""Time (s) to each side of an instant over which parabolas through the samples give an initial state."""
 
 
 @immutable(kw_only=False, eq=False)
@@ -75,7 +75,7 @@ class Clocked:
     """Measured flight whose commands and sensors are placed on a clock of even steps.
 
     Attributes:
-        name: name of the flight. begin: begin of the clock, s. step: s. size: steps.
+        name: name of the flight. begin: start of the clock, s. step: s. size: steps.
         channels: sensor -> what it measured.
         speeds, efforts, setpoints: commands at their own times, rad/s and the joints' units; None if not logged.
         voltage: (steps,) over that of the rotors' data; 1 where it is not known.

@@ -22,7 +22,7 @@ from skyarm.view.pages import Facts
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
-"""Window in which each case is measured."""
+"""Case -> window of its metrics."""
 HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
@@ -65,7 +65,7 @@ def scenario(flight: PaperFlight) -> Scenario:
 
 
 STATED = "stated"
-"""Settings as the paper states them: those of the flights whose logs are kept."""
+"""Name of the settings that the paper states; logs of their flights are kept."""
 
 
 def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:

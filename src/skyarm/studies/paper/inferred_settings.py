@@ -19,13 +19,13 @@ from skyarm.studies.paper.unstated_study import Tables, numbers, scenario_tables
 
 LIBRARY = resources.files("skyarm.studies.paper") / "library"
 STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
-"""The study, and what the search that ships with the package found."""
+"""Files of the study and of the settings that the shipped search found."""
 
 INFERRED, PREDICTED = "inferred", "predicted"
-"""Settings found on all cells, and those found on Cases 2 and 3 only."""
+"""Names of the settings found on all cells, and of those found on Cases 2 and 3 only."""
 
 MOTION = 6.0
-"""s at which the motion begins as stated."""
+"""Stated start (s) of the motion."""
 
 PREDICTION = "from_cases_2_and_3"
 

@@ -34,7 +34,7 @@ CONTINUOUS = "_continuous"
 _TABLES = tomllib.loads((resources.files("skyarm.studies.paper") / "library" / "published.toml").read_text("utf-8"))
 
 PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = _TABLES["printed"]
-"""The numbers as printed: case -> law -> metric -> digits."""
+"""Printed numbers: case -> law -> metric -> digits."""
 
 PAPER: Mapping[str, Mapping[str, Cells]] = {
     case: {name: {metric: float(text) for metric, text in cells.items()} for name, cells in controllers.items()}

@@ -42,12 +42,12 @@ Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
 """plant -> case -> law -> log."""
 
 MAIN = "report.html"
-"""The page that leads to all others."""
+"""File name of the start page."""
 
 TITLE = "Computed torque for a flying arm: the paper and two simulations"
 
 CIRCLE = (7.5, 21.0)
-"""s of that flight whose path is drawn."""
+"""Interval (s) of the flight whose path is drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -64,7 +64,7 @@ CASES = {
     "case2_gust": "As Case 2, and a force of 2 N pushes along x from 7.5 to 10.5 s.",
     "case3_wind": "As Case 3, in a constant wind along x: a force of 2 N together with 2 m/s of air speed.",
 }
-"""Case -> what happens in it."""
+"""Case -> its description."""
 
 INFERRED = (
     "The paper leaves joint friction, latency and the clocks of its recordings open. These settings were searched for "
@@ -97,4 +97,4 @@ OPEN = (
     "Settling times: no rule for them is published. The paper's 10 s for CT is where the steady window begins, and in "
     "Case 3 it passes over the step back at 21 s that its own figure shows.",
 )
-"""Differences that no settings explain, with the paper's numbers; ours are in the tables."""
+"""Differences that no settings explain, with the paper's numbers; simulated ones are in the tables."""

@@ -24,7 +24,7 @@ Tables = Mapping[str, Any]
 SHARES = (0.05, 0.10, 0.25)
 
 WORST = 1e6
-"""|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
+"""Error |u| of a cell that is missing or has another sign: the loss at its upper bound."""
 
 
 @immutable(kw_only=False)
@@ -134,7 +134,7 @@ def slack_distance(ours: Array, cells: Sequence[PublishedNumber]) -> Array:
 
 
 def within(ours: Array, cells: Sequence[PublishedNumber], share: float) -> Mask:
-    """True (settings, numbers) where a simulated value is within a relative share of the published number."""
+    """True (settings, numbers) where a simulated value is within a relative distance of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     return slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)

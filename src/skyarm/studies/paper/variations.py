@@ -16,16 +16,16 @@ from skyarm.studies.paper.flights import STATED, with_damping
 from skyarm.studies.paper.published import CASES
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
-"""N m s/rad on both joints."""
+"""Damping (N m s/rad) of both joints in the variants."""
 
 ASSUMED_DAMPING = 0.001
 """Damping of the shipped simulated vehicle, that of the main table."""
 
 STEP_RISE = 1e-3
-"""s; between two samples of a 50 Hz reference such a ramp is a step."""
+"""Rise time (s) of a step; between two samples of a 50 Hz reference such a ramp is a step."""
 
 LATENCY = 0.003
-"""s of command delay: RotorS's chain of about three physics steps of 1 ms."""
+"""Command delay (s) of RotorS's chain of about three physics steps of 1 ms."""
 
 
 GROUPS = {
@@ -34,7 +34,7 @@ GROUPS = {
     "ramp_shape": "Shape of the ramp, Case 1",
     "command_latency": "Latency of commands [s]",
 }
-"""Varied assumptions, in words."""
+"""Varied assumption -> its description."""
 
 
 @immutable

@@ -86,22 +86,22 @@ def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
 
 
 LOWEST = 0.02
-"""rad/s, where a grid of frequencies begins; no loop of a vehicle closes slower than a minute."""
+"""Lowest frequency (rad/s) of a grid; no loop of a vehicle is slower than a minute."""
 
 DECADE = 32
-"""Frequencies of the grid in a decade, beside those around each resonance."""
+"""Frequencies of the grid per decade, in addition to those around each resonance."""
 
 AROUND = (-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0)
-"""Frequencies around a resonance, in half its width at half its height."""
+"""Frequencies around a resonance, in units of half its width at half its height."""
 
 WIDE = 0.5
-"""Half the width of a resonance over its frequency above which the even grid, 7 per cent wide, shows all of it."""
+"""Half-width of a resonance over its frequency above which the even grid, 7 per cent wide, resolves it."""
 
 DEAD = 1e-2
-"""Largest magnitude of an eigenvalue that leaves no resonance: below, it dies out within three periods."""
+"""Largest magnitude of an eigenvalue without a resonance; it decays within three periods."""
 
 AT_ONCE = 96
-"""Frequencies whose systems are solved together: some ten megabytes."""
+"""Number of frequencies whose systems are solved together, about ten megabytes."""
 
 
 def frequency_grid(z: Complex, period: float) -> Array:
@@ -141,19 +141,20 @@ def _parts(z: Complex) -> list[Complex]:
 
 
 ROUNDS = 30
-"""Of the power iteration that finds Perron's vectors."""
+"""Iterations of the power method for Perron's vectors."""
 
 STEPS = 60
-"""Of the descent of one frequency's bound; it ends where a step gains less than ``ENOUGH``."""
+"""Largest number of descent steps of one frequency's bound; the descent ends where a step gains less than
+``ENOUGH``."""
 
 ENOUGH = 2e-4
-"""Share of the bound."""
+"""Least relative gain of a descent step."""
 
 CLOSE = 2e-3
-"""A largest bound that exceeds the largest which a descent has reached by this share is good enough."""
+"""Excess of the largest bound over the largest descended one below which the result is accepted."""
 
 SMALLEST = 1e-12
-"""Share of its largest entry that is added to a matrix: Perron's vectors are positive where nothing is zero."""
+"""Fraction of the largest entry added to a matrix, which makes Perron's vectors positive."""
 
 
 def upper_bound(M: Complex) -> Array:
@@ -210,10 +211,10 @@ def _slope(M: Complex) -> tuple[float, Array]:
 
 
 BETWEEN = 8
-"""Frequencies that are looked at on either side of the most delicate one of the grid."""
+"""Number of frequencies evaluated on either side of the most critical one of the grid."""
 
 ALL = {COMMANDS: "all commands", MEASUREMENTS: "all measurements"}
-"""Names of what is cut at once at a port."""
+"""Port -> name of all its channels cut at once."""
 
 
 @dataclass(eq=False)

@@ -30,7 +30,7 @@ from skyarm.studies.stability.open_loop import Differentiator, carry_of
 from skyarm.world import NO_WIND
 
 SETTLING = 5.0
-"""s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
+"""Time (s) of hover before the linearisation; a whole number, and thus whole periods of any rate."""
 
 
 @immutable
@@ -211,7 +211,7 @@ def frozen_hover(scenario: Scenario) -> Frozen | None:
 
 
 POINTS = 500
-"""Further frequencies, so that a curve looks like one."""
+"""Number of additional frequencies for a smooth curve."""
 
 
 @immutable(kw_only=False, eq=False)
@@ -256,7 +256,7 @@ def loci(loop: OpenLoop) -> list[Locus]:
 
 
 SPEED = 1e3
-"""m/s or rad/s: a hover that moves faster has diverged."""
+"""Speed (m/s or rad/s) above which a hover has diverged."""
 
 
 class SettledHover:

@@ -20,10 +20,10 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.world import Component, MovingAir
 
 LAGS = ("up", "down")
-"""Which time constant of the rotors holds in both directions: the two between which every motion lies."""
+"""Choices of the rotor time constant that holds in both directions; any motion lies between the two."""
 
 SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
-"""Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
+"""Choice -> fraction of the difference in :func:`with_lag`, and of the lag of a small swing."""
 
 
 def nominal(scenario: Scenario) -> Scenario:
@@ -137,7 +137,7 @@ def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
 
 
 def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
-    """Scenario whose rotors have one time constant: for rising speed (share 0), falling (1) or between.
+    """Scenario whose rotors have one time constant: for rising speed (fraction 0), falling (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
     one half it grows or dies out as the swing of the vehicle itself does.

@@ -16,7 +16,7 @@ from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
 
 ENOUGH = 1.5
-"""Margin over the believed delay below which it is warned of; the belief may be wrong by as much as it is large."""
+"""Margin over the nominal delay below which a warning is issued; the nominal delay may be wrong by its own size."""
 
 
 @immutable

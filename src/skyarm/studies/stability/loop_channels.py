@@ -14,13 +14,13 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 COMMANDS, MEASUREMENTS = "commands", "measurements"
 
 WRENCH = ("roll torque", "pitch torque", "yaw torque", "thrust", "forward force", "sideways force")
-"""Directions in which rotors push a base, named by the axes of the base; flat layouts have the first four."""
+"""Directions of the rotors' wrench, named by base axes; flat layouts have the first four."""
 
 VECTORS = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3, "specific_force": 3}
-"""Numbers of a measurement after its time, in the order of its leaves, before those of the joints."""
+"""Number of components of a measurement's fields after its time, in order, before those of the joints."""
 
 NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
-"""Groups that are not named as the measurement's field."""
+"""Groups with another name than the measurement's field."""
 
 
 @immutable(eq=False)
@@ -50,7 +50,7 @@ def single(names: Sequence[str], group: str, port: str, size: int, first: int = 
 
 
 def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[LoopChannel, ...]:
-    """Cut points named by number, for a loop whose rotors, joints and measurements have no names."""
+    """Loop channels named by index, for a loop whose rotors, joints and measurements have no names."""
     size = rotors + joints
     channels = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
     channels += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)

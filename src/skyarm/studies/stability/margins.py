@@ -15,16 +15,16 @@ from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 __all__ = ["Margins", "delay_margin", "margins", "radius"]
 
 EDGE = 1.0 + 1e-7
-"""Spectral radius above which a loop counts as unstable: the differences are good to 1e-9."""
+"""Spectral radius above which a loop counts as unstable; the differences are accurate to 1e-9."""
 
 LONGEST = 0.1
-"""s, largest extra delay that is looked at."""
+"""Largest additional delay (s) that is evaluated."""
 
 WIDEST, STRIDE = 100.0, 1.25
-"""Largest change of a gain that is looked at, and the factor between two looks."""
+"""Largest factor on a gain that is evaluated, and ratio between two evaluations."""
 
 HALVINGS = 20
-"""Of the interval that holds a gain margin: to 1e-6 of it."""
+"""Number of bisections of a gain margin's interval, to 1e-6 of it."""
 
 
 @immutable

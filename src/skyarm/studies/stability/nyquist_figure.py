@@ -14,10 +14,10 @@ from skyarm.studies.stability.flight_margins import Locus
 from skyarm.view.figures.style import PAPER
 
 ACROSS, DIAGRAM = 3, 2.1
-"""Diagrams side by side, and in, of a diagram."""
+"""Number of diagrams side by side, and size (in) of a diagram."""
 
 SPAN = (-3.2, 1.2, -2.2, 2.2)
-"""Of both axes: what lies farther off is far from -1."""
+"""Ranges of both axes; points beyond are far from -1."""
 
 CURVE, DISK = "#0b4f8a", "#b2182b"
 

@@ -48,10 +48,10 @@ from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no
 from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
 
 STEP_SIZE = 1e-4
-"""Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
+"""Finite difference, in the number's unit, or relative for numbers above 1; the fourth-order error is 1e-12."""
 
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
-"""(step, weight) of the first derivative, fourth order."""
+"""Steps and weights of the first derivative, fourth order."""
 
 
 def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ def _tangent(states: Array, still: Array) -> Array:
 
 
 Given: TypeAlias = tuple[tuple[Scalar, Scalar], tuple[Scalar, ...]]
-"""Arrival time of a command, s, and share of the rotors' lag; numbers of the paths."""
+"""Arrival time of a command (s) and fraction of the rotors' lag; values of the parameter paths."""
 
 
 @immutable

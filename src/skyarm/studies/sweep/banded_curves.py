@@ -16,15 +16,15 @@ from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
 
 BAND = (0.05, 0.95)
-"""Shares of the episodes that the ends of a band leave below them."""
+"""Quantiles of the episodes at the ends of a band."""
 
 PER_CELL = 25
-"""Episodes that a cell of drawn numbers should hold: its median is then good to a fifth of the spread."""
+"""Target number of episodes in a cell of drawn values; its median is then accurate to a fifth of the spread."""
 
 FEWEST_CELLS, MOST_CELLS = 4, 30
 
 FEWEST_OF_BAND = 5
-"""Episodes that must have flown to their end for a cell to have a band."""
+"""Least number of completed episodes in a cell with a band."""
 
 
 @immutable

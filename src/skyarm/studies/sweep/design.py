@@ -14,13 +14,13 @@ from skyarm.studies.sweep.sobol import BITS, sobol
 from skyarm.studies.sweep.study import Study
 
 FIRST_CHANNEL = 2**16
-"""Channel of the noise generator for the first varied number; those below belong to the episodes' own noise."""
+"""Channel of the random generator for the first varied number; lower ones are for the noise of episodes."""
 
 SHIFT_CHANNEL = 2**17
-"""Channel of the first dimension's digital shift."""
+"""Channel of the digital shift of the first dimension."""
 
 BLOCK = 2**16
-"""Episodes that are drawn at once where only their extremes are kept."""
+"""Number of episodes drawn at once where only their extremes are kept."""
 
 
 def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:

@@ -17,7 +17,7 @@ from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
 
 MOST_VALUES = 100_000
-"""Points of one grid or list."""
+"""Largest number of points of a grid or list."""
 
 
 @immutable(kw_only=False)

@@ -28,7 +28,7 @@ from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import immutable
 
 LONGEST = 400
-"""Characters of an expression."""
+"""Largest number of characters of an expression."""
 
 MOST_DERIVED = 1000
 
@@ -39,7 +39,7 @@ WORD = r"[A-Za-z_]\w*"
 NAME = re.compile(WORD, re.ASCII)
 
 LETTER = "\N{LATIN SMALL LETTER E WITH ACUTE}"
-"""Of the words that stand for names with dots or quotes while Python parses."""
+"""Letter in the placeholders for names with dots or quotes, while Python parses an expression."""
 
 NAMES = re.compile(rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?', re.ASCII)
 

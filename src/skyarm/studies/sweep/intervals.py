@@ -13,10 +13,10 @@ from skyarm.records.arrays import Array
 RESAMPLES = 2000
 
 GROUPS = 2**14
-"""Values that a mean is resampled from; more of them are first averaged in groups of equal size."""
+"""Number of values from which a mean is resampled; more are first averaged in groups of equal size."""
 
 BLOCK = 2**18
-"""Values resampled at a time: few resamples of many values, or many of few."""
+"""Number of values resampled at a time: few resamples of many values, or many of few."""
 
 
 def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -43,7 +43,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
 
 
 def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
-    """Quantiles as order statistics: least value that at least a given share of the values does not exceed."""
+    """Quantiles as order statistics: least value that at least a given fraction of the values does not exceed."""
     ordered = np.sort(values)
     return [float(ordered[_rank(share, ordered.size) - 1]) for share in shares]
 

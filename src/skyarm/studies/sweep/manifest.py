@@ -20,10 +20,10 @@ from skyarm.view.pages import Facts
 MANIFEST = "manifest.json"
 
 SCHEMA, OLD = 3, 2
-"""Of the manifest; and of those of skyarm 0.3, whose rows are read and not continued."""
+"""Version of the manifest, and that of skyarm 0.3, whose rows are read and not continued."""
 
 LARGEST = 10_000_000
-"""Bytes of a manifest."""
+"""Largest size (bytes) of a manifest."""
 
 
 def _texts(value: object) -> bool:
@@ -39,7 +39,7 @@ def _whole(value: object, low: int, high: int) -> bool:
 
 
 Check = Callable[[object], bool]
-"""Whether a field may have a value."""
+"""Function that is true for an allowed value of a field."""
 
 STUDY_FIELDS: Mapping[str, Check] = {
     "name": lambda value: isinstance(value, str),
@@ -53,7 +53,7 @@ STUDY_FIELDS: Mapping[str, Check] = {
     "endings": lambda value: value is None or _texts(value),
     "plugins": lambda value: value is None or _table(value, str),
 }
-"""Field of the study that statistics read -> whether a value may be one; fields that are left out are None."""
+"""Field of the study that statistics read -> check of its value; fields that are left out are None."""
 
 FIELDS: Mapping[str, Check] = {
     "study": lambda value: isinstance(value, dict),
@@ -64,7 +64,7 @@ FIELDS: Mapping[str, Check] = {
     "units": lambda value: _table(value, str),
     "noise": lambda value: isinstance(value, bool),
 }
-"""The same of the manifest."""
+"""Field of the manifest -> check of its value."""
 
 LEFT_OUT = ("title", "success", "units", "noise")
 """Fields that earlier versions may have left out."""

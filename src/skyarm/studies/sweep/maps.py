@@ -11,13 +11,13 @@ from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
 
 FEWEST, MOST = 4, 40
-"""Cells along an axis of drawn numbers."""
+"""Least and largest number of cells along an axis of drawn values."""
 
 PER_CELL = 25
-"""Episodes that a cell of drawn numbers should hold: a share is then known to 0.2."""
+"""Target number of episodes in a cell of drawn values; a fraction is then known to 0.2."""
 
 LISTED = 100
-"""Different values up to which an axis has a cell for each."""
+"""Number of different values up to which an axis has a cell for each."""
 
 
 @immutable

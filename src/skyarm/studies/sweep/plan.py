@@ -32,7 +32,7 @@ from skyarm.studies.sweep.manifest import Manifest, label_of
 from skyarm.studies.sweep.study import Study, StudyError
 
 PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
-"""Beginnings of the paths on which the plant's joint friction depends."""
+"""Prefixes of the paths that affect the plant's joint friction."""
 
 
 @immutable(kw_only=False)
@@ -247,7 +247,7 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
 
 
 LOOKED_AT = 1000
-"""Episodes among which the one of the largest numbers is sought."""
+"""Number of episodes among which the one with the largest numbers is searched."""
 
 
 def largest_episode(study: Study) -> Scenario:

@@ -13,12 +13,12 @@ from skyarm.studies.sweep.manifest import MANIFEST, Manifest, label_of, read_man
 from skyarm.studies.sweep.study import StudyError
 
 OLD_FILE, OLD_MARK = re.compile(r"chunk_(\d{7})\.parquet"), b"skyarm"
-"""Names of files of 0.3, without a digest of their bytes, and the key in their metadata of the study's digest."""
+"""Names of row files of version 0.3, which lack a digest, and the key of the study's digest in their metadata."""
 
 LABEL_OF = re.compile(r"chunk_(?P<index>\d{7})\.(?P<controller>.+)")
 
 Piece = tuple[int, str]
-"""Number of a chunk of episodes, and a controller."""
+"""Index of a chunk of episodes, and a controller."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from skyarm.studies.sweep.study import Study, StudyError
 from skyarm.studies.sweep.study_file import load_study, study_from
 
 Progress = Callable[[int, int], None]
-"""Called with (episodes there, episodes in all)."""
+"""Callback (episodes stored, total episodes)."""
 
 
 @immutable

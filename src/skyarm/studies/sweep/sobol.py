@@ -32,7 +32,7 @@ _JOE_KUO: tuple[tuple[int, int, tuple[int, ...]], ...] = (
 )
 
 DIMENSIONS = 1 + len(_JOE_KUO)
-"""Most dimensions there are direction numbers for."""
+"""Largest number of dimensions for which there are direction numbers."""
 
 
 def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:

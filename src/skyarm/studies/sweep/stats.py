@@ -25,7 +25,7 @@ from skyarm.view.pages import Facts, image, render_template
 from skyarm.view.pages import page as plain_page
 
 FAILED = "failed"
-"""Word for the first episode without success."""
+"""Text for the first episode without success."""
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 

@@ -17,7 +17,8 @@ DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")
 
 LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
-"""Episodes of one file, which is held in memory, about 300 bytes each; and in all: the noise generator has 32 bits."""
+"""Largest number of episodes of one file, which is held in memory with about 300 bytes each; and of a study, by the
+generator's 32 bits."""
 
 
 class StudyError(ValueError):

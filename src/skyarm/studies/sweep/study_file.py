@@ -66,7 +66,7 @@ from skyarm.studies.sweep.study import (
 LIBRARY = resources.files("skyarm.studies.sweep") / "studies"
 
 MOST_CHUNKS = 10_000_000
-"""Files of a study: their names have seven digits, and no file system likes more of them in one folder."""
+"""Largest number of files of a study; their names have seven digits."""
 
 
 def list_studies() -> tuple[str, ...]:

@@ -36,10 +36,10 @@ ROUNDING = 1e-9
 """Extent below which values differ by rounding; it does not fill a panel."""
 
 MOST_PANELS = 6
-"""Metrics of one picture."""
+"""Largest number of metrics in a picture."""
 
 LONGEST = 44
-"""Characters of a variable's words on an axis."""
+"""Largest number of characters of a variable's description on an axis."""
 
 
 def plot_sweep(
@@ -140,13 +140,13 @@ def _draw_lost(ax: Axes, curves: Sequence[BandedCurve]) -> None:
 
 
 MAP_WIDTH, MAP_HEIGHT = 4.2, 3.4
-"""in."""
+"""Width and height (in) of a map."""
 
 COLORS = "cividis"
-"""Even in lightness, and read alike with every form of colour vision."""
+"""Colour map: even in lightness, and readable with every form of colour vision."""
 
 BOUNDARY = 0.5
-"""Share of successes on the failure boundary."""
+"""Fraction of successes on the failure boundary."""
 
 LINE = "#d7301f"
 

@@ -20,22 +20,23 @@ from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
 
 LARGEST_TILT = math.radians(80.0)
-"""A flight that leans by more counts as lost, though it may come back."""
+"""Tilt (rad) above which a flight counts as lost, even if it recovers."""
 
 LOST = 100.0
-"""m: error that a lost flight is charged."""
+"""Error (m) assigned to a lost flight."""
 
 LIMITED = "rotor_saturation"
-"""Metric of control periods with a rotor at its limit, as other tables show it."""
+"""Metric of control periods with a rotor at its limit."""
 
 OWN = len(KINDS)
-"""Number of the kind of motion that is the scenario's own."""
+"""Index of the kind of motion that is the scenario's own."""
 
 EVERY = 4
-"""Plants, the last of which flies the scenario's own motion; no multiple of the other kinds, which stay balanced."""
+"""Number of plants of which the last flies the scenario's own motion; no multiple of the other kinds, which stay
+balanced."""
 
 LATEST, LOOKED_AT = 10.0, 5.0
-"""s: errors along it count from here on at the latest, and for so long; later ones are left to the last check."""
+"""Latest start and duration (s) of the scored interval; later errors are left to the final check."""
 
 
 @immutable
@@ -85,7 +86,7 @@ def with_own(plants: Plants) -> Plants:
 
 
 LANES = 300
-"""Flights of a work, about: a round is some works, which processes share, and each fills vectors of any width."""
+"""Approximate number of flights of a work; a round consists of some works, which processes share."""
 
 
 class CandidateFlights:
@@ -244,16 +245,16 @@ def _penalize(error: Array, lost: Mask) -> Array:
 
 
 QUANTILE = 0.9
-"""Over the plants of each kind of motion: the error that nine of ten plants stay below."""
+"""Quantile of the error over the plants of each kind of motion."""
 
 WEIGHTS = (2.0, 0.7, 0.25, 0.1, 0.03)
-"""Of the logarithms of jitter and effort against that of the error, from calm to stiff."""
+"""Weights of the logarithms of jitter and effort against that of the error, from calm to stiff."""
 
 LOSS = 100.0
-"""Of the share of the plants that is lost: one of 16 costs more than error and jitter ever win."""
+"""Weight of the fraction of lost plants; one of 16 costs more than error and jitter can gain."""
 
 SMALLEST = 1e-5
-"""m and rad/s: improvements below count no more."""
+"""Error (m) and jitter (rad/s) below which improvements no longer count."""
 
 
 @immutable(kw_only=False)

@@ -33,28 +33,28 @@ from skyarm.world import ForceWind
 from skyarm.world.gust import Gust
 
 KINDS = ("circle", "swings", "lemniscate")
-"""Plant k flies kind k modulo their number."""
+"""Kinds of motion; plant k flies kind k modulo their number."""
 
 CHANNEL = 30
-"""Of the generator, apart from those of plants and noise."""
+"""Channel of the random generator, separate from those of plants and noise."""
 
 EASE = Ramp(start=0.0, duration=3.0, height=1.0, shape="quintic")
-"""Every sine grows from rest to its amplitude."""
+"""Envelope of every sine, which grows from rest to its amplitude."""
 
 STEPPED = 8.0
-"""s: when the base steps."""
+"""Time (s) of the step of the base."""
 
 STEP = 0.3
-"""m: of the base at the end; that of the paper's Case 3."""
+"""Step (m) of the base at the end, as in the paper's Case 3."""
 
 HEIGHT = 10.0
-"""m: of the flight; far from the ground, which counts for nothing here."""
+"""Height (m) of the flight, far from the ground."""
 
 TOGETHER = 2
-"""Joints that swing by a whole amplitude; of more each swings by its share."""
+"""Number of joints that swing by a full amplitude; of more, each swings by its fraction."""
 
 SPEED = (0.2, 0.8)
-"""m/s: slowest and fastest of the circles."""
+"""Lowest and highest speed (m/s) of the circles."""
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
@@ -169,20 +169,21 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
 
 
 DURATION, SETTLED, BLOWN = 10.0, 2.0, 5.0
-"""s: of the flight; from when on errors count; when the gust comes. After the step errors do not count.
+"""Times (s): duration of the flight, start of the scored interval, start of the gust. Errors after the step do not
+count.
 
 Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
 step's own, not that of gains.
 """
 
 UNSEEN = Window(7.0, 12.0)
-"""s: of the errors along the path that is kept aside, which ends with it."""
+"""Scored interval (s) of the errors along the path for the final check, which ends with it."""
 
 UNKNOWN_DELAY = 0.010
-"""s: longest delay of the commands that the law does not know, as in the comparison's perturbed plants."""
+"""Longest unmodelled delay (s) of the commands, as in the comparison's perturbed plants."""
 
 GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
-"""Direction of the gust's force, and its size as a share of the weight."""
+"""Direction of the gust's force, and its size over the weight."""
 
 
 def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:

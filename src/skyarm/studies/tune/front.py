@@ -12,13 +12,13 @@ from skyarm.studies.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import costs
 
 POINTS = 16
-"""Of the front."""
+"""Number of points of the front."""
 
 WORTH = 1.05
-"""The pick is the calmest point whose error is within this factor of the least one that meets the constraints."""
+"""Factor on the least error that meets the constraints, within which the calmest point is picked."""
 
 SATURATED = 0.05
-"""Largest share of control periods with a rotor at its limit, median over the plants."""
+"""Largest fraction of control periods with a rotor at its limit, median over the plants."""
 
 RULE = (
     "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "

@@ -31,13 +31,13 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
 BOX = math.log(LARGEST_FACTOR)
 
 STEPS = (0.4, 0.25, 0.15)
-"""Standard deviations of the logarithms of the factors where a CMA-ES begins, and where it begins again."""
+"""Initial standard deviations of the logarithms of the factors in CMA-ES, and after its restarts."""
 
 LINE = 24
-"""Candidates on the line of one bandwidth for the whole loop, of the scatter."""
+"""Number of initial candidates with one common bandwidth factor for the whole loop."""
 
 REACHES = (0.15, 0.3, 0.6)
-"""Of the scatter about the beginning and what is known, a third of it each, as shares of the box."""
+"""Sizes of the initial scatter about the start and known values, a third of it each, as fractions of the box."""
 
 
 @immutable
@@ -74,10 +74,10 @@ Judge = Callable[[int, Array, int], Scores]
 """(number of the round, logarithms of factors (candidates, knobs), plants) -> scores, margins not looked at."""
 
 Shortness = Callable[[Array], Array]
-"""Cost of falling short of the margins (candidates,) of logarithms of factors (candidates, knobs)."""
+"""Function from logarithms of factors (candidates, knobs) to the cost of violated margins (candidates,)."""
 
 NOT_LOOKED_AT = 3.0
-"""Cost of margins that nobody looked at, since others were better without."""
+"""Cost of margins that were not evaluated because other candidates were better without."""
 
 
 def search(

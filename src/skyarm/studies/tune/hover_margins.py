@@ -28,22 +28,22 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
     raise missing_extra("tune") from error
 
 DELAY_SHARE, PERIODS = 1.5, 2
-"""Required delay margin: this share of the delay that the law knows, and at least so many control periods."""
+"""Required delay margin: this fraction of the law's nominal delay, and at least so many control periods."""
 
 GAIN = 1.5
 """Required gain margin of all rotors, and of all joints, up and down: 3.5 dB."""
 
 FAILED = 2.0
-"""Cost of a failed test, plus the excess of the spectral radius: as much as an error seven times as large."""
+"""Cost of a failed test, plus the excess of the spectral radius; equal to an error seven times as large."""
 
 STEEP, MOST = 100.0, 2.0
-"""Cost per spectral radius above 1, and its largest."""
+"""Cost per spectral radius above 1, and its upper bound."""
 
 DIVERGED = 20.0
 """Cost of a hover that did not settle."""
 
 RESERVE = 1.04
-"""Factor on what is required, so that a candidate that just passes keeps passing where it is measured."""
+"""Factor on the required margins, so that a candidate that just passes also passes the final measurement."""
 
 
 @contextmanager

@@ -34,16 +34,16 @@ from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
 
 NOT_GAINS = ("model", "mixer", "network", "limits", "terms")
-"""Fields of constants that hold no gains of a law: its belief, its allocation, a learned part, limits."""
+"""Fields of constants without gains of a law: model, allocation, network, limits."""
 
 GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
 """Units of gains and bandwidths."""
 
 BOUNDED = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
-"""Words of a meaning that say that the number is a limit or the rate of a slow adaptation, not a gain."""
+"""Words of a meaning that mark a limit or the rate of a slow adaptation, in contrast to a gain."""
 
 LARGEST_FACTOR = 30.0
-"""Factor on a knob, and one over the smallest: gains detuned tenfold still have good ones in reach."""
+"""Largest factor on a knob, and its reciprocal; good gains stay in reach of gains detuned tenfold."""
 
 
 class KnobError(ValueError):
@@ -163,10 +163,10 @@ def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
 
 
 Numbers = list[tuple[float, ...]]
-"""Of every knob."""
+"""Values of every knob."""
 
 GIVEN = "before"
-"""Name of the gains that a search was given."""
+"""Name of the gains before the search."""
 
 
 @immutable

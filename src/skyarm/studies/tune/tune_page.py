@@ -19,7 +19,7 @@ from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
 
 DIGITS = 6
-"""Of a gain in a file."""
+"""Number of significant digits of a gain in a file."""
 
 
 def front_name(number: int) -> str:

@@ -45,22 +45,22 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
 
 LEADERS = 3
-"""Of the scatter, for each weight: candidates whose margins are looked at."""
+"""Number of leading candidates of the scatter, for each weight, whose margins are evaluated."""
 
 POOL = 8
-"""Times the plants of the search: what the leaders of the scatter fly."""
+"""Number of plants for the leaders of the scatter, over that of the search."""
 
 SEMIFINALISTS, FURTHER = 32, 64
-"""Candidates of the search that fly once more, and the plants that they do: a few plants flatter."""
+"""Number of search candidates that fly once more, and of plants that they fly, since a few plants flatter."""
 
 UNSEEN = 100
-"""Plants by which the front is judged: none of the search's."""
+"""Number of plants by which the front is judged, none of which is in the search."""
 
 ASIDE = 200
-"""Plants that the pick and the starts fly at last, along the path that is kept aside: nothing is chosen by them."""
+"""Number of plants of the final check of the pick and the starts, along a path on which nothing is chosen."""
 
 PICKED = "pick"
-"""Name of the pick among them."""
+"""Name of the pick among the checked gains."""
 
 
 @immutable(slots=False)
@@ -272,7 +272,7 @@ class Tuner:
 
 
 BOUNDS = {"candidates": (64, 100_000), "plants": (4, 1000), "seed": (0, 2**31 - 1)}
-"""Number -> its smallest and largest value."""
+"""Option -> its smallest and largest value."""
 
 
 def require_size(candidates: int, plants: int, seed: int, prefix: str = "") -> None:

@@ -15,22 +15,22 @@ from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAGE, Style, plain_numbers
 
 ROW, MARGIN = 0.27, 1.2
-"""in: of one law, of title and axis."""
+"""Height (in) of a law's row, and of title and axis together."""
 
 APART = 0.4
-"""Rows between the dots of the first and the last series: two that agree must both be seen."""
+"""Distance between the dots of the first and the last series, in rows, so that equal values are both visible."""
 
 MARKERS = (("o", "#0072b2"), ("s", "#d55e00"), ("^", "#009e73"))
-"""Shape and colour of each series; told apart without colour, too."""
+"""Marker and colour of each series, distinguishable without colour."""
 
 ACROSS, PANEL, LEGEND = 3, 2.1, 0.6
-"""Panels side by side; in: height of a panel, of the legend."""
+"""Number of panels side by side; height (in) of a panel and of the legend."""
 
 LOW, HIGH, TOP = 0.1, 1500.0, 9000.0
-"""mm: limits of errors, and of the band above them in which lost laws stand. Smaller errors move the first one down."""
+"""Limits (mm) of the errors, and of the band above them for lost laws; smaller errors lower the first."""
 
 LOWEST = 1e-3
-"""mm, that is drawn at least."""
+"""Smallest drawn error (mm)."""
 
 LINES = (
     ("#d55e00", "s", (3.2, 1.3)),
@@ -41,10 +41,10 @@ LINES = (
     ("#a6761d", "P", (1.0, 1.2)),
     ("#666666", "X", (8.0, 2.0)),
 )
-"""Colour, marker and dashes of a law; any one of them suffices."""
+"""Colour, marker and dashes of a law; each alone is distinguishable."""
 
 KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
-"""Laws whose look is the same in every picture; others take what these leave, in order."""
+"""Laws with the same look in every picture; others take the remaining looks in order."""
 
 
 class EnvelopePoint(TypedDict):
@@ -64,7 +64,7 @@ class EnvelopePanel(TypedDict):
 
 @immutable(kw_only=False)
 class Share:
-    """Success rate of a control law with its confidence interval, as shares from 0 to 1."""
+    """Success rate of a control law with its confidence interval, as fractions from 0 to 1."""
 
     value: float
     low: float

@@ -17,16 +17,17 @@ from skyarm.view.figures.style import PAGE, plain_numbers
 
 DPI = 100.0
 TEXT = 12.5
-"""pt at 720 lines."""
+"""Text size (pt) at 720 lines."""
 
 SMALLEST, LARGEST = 1e-5, 1e2
-"""m: errors below (on a logarithmic axis) and above are drawn there, so that none stretches the axis."""
+"""Errors (m) at which smaller ones (on a logarithmic axis) and larger ones are drawn, so that none stretches the
+axis."""
 
 RATIO_OF_LOGARITHM = 30.0
-"""Where one flight's median error is so many times another's, the axis is logarithmic."""
+"""Ratio of the median errors of two flights above which the axis is logarithmic."""
 
 POINTS = 1500
-"""Of a curve: each is the largest error of its stretch of time."""
+"""Number of points of a curve; each is the largest error of its interval."""
 
 
 @immutable(kw_only=False)

@@ -17,17 +17,17 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_PATHS = 3
-"""Changed paths that the legend names; of more it gives their number."""
+"""Number of changed paths that the legend names; for more it gives their number."""
 
 LONGEST, LONGEST_VALUE = 40, 16
-"""Characters of a label, and of a changed value in words."""
+"""Largest number of characters of a label, and of a changed value."""
 
 
 Named = Mapping[str, Log]
-"""Words of the legend -> log."""
+"""Text of the legend -> log."""
 
 Span = tuple[float, float]
-"""First and last instant, s."""
+"""First and last instant (s) of an interval."""
 
 
 @immutable(kw_only=False)

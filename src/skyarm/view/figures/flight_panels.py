@@ -22,10 +22,10 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import desired_push, scenario_of
 
 Read = Callable[[Log], Array | None]
-"""Log -> curve (N,); None of a log that has none of it."""
+"""Function from a log to a curve (N,); None for a log without it."""
 
 Logs = Sequence[Log]
-"""Of the flights in one picture."""
+"""Logs of the flights in one picture."""
 
 AXES = "xyz"
 
@@ -58,7 +58,7 @@ class Panel:
 
 
 Panels = list[Panel]
-"""From top to bottom."""
+"""Panels of a picture from top to bottom."""
 
 
 def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
@@ -234,14 +234,14 @@ KINDS: Mapping[str, Callable[[Logs], Panels]] = {
 }
 
 RARE = ("parts",)
-"""Kinds that are drawn where they are named."""
+"""Kinds of panels that are drawn only if they are named."""
 
 ALL, PATH = "all", "path"
 
 MEASURED, ESTIMATED = "measured", "estimated"
 
 RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
-"""Arrays of a log that panels show and that sensors read or an estimator estimates."""
+"""Arrays of a log that panels show and that sensors measure or an estimator estimates."""
 
 
 def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:

@@ -32,16 +32,16 @@ from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Solid
 
 HEIGHT = 3.0
-"""in."""
+"""Height (in) of a panel."""
 
 ROOM, LEAST = 0.3, 0.15
-"""Room about the paths, as a share of how far they go, and m."""
+"""Room around the paths, as a fraction of their extent, and at least this much (m)."""
 
 FACE_ON = 0.5
-"""A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
+"""Cosine of the angle to the view above which a plane is not drawn, since it would cover everything."""
 
 FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
-"""Role of a shape -> fill; of others that of an object."""
+"""Role of a shape -> fill colour; other roles have that of an object."""
 
 
 def path_figure(named: Named, span: Span) -> Picture:
@@ -66,7 +66,7 @@ def path_figure(named: Named, span: Span) -> Picture:
 
 
 SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]")}
-"""View -> where it is seen from, and words of its axes."""
+"""View -> viewpoint in words, and labels of its axes."""
 
 
 def draw_view(
@@ -165,20 +165,20 @@ def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
 
 
 MOST = 12
-"""Flights of one picture: more cannot be told apart."""
+"""Largest number of flights in a picture; more are not distinguishable."""
 
 NEAR = 0.35
-"""A limit is drawn if a curve comes to this share of it."""
+"""Fraction of a limit that a curve must reach for the limit to be drawn."""
 
 HATCHES = ("////", None, "\\\\\\\\", "....")
 DASHES = ("-", "--", "-.", ":")
-"""Of intervals and of instants, in the order of the events."""
+"""Dashes of intervals and of instants, in the order of the events."""
 
 HELD = "#c3d2e6"
-"""Of what sensors read: the first flight's colour, light."""
+"""Colour of sensor readings: the first flight's colour, light."""
 
 OF_A_PAGE = 9
-"""Panels one above the other where every kind is drawn."""
+"""Largest number of panels one above the other where every kind is drawn."""
 
 
 def plot(

@@ -22,23 +22,24 @@ from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, colum
 from skyarm.view.figures.style import PAPER, CurveLook, Handles, Style, limits
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
-"""Where an axis stops growing with a diverged episode."""
+"""Value at which an axis stops growing with a diverged episode, by unit."""
 
 WINDOW: Style = {"facecolor": "#f1f1f1", "edgecolor": "none", "zorder": 0.1}
-"""The interval over which the metrics are taken."""
+"""Look of the interval over which the metrics are taken."""
 
 GUST: Style = {"facecolor": "#dcdcdc", "edgecolor": "#9a9a9a", "hatch": "////", "linewidth": 0.0, "zorder": 0.2}
-"""The interval in which the gust blows; hatched, so that it differs from the window without colour."""
+"""Look of the gust's interval, hatched, so that it differs from the window without colour."""
 
 PLACES = {"CT": 0, "PD": 1}
-"""Law -> place of its look; others take those behind."""
+"""Law -> index of its look; other laws take the following ones."""
 
 STYLE = replace(PAPER, panel=1.12)
 
 ATTITUDE = [
     Panel(label=label, unit="rad", of=column("euler", i), scale="attitude") for i, label in enumerate(("Roll", "Pitch"))
 ]
-"""On one scale: the arm moves in the pitch plane, and roll should look as small as it is."""
+"""Panels of the attitude on one scale, since the arm moves in the pitch plane and roll should look as small as it
+is."""
 
 POSITION_ERROR = Panel(label="Position error", unit="m", of=distance("position", "position_held"), magnitude=True)
 TOOL_ERROR = Panel(label="Tip error", unit="m", of=distance("tool", "tool_held"), magnitude=True)

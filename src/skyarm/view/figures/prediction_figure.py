@@ -10,10 +10,10 @@ from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAPER, Picture, logarithmic
 
 PANEL, LEGEND = (3.58, 2.35), 0.3
-"""in: size of a panel, height of the legend."""
+"""Size (in) of a panel, and height of the legend."""
 
 MARKERS = ("o", "^", "s", "D")
-"""Of the predictors in their order but the last, which needs no model."""
+"""Markers of the predictors in their order, except the last, which needs no model."""
 
 
 @immutable(kw_only=False)

@@ -11,10 +11,10 @@ from skyarm.records.immutable import immutable
 from skyarm.world.scene.shapes import Shape, mesh_of
 
 AROUND = 48
-"""Points of a circle."""
+"""Number of points of a drawn circle."""
 
 DIRECTIONS = 720
-"""Directions in which the outline of a solid is sought."""
+"""Number of directions in which the outline of a solid is computed."""
 
 
 @immutable(kw_only=False)
@@ -45,10 +45,10 @@ def axonometric(azimuth: float, elevation: float) -> Projection:
 
 
 SIDE = Projection((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-"""From the right: x to the right, z up, y into the paper."""
+"""Side view from the right: x to the right, z up, y into the paper."""
 
 TOP = Projection((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-"""From above: x to the right, y up, z to the observer."""
+"""Top view: x to the right, y up, z towards the observer."""
 
 
 def outline(shape: Shape, rotation: Array, position: Array, view: Projection) -> Array:

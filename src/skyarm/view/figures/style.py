@@ -33,13 +33,13 @@ from skyarm.records.files.names import require_suffix
 from skyarm.records.immutable import immutable
 
 Style = dict[str, Any]
-"""Keywords of a Matplotlib artist."""
+"""Keyword arguments of a Matplotlib artist."""
 
 Handles = dict[str, Artist]
-"""Words of a legend -> what is drawn."""
+"""Text of a legend -> drawn artist."""
 
 DPI = 300.0
-"""Dots an inch of a PNG: what journals ask of line drawings with text."""
+"""Resolution (dots per inch) of a PNG, as journals require for line drawings with text."""
 
 NOTEBOOK_DPI = 110.0
 
@@ -217,10 +217,10 @@ class PictureStyle:
 
 
 PAPER = PictureStyle()
-"""One column of a two-column paper (3.5 in), or both (7.16 in): IEEE's widths."""
+"""Style of one column of a two-column paper (3.5 in), or both (7.16 in): IEEE's widths."""
 
 PAGE = replace(PAPER, font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
-"""A figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
+"""Style of a figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
 
 
 def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np.inf) -> tuple[float, float]:

@@ -29,40 +29,40 @@ FILLS = {
     "joint": "#6c7a89",
     "tip": "#b2182b",
 }
-"""Role of a shape -> fill."""
+"""Role of a shape -> fill colour."""
 
 AXIS_COLORS = ("#c0262d", "#1a7f37", "#1f5fbf")
-"""x, y, z, as in every robot viewer; letters say it without colour."""
+"""Colours of the axes x, y, z, as in every robot viewer; letters repeat them."""
 
 CORNER = axonometric(-math.radians(58.0), math.radians(24.0))
-"""From the right and a little from the front, so that x, y and z all show."""
+"""Projection from the right and a little from the front, so that x, y and z are all visible."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 HEIGHT = 3.9
-"""in."""
+"""Height (in) of the drawing."""
 
 MARGINS = np.array([0.17, 0.13])
-"""Room for labels left and right of a view, and above and below it, as shares of its width and height."""
+"""Room for labels left and right of a view, and above and below it, as fractions of its width and height."""
 
 BENT = 0.5
-"""rad: angle of the joints whose motion the side view shows."""
+"""Angle (rad) of the joints whose motion the side view shows."""
 
 TRIAD = 0.34
-"""Length of the axes of a frame, as a share of the vehicle's reach."""
+"""Length of a frame's axes, as a fraction of the vehicle's reach."""
 
 DASHED = (0.0, (6.0, 2.0))
 
 DISTANCES = np.array([0.7, 1.2, 1.8, 2.5, 3.3, 4.2, 5.2, 6.5, 8.0])
-"""Of a label from its point, in font sizes, in so many directions."""
+"""Candidate distances of a label from its point, in font sizes."""
 
 DIRECTIONS = 16
 
 HIDDEN, COVERED = 40.0, 50.0
-"""Cost of a label on ink, against its distance; darkness that stands for another label."""
+"""Cost of a label on ink, against its distance; darkness that counts as another label."""
 
 LEADER = 1.5
-"""Font sizes from which a thin line leads from a label to its point."""
+"""Distance of a label, in font sizes, from which a thin line leads to its point."""
 
 
 def vehicle_drawing(vehicle: Vehicle) -> Picture:

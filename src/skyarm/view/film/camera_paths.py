@@ -15,19 +15,19 @@ from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 AZIMUTH, ELEVATION = 125.0, -16.0
-"""deg: the camera looks along +x turned by the azimuth about z, and downwards by -elevation."""
+"""View direction (deg): along +x turned by the azimuth about z, and downwards by -elevation."""
 
 SIDES = (AZIMUTH, 180.0 - AZIMUTH, -AZIMUTH, AZIMUTH - 180.0)
-"""Azimuths that are tried: from ahead and the right, from behind and the right, and the same from the left."""
+"""Candidate azimuths: from the front right, from the rear right, and the same from the left."""
 
 LOOKS = 24
-"""Instants at which is looked."""
+"""Number of instants at which a view is evaluated."""
 
 FIELD_OF_VIEW = 40.0
-"""deg, from the lower to the upper edge of a panel."""
+"""Field of view (deg), from the lower to the upper edge of a panel."""
 
 SMOOTH = 0.6
-"""s: time constant with which a following camera turns to what it follows."""
+"""Time constant (s) with which a following camera turns."""
 
 
 def _axes_of_view(azimuth: float) -> Array:
@@ -38,10 +38,10 @@ def _axes_of_view(azimuth: float) -> Array:
 
 
 HEIGHT = 0.4
-"""Height of a flying vehicle over its width, at its usual attitudes."""
+"""Height over width of a flying vehicle at its usual attitudes."""
 
 LEAVES = 6.0
-"""Reaches of a vehicle: farther from its desired position a following camera lets it go."""
+"""Distance from the desired position, in reaches of a vehicle, beyond which a following camera stops following it."""
 
 
 @immutable(kw_only=False)
@@ -89,7 +89,7 @@ CAMERAS: dict[str, Callable[[Flights, Array, float], CameraPath]] = {
     "follow": follow,
     "tip": tip,
 }
-"""Camera paths by name: (flights in one picture, seconds of film (F,), width over height) -> path."""
+"""Camera path by name: function (flights in one picture, seconds of film (F,), width over height) -> path."""
 
 
 def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:

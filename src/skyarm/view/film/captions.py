@@ -19,24 +19,24 @@ from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
 INK, PAPER = (28, 32, 40), (255, 255, 255)
 LOST = (190, 20, 30)
 WANTED = (0.55, 0.58, 0.63)
-"""Colour of the force that is asked for."""
+"""Colour of the desired force."""
 TEXT_SIZE = 22.0
-"""Pixels at 720 lines."""
+"""Text size (pixels) at 720 lines."""
 
 DESIGNED = 720.0
-"""Pixels: the height for which the sizes below are meant; others are scaled."""
+"""Height (pixels) for which the sizes below are meant; for others they are scaled."""
 
 TITLE, HEAD, PLOT, GAP = 46.0, 40.0, 178.0, 4.0
-"""Pixels of that height: bands of title and names, plot, space between panels."""
+"""Heights (pixels) of the bands of title and names, of the plot, and of the space between panels."""
 
 CLOCK = 300.0
-"""Pixels of that height: what clock and wind take of the title's band."""
+"""Width (pixels) of clock and wind in the title's band."""
 
 LEAST_HEIGHT_OF_PLOT = 240
-"""Pixels: a lower frame has no room for a plot."""
+"""Least height (pixels) of a frame with a plot."""
 
 LEAST_TEXT = 6
-"""Pixels."""
+"""Least text size (pixels)."""
 
 
 @immutable(kw_only=False)

@@ -41,13 +41,13 @@ from skyarm.world import WindSample
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 OPTIONS = {"width": 480, "height": 480, "camera": "follow", "ghost": True, "fine": False}
-"""Fields of :class:`FilmSettings` that a picture has, and what they are if left out."""
+"""Fields of :class:`FilmSettings` of a picture, with their defaults."""
 
 LOOKS = 300
-"""Most instants at which the whole reference is looked at, for its line and for a camera that stands still."""
+"""Largest number of instants at which the whole reference is evaluated, for its line and for a fixed camera."""
 
 FARTHEST = 1e6
-"""A vehicle whose state holds a larger number, or none, is drawn where it was."""
+"""Largest value of a drawable state; otherwise the vehicle is drawn at its last drawable one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,8 +32,8 @@ COLORS: tuple[Color, ...] = (
     (0.45, 0.35, 0.75),
     (0.35, 0.35, 0.35),
 )
-"""Red, green, blue from 0 to 1 by the flight's place; the first four are Okabe and Ito's, told apart by colour-blind
-eyes."""
+"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe and Ito's, distinguishable by
+colour-blind eyes."""
 
 MOST_FLIGHTS = len(COLORS)
 
@@ -49,10 +49,10 @@ READ = {
     "air": "air_velocity",
     "tilts": "tilts",
 }
-"""Field of a filmed flight -> array of a log that it has as it is."""
+"""Field of a filmed flight -> equal array of a log."""
 
 WIDEST = 6.0
-"""m of way beyond which the patch of a plane grows no more."""
+"""Extent (m) of the paths beyond which the patch of a plane does not grow."""
 
 
 @immutable
@@ -102,7 +102,7 @@ class FilmedFlight:
 
 
 Flights = Sequence[FilmedFlight]
-"""Of one picture."""
+"""Flights of one picture."""
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
@@ -206,10 +206,10 @@ def continuous(quaternion: Array) -> Array:
 
 
 TRAIL = 4.0
-"""s of flight that the tip's trail goes back."""
+"""Duration (s) of the tip's trail."""
 
 TRAIL_PIECES = 80
-"""Lines of a trail."""
+"""Number of line segments of a trail."""
 
 GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
 GHOST: Color = (0.15, 0.2, 0.3)
@@ -221,22 +221,22 @@ PATH: RGBA = (0.25, 0.28, 0.34, 0.55)
 WIND: RGBA = (0.25, 0.55, 0.85, 0.9)
 
 TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
-"""Of contact forces."""
+"""Colour of contact forces."""
 
 TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
-"""m per N, m."""
+"""Length of a contact arrow: m per N, and largest (m)."""
 
 THICK, THIN = 3.5, 2.0
-"""Pixels at 720 lines: of a trail, of a desired path."""
+"""Line widths (pixels at 720 lines) of a trail and of a desired path."""
 
 LEAST_STEP = 0.004
-"""m: a trail is not drawn finer, so that a tip at rest costs nothing."""
+"""Least length (m) of a trail's segment, so that a tip at rest costs nothing."""
 
 ARROW_PER_NEWTON, ARROW_PER_SPEED, LONGEST_ARROW = 0.2, 0.08, 0.6
-"""m per N, m per m/s, m."""
+"""Length of wind arrows: m per N, m per m/s, and largest (m)."""
 
 LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
-"""N and m/s: less wind is not drawn."""
+"""Least force (N) and air speed (m/s) that are drawn."""
 
 
 @immutable(kw_only=False)

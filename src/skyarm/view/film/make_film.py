@@ -25,7 +25,7 @@ from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Progress = Callable[[int, int], None]
-"""(frames drawn, frames in all)."""
+"""Callback (frames drawn, total frames)."""
 
 
 def make_film(

@@ -11,19 +11,20 @@ from typing import Any, TypeAlias
 LIBRARY = "libEGL.so.1"
 
 NEEDS = "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
-"""What to do where EGL or a driver for it is missing; the driver draws on the processor where there is no GPU."""
+"""Remedy where EGL or a driver for it is missing; the driver renders on the processor where there is no GPU."""
 
 MOST_DEVICES = 16
 
 PLATFORM_DEVICE = 0x313F
 OPENGL_API = 0x30A2
 CONFIG = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3033, 0x0001, 0x3040, 0x0008, 0x3038)
-"""Red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel buffer (0x3033) and OpenGL (0x3040); 0x3038 ends."""
+"""EGL configuration: red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel buffer (0x3033) and OpenGL
+(0x3040); 0x3038 ends it."""
 
 _Pointer = ctypes.c_void_p
 
 CType: TypeAlias = type[ctypes.c_void_p] | type[ctypes.c_int] | type[ctypes.c_uint]
-"""Type of a function's result or argument."""
+"""Type of a C function's result or argument."""
 
 
 class NoDisplayError(ValueError):

@@ -48,19 +48,19 @@ if TYPE_CHECKING:
     from viser.infra import StateSerializer
 
 SUFFIXES = ("viser", "html")
-"""Of recordings."""
+"""Suffixes of recordings."""
 
 WORDS_PER_SECOND = 2.0
-"""How often the numbers beside a vehicle change."""
+"""Update rate (Hz) of the numbers next to a vehicle."""
 
 ASPECT = 1.0
-"""Of the window for which the camera is placed: a phone's is narrower, a screen's wider."""
+"""Aspect ratio of the window for which the camera is placed; a phone's is narrower, a screen's wider."""
 
 GRID, PATH_COLOR, GHOST = (150, 155, 162), (118, 124, 138), (0.45, 0.48, 0.55, 0.3)
-"""Of grid, desired path and desired pose: between the white and the black of the player's page."""
+"""Colours of grid, desired path and desired pose, between white and black of the player's page."""
 
 COARSE = 3
-"""Decimals of the ends of forces that are recorded, 1 mm."""
+"""Decimals (m) of recorded force ends: 1 mm."""
 
 
 @immutable(kw_only=False)

@@ -50,18 +50,18 @@ WORLD = f"""
     <geom type="plane" size="60 60 1" material="ground"/>
   </worldbody>
 </mujoco>"""
-"""Ground with a grid of 0.5 m, sky and light; shadows are drawn within 2.5 m of what the camera looks at."""
+"""MuJoCo world: ground with a grid of 0.5 m, sky and light, with shadows within 2.5 m of the camera's target."""
 
 MOST_GEOMS = 4000
 
 NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
-"""Category of what throws no shadow: the ground, whose own would be a dotted rim, and all that is seen through."""
+"""Category of geometries without a shadow: the ground, whose own would be a dotted rim, and transparent ones."""
 
 LAMP = np.array([-7.5, -6.0, 30.0])
-"""m: where the light is, seen from what the camera looks at, so that shadows fall where the flight is."""
+"""Position (m) of the light relative to the camera's target, so that shadows fall where the flight is."""
 
 THIN = 2e-4
-"""m: half the thickness of a plane's patch."""
+"""Half the thickness (m) of a plane's patch."""
 
 
 @immutable(kw_only=False)
@@ -205,7 +205,7 @@ def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
 MeshKey = tuple[str, tuple[float, ...]]
 
 Mesh = tuple[Array, IntArray]
-"""Vertices (V, 3), m, and triangles (F, 3)."""
+"""Vertices (V, 3) in m, and triangles (F, 3), of a mesh."""
 
 
 def mesh_key(shape: Shape) -> MeshKey:

@@ -18,21 +18,21 @@ from skyarm.records.files import must_be_one_of, needs_extra, shown, write_atomi
 Frames = Iterator[Pixels]
 
 QUALITY = "20"
-"""Of H.264, its constant rate factor: below 18 nothing is seen any more, at 23 the grid begins to swim."""
+"""Constant rate factor of H.264; below 18 no difference is visible, at 23 the grid begins to swim."""
 
 WEBP_QUALITY = 80
-"""From 0 to 100; below 75 what moves leaves specks behind it."""
+"""Quality of WebP, 0 to 100; below 75 moving parts leave specks behind."""
 
 WEBP_KEY = 2
-"""Frames from one whole one to the next: libwebp leaves blocks as they are that differ little from the frame before, so
-that of a slow change of a shade some stay behind, as patches, until a frame is written whole."""
+"""Frames from one key frame to the next. libwebp keeps blocks that differ little from the frame before, so that slow
+changes of shade leave patches until a whole frame is written."""
 
 MOST_IN_MEMORY = 1.5e9
-"""Bytes of pictures that an animated WebP may take: their frames are held until the last is drawn."""
+"""Largest size (bytes) of the pictures of an animated WebP, which are held until the last is drawn."""
 
 USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
-"""Width, height and frames a second of a film for which none are named; of animated WebP, so that a flight of
-30 s fits into what it may take, and on a page."""
+"""Default width, height and frame rate of a film, and of an animated WebP, whose limit a flight of 30 s then meets,
+also on a page."""
 
 
 def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
@@ -92,7 +92,8 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
 Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]
 
 FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
-"""Suffix -> (path, frames of (height, width, 3) bytes, (width, height), frames a second, their number) -> path."""
+"""Suffix -> function (path, frames of (height, width, 3) bytes, (width, height), frame rate, number of frames) ->
+path."""
 
 
 def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:

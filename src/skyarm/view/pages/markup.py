@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 FEW, MANY = 3, 9
-"""Columns up to which a table takes no more room than it needs, and above which it is set smaller."""
+"""Number of columns up to which a table is narrow, and above which its text is smaller."""
 
 Rows = Iterable[Iterable[Any]]
-"""Cells are text or :class:`skyarm.view.pages.sections.Mark`."""
+"""Rows of cells that are text or :class:`skyarm.view.pages.sections.Mark`."""
 
 
 @lru_cache(maxsize=1)

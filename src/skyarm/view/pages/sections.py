@@ -77,10 +77,10 @@ class Table:
 
 
 Facts: TypeAlias = dict[str, Any]
-"""Facts of a report as plain data, for a document."""
+"""Facts of a report as plain data."""
 
 Line: TypeAlias = str | Mark | Table
-"""Line of a report that is printed: text, text with emphasis, or a table."""
+"""Line of a printed report: text, text with emphasis, or a table."""
 
 
 def heading(text: str) -> Mark:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 LONGEST_STRETCH = 0.25
-"""s of wall time that are caught up at most: after a pause of the machine the flight goes on from where it was."""
+"""Longest wall time (s) that is made up for; after a longer pause the flight continues from where it was."""
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
 

@@ -107,25 +107,26 @@ class KnobPanel:
 
 
 SECONDS = 10.0
-"""That a plot shows, back from its last instant."""
+"""Time (s) that a plot shows, up to its last instant."""
 
 UNSEEN = "unseen"
-"""Scale of a last series, not drawn, whose number changes with each drawing: uPlot finds its ticks anew only where a
-scale has changed, and a plot that is made before its width is known has none."""
+"""Scale of a last, invisible series, whose number changes with each drawing; uPlot recomputes its ticks only if a
+scale changes, and a plot that is made before its width is known has none."""
 
 HERTZ = 10.0
-"""At which plots are drawn anew."""
+"""Rate (Hz) at which plots are redrawn."""
 
 DECIMALS = 3
-"""That are drawn, and that the labels of an axis have: a curve below them would stand beside labels of 0."""
+"""Decimals of drawn values and axis labels; a smaller curve would appear next to labels of 0."""
 
 TICKS = tuple(round(digit * 10.0**power, DECIMALS) for power in range(-DECIMALS, 7) for digit in (1, 2, 5))
-"""Steps between the labels of an axis."""
+"""Candidate steps between the labels of an axis."""
 
 LIMIT = "rgb(200, 40, 40)"
 
 WIDTH, MORE = 1.5, 2.0
-"""Pixels of the last law's curve, and how much wider the one before is: it is seen on both sides of what lies on it."""
+"""Line width (pixels) of the last law's curve, and its increase for each earlier law, so that hidden curves show on
+both sides."""
 
 
 class Timed(Protocol):
@@ -141,7 +142,7 @@ Seen = TypeVar("Seen", bound=Timed)
 Seen_co = TypeVar("Seen_co", bound=Timed, covariant=True)
 
 Column = Callable[[Seen], float]
-"""Number of an instant, such as a :class:`~skyarm.view.studio.sights.PlottedInstant`."""
+"""Function from an instant, such as a :class:`~skyarm.view.studio.sights.PlottedInstant`, to a number."""
 
 
 class Plotted(Protocol[Seen_co]):

@@ -30,23 +30,22 @@ from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import Placed
 
 MOST = 3
-"""Flights at once."""
+"""Largest number of simultaneous flights."""
 
 GUST = (2.0, 3.0)
-"""N and s of the gust button, those of the paper's Case 2."""
+"""Force (N) and duration (s) of the gust button, as in the paper's Case 2."""
 
 BLOW = (10.0, 0.1)
-"""N and s of the push button: 1 N s."""
+"""Force (N) and duration (s) of the push button: 1 N s."""
 
 OF_LAW = ("controller.", "model.")
-"""Beginnings of paths that are a flight's own; all others are of what every flight meets."""
+"""Prefixes of parameter paths that belong to one flight; all others are shared by the flights."""
 
 LONGEST = 600.0
-"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration, as one does whose
-reference is planned for it."""
+"""Longest flight (s) of the studio; longer scenarios, and those with a planned reference, keep their own duration."""
 
 SAMPLES = 20.0
-"""Hz of what the plots keep."""
+"""Sampling rate (Hz) of the stored plots."""
 
 LOG, SCENARIO = ".npz", ".toml"
 """Suffixes of saved flights and of their scenarios."""

@@ -16,22 +16,23 @@ from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
-"""Parts of a law's parameters that its maker took from the vehicle: they are no gains."""
+"""Parts of a law's parameters that were computed from the vehicle and are no gains."""
 
 SIGNALS = ("x", "y", "z", "yaw", "joints")
-"""Words of a reference that have sliders, after those of the base's motion."""
+"""Keys of a reference that have sliders, after those of the base's motion."""
 
 WIDEST = 1e3
-"""Distance of the bounds of a field up to which they are the ends of its slider; wider ones exclude the absurd."""
+"""Largest distance between a field's bounds that become the ends of its slider; wider bounds only exclude absurd
+values."""
 
 SPANS: Mapping[str, float] = {"m": 1.5, "rad": 1.2, "rad or m": 1.2, "m/s": 10.0, "N": 5.0, "N m": 0.5, "kg": 0.3}
-"""Unit -> how far a slider reaches from its number, to both sides."""
+"""Unit -> reach of a slider to both sides of its value."""
 
 SIGMAS: Mapping[str, float] = {"m": 0.05, "m/s": 0.3, "rad": 0.05, "rad or m": 0.05, "rad/s": 0.3, "rad/s or m/s": 0.3}
-"""Unit -> the largest standard deviation of a slider of noise that is zero."""
+"""Unit -> largest standard deviation on a slider of noise that is zero."""
 
 LONGEST_DELAY = 0.03
-"""s: the longest delay of the commands that a slider gives."""
+"""Longest command delay (s) on its slider."""
 
 
 @immutable(kw_only=False)

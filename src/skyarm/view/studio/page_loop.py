@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from skyarm.view.studio.server import ViserServer
 
 FRAME = 1.0 / 60.0
-"""s between two pictures."""
+"""Time (s) between two pictures."""
 
 IDLE = 0.1
-"""s between two looks at the clock while no tab watches; the flight waits for one."""
+"""Time (s) between two polls while no browser tab is open; the flight waits for one."""
 
 Work = Callable[[], None]
 

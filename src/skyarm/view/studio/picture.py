@@ -25,42 +25,41 @@ if TYPE_CHECKING:
     from skyarm.view.studio.server import SceneApi, ViserServer
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
-"""Of the first, second and third law, here and in the plots: blue, orange, green."""
+"""Colours of the first, second and third law, here and in the plots: blue, orange, green."""
 
 GHOST, LOST = (130, 130, 140), (200, 40, 40)
 
 SHELL = 0.06
-"""Share by which the vehicle of each further law, drawn in wires, is thicker than the one before: where all are at one
-place each is seen."""
+"""Relative enlargement of the wire-frame vehicle of each further law, so that coincident vehicles are all visible."""
 
 FLOORS = {False: ((200, 200, 200), (140, 140, 140)), True: ((40, 40, 40), (62, 62, 62))}
-"""Whether a page is dark -> colours of the floor's lines, of cells and of metres."""
+"""True for a dark page -> colours of the floor's lines, of cells and of metres."""
 
 TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
-"""Role of a shape -> how bright its law's colour is; 0.6 of any other."""
+"""Role of a shape -> brightness of its law's colour; 0.6 for any other."""
 
 THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
 
 NEWTON = 0.08
-"""m of arrow per newton. Air: the same per metre a second."""
+"""Length of an arrow (m) per newton, or per metre a second of air."""
 
 SHAFT, TOUCH_SHAFT = 0.004, 0.005
-"""m: radius of an arrow."""
+"""Radii (m) of the arrows of forces and of contacts."""
 
 TRAIL = 4.0
-"""s of tip trail."""
+"""Duration (s) of the tip's trail."""
 
 SLOW = 6
-"""Frames between two drawings of what moves slowly: the ghost, trails, labels."""
+"""Frames between two drawings of slowly moving parts: ghost, trails, labels."""
 
 STAGE = "/stage"
-"""Node on which all others hang. A camera follows by its moving the other way: what each tab turns stays its own."""
+"""Root node of the scene. A following camera moves this node the other way, so that each tab keeps its own view."""
 
 VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
-"""m from the vehicle, from where a new tab may look at it."""
+"""Camera positions (m, relative to the vehicle) that a new tab may start from."""
 
 LOOK_AT = np.array([0.12, 0.08, -0.28])
-"""m from the vehicle, where a new tab looks: the vehicle is left of a wide screen's panel."""
+"""Camera target (m, relative to the vehicle) of a new tab, left of the panel on a wide screen."""
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:

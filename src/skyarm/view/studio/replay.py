@@ -14,16 +14,16 @@ from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.scene_nodes import segments
 
 RATE = 100
-"""Hz of the pictures that are stored: more than a screen shows at any speed."""
+"""Rate (Hz) of stored pictures, more than a screen shows at any speed."""
 
 SHOWN, CURVE = 20.0, 300
-"""Horizons that a plot shows, and points of its curves: fewer would not show each return to the measured state."""
+"""Number of horizons in a plot, and of points of its curves; fewer would hide returns to the measured state."""
 
 HORIZONS = (0.05, 5.0)
-"""s: shortest and longest horizon of the page's slider."""
+"""Shortest and longest horizon (s) of the page's slider."""
 
 Predict = Callable[[float], PredictedMotion]
-"""Function from a horizon, s, to the motion that is set back to the measured state after each."""
+"""Function from a horizon (s) to the predicted motion, which restarts at the measured state after each horizon."""
 
 
 @immutable(kw_only=False)
@@ -31,7 +31,7 @@ class PredictionError:
     """Error of a predicted motion against the measured flight at one instant.
 
     Attributes:
-        time: s from the begin of the flight.
+        time: s from the start of the flight.
         position: m. attitude: rad. NaN where nothing is predicted.
     """
 

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from skyarm.view.studio.server import ViserServer
 
 GHOST_OPACITY = 0.6
-"""Of the measured vehicle: more than that of a reference, since it is what flew."""
+"""Opacity of the measured vehicle, higher than that of a reference."""
 
 USUAL_BOOM = 0.17
-"""m: boom of the vehicle that the first view of simulated flights is made for."""
+"""Boom length (m) of the vehicle for which the first view of simulated flights is made."""
 
 
 class ReplayPicture(StudioStage):

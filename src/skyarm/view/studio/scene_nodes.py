@@ -24,27 +24,27 @@ if TYPE_CHECKING:
     from skyarm.view.studio.server import LineNode, SceneApi, SceneNode, ShapeNode
 
 Paint = Callable[[str], RGBA]
-"""Role of a shape -> its colour."""
+"""Function from a shape's role to its colour."""
 
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 
 DIGITS = 4
-"""Decimals of places (0.1 mm) and of quaternions that are sent: more would not be seen, and packs worse."""
+"""Decimals of transmitted positions (0.1 mm) and quaternions; more are invisible and compress worse."""
 
 STILL = 1e-4
-"""m by which the end of an arrow must move to be sent again: an eighth of a pixel from where tabs look on."""
+"""Displacement (m) of an arrow's end below which it is not sent again; an eighth of a pixel in the usual view."""
 
 SHORTEST = 0.01
-"""m of arrow below which none is drawn."""
+"""Shortest drawn arrow (m)."""
 
 SEGMENTS, SUBDIVISIONS = (24, 8), (2, 1)
-"""Of round shapes, solid and of wires: around a cylinder, of a sphere's faces."""
+"""Number of segments of round shapes, solid and wire-frame: around a cylinder, and subdivisions of a sphere."""
 
 LINE_WIDTH = 0.003
-"""m."""
+"""Width (m) of a line."""
 
 THIN = 1e-3
-"""m: half the thickness of a plane's patch."""
+"""Half the thickness (m) of a plane's patch."""
 
 HEAD = 2.6, 5.3
 """Radius and length of an arrow's head, in radii of its shaft."""

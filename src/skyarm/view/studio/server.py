@@ -35,10 +35,10 @@ SceneNode: TypeAlias = "viser.SceneNodeHandle"
 ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
 LineNode: TypeAlias = "viser.LineSegmentsHandle"
 Series: TypeAlias = "viser.uplot.Series"
-"""Types of viser, for files that do not import it."""
+"""Types of viser, for modules that do not import it."""
 
 Slider: TypeAlias = Any
-"""Slider of viser: its own type declares as read-only what is set here, its value."""
+"""Slider of viser; its own type declares the value as read-only, which is set here."""
 
 QUIET = "websockets.server"
 
@@ -60,8 +60,8 @@ STYLE = """<style>
   #root .mantine-Slider-root { padding-block: 14px !important }
 }
 </style>"""
-"""In the head of the page. On screens up to 36 em wide, as viser counts them, the picture is above the controls, which
-are as large as a finger."""
+"""Style sheet of the page. On screens up to 36 em wide, as viser counts them, the picture is above the controls,
+which are as large as a finger."""
 
 
 Inputs: TypeAlias = "dict[str, ViserServer]"
@@ -257,7 +257,7 @@ class Sieve:
 
 CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
 SCALARS = ("fov", "near", "far", "image_height", "image_width")
-"""Fields of a camera's frame: how many numbers each has."""
+"""Fields of a camera's frame, each with its number of components."""
 
 
 def _is_camera(message: dict[str, Any]) -> bool:
@@ -279,7 +279,7 @@ def _is_finite(value: object) -> bool:
 LOOPBACK = ("127.0.0.1", "localhost")
 
 MOST_BYTES = 1 << 20
-"""Of a frame: a page sends a slider's value or a camera, some hundred bytes."""
+"""Largest size (bytes) of a frame; a slider's value or a camera takes some hundred."""
 
 
 @immutable(kw_only=False)

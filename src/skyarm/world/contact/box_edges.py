@@ -29,22 +29,22 @@ from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame
 from skyarm.world.contact.surface import Surface
 
 EDGE_PAIRS = 36
-"""Pairs of edges of two boxes that may touch."""
+"""Number of edge pairs of two boxes that may touch."""
 
 END = 1e-3
-"""Distance, m, beyond the end of an edge at which it still touches."""
+"""Distance (m) beyond the end of an edge at which the edge still touches."""
 
 TILT = 0.2
-"""Sine of the angle between the normal and a face up to which the far edge of that face may touch."""
+"""Sine of the largest angle between the normal and a face at which the face's far edge may touch."""
 
 SLANT = 0.05
-"""Sine of the angle between two edges from which on their normal may part the boxes."""
+"""Sine of the smallest angle between two edges whose common normal may separate the boxes."""
 
 ROOM = 0.05
-"""Length, m, that a sine of 1 counts as, in depths of tilted edges."""
+"""Length (m) that multiplies a sine in the depth of tilted edges."""
 
 _PARALLEL = 1e-12
-"""Square of the sine of an angle: parallel edges have a normal of zero instead of NaN."""
+"""Square of a sine added in a quotient: parallel edges have a zero normal instead of NaN."""
 
 
 @immutable(kw_only=False)

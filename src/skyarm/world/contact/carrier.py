@@ -18,7 +18,7 @@ from skyarm.world.component import Column, Memory, moved_by
 from skyarm.world.contact.surface import Surface
 
 Spot = tuple[Vec3, Scalar]
-"""A ball of a carrier that touches surfaces: its middle (m, world axes) and its radius (m; an int of 0 is a point)."""
+"""Contact ball of a movable body: middle (m, world axes) and radius (m; an int of 0 is a point)."""
 
 
 @immutable
@@ -163,7 +163,7 @@ class Carrier(Generic[Memory]):
 
 
 AnyCarrier = Carrier[Any]
-"""Movable body with a state of any type, which it alone knows."""
+"""Movable body with an internal state of any type."""
 
 
 def untouched_after(carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds: int, gravity: Scalar) -> Memory:

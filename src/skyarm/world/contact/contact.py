@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
 HIT = 1.2
-"""Hit speed, m/s, from which steps are finest; at slower hits they are longer in proportion."""
+"""Impact speed (m/s) above which steps are finest; slower impacts use proportionally longer steps."""
 
 CALM = 0.1
-"""Time constant, s, in which steps become longer again after a hit."""
+"""Time constant (s) in which steps grow again after an impact."""
 
 TIP = "tip"
 """Default name of the contact point at a vehicle's tip."""
@@ -55,16 +55,15 @@ LOGGED = (
     ("friction", "N", "of a surface on a point, across its normal"),
     ("depth", "m", "penetration of a point into a surface"),
 )
-"""Numbers of a surface and a point in a log: array, unit, meaning."""
+"""Logged quantities of a surface and a contact point: array, unit, meaning."""
 
 MUCH_SHORTER = 2.0
-"""Steps of the vehicle alone over those of the contact from which on a warning says so."""
+"""Ratio of the vehicle's longest stable step to that of the contact above which a warning is issued."""
 
 VERLET_SHARE = 0.75
-"""Share of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its
-tip then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking
-holds up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves
-7 N."""
+"""Step of the Stoermer-Verlet method as a fraction of that of semi-implicit Euler. An elastic bounce then changes
+the energy by 0.006 % at any phase of the steps, and by 0.014 % at a fraction of 1 (measured). Sticking is stable
+up to 13 N on a tip of 20 g at a friction of 0.6, against 7 N at a fraction of 1."""
 
 
 @immutable

@@ -25,7 +25,7 @@ BASE_NAME = "base"
 
 
 MOST = 64
-"""Points of a ring at most: each costs as much as any other."""
+"""Largest number of points of a ring; each costs as much as any other contact point."""
 
 
 @immutable

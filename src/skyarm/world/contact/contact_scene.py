@@ -26,10 +26,10 @@ from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, sha
 from skyarm.world.scene.vehicle_shapes import Poses, longest_boom, matrices, rotations_of, vectors
 
 POINT = 0.03
-"""Radius of the mark of a point that touches, as a share of the longest boom; a ball has its own."""
+"""Radius of the drawn mark of a contact point, as a fraction of the longest boom; a ball has its own radius."""
 
 LEVEL = 1e-9
-"""Largest share of a level plane's normal that is not upwards."""
+"""Largest horizontal component of the normal of a plane that counts as level."""
 
 
 def contact_scene(

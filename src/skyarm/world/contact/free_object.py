@@ -27,18 +27,18 @@ from skyarm.world.contact.material import Material
 from skyarm.world.contact.surface import SHAPES, Surface, require_size
 
 SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
-"""Shapes of an object: those that have an end, and no hollow."""
+"""Shapes of free objects: bounded and without a hollow."""
 
 RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
-"""Cosines and sines of three places on a cylinder's rim, from its deepest place on: it stands on three, lies on one."""
+"""Cosines and sines of three contact positions on a cylinder's rim, starting at its deepest one."""
 
 STEP_SHARE = 0.7
-"""Share of a material's longest step: a body that turns leaves a surface faster or slower than it came, and the work of
-the bend at its skin, which goes with (speed * step)^2, does not cancel. So 24 throws each of two boxes, a cylinder and
-a ball of 30 g to 3 kg, and six of 3 g, gain less than 0.1 % of energy (measured; 0.15 % at a share of 1)."""
+"""Step as a fraction of the material's longest one. A rotating body leaves a surface at another speed than it came,
+and the work at its skin grows with (speed * step)^2. Thrown boxes, cylinders and balls of 3 g to 3 kg gain less
+than 0.1 % of energy (measured; 0.15 % at a fraction of 1)."""
 
 REST = Vec3(0.0, 0.0, 0.0)
-"""Value of vectors that a start leaves out: zeros that may be varied, not structure."""
+"""Default of initial vectors: zeros that may vary, not structure."""
 
 LOGGED = (
     ("position", "xyz", "m", "middle, world axes,"),
@@ -46,10 +46,11 @@ LOGGED = (
     ("velocity", "xyz", "m/s", "velocity of the middle, world axes,"),
     ("rate", "xyz", "rad/s", "angular velocity, its own axes,"),
 )
-"""Arrays of a log: name, axes, unit, meaning."""
+"""Logged arrays of an object: name, axes, unit, meaning."""
 
 _LEVEL = 1e-10
-"""Share of a fixed direction in that of the rim's deepest place, which a cylinder that stands upright does not have."""
+"""Fraction of a fixed direction added to that of the rim's deepest position, which is undefined for an upright
+cylinder."""
 
 
 @immutable

@@ -41,13 +41,13 @@ from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, R
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
 
 POSE = ("magnet", "suction", "jaw")
-"""Kinds that hold the attitude, too."""
+"""Kinds of grippers that also hold the attitude."""
 
 EARTH = 9.81
-"""Gravity on Earth, m/s^2, of the weights in warnings."""
+"""Standard gravity (m/s^2), for weights in warnings."""
 
 ADHESIVE = ("magnet", "suction")
-"""Kinds that are pulled off along the normal."""
+"""Kinds of grippers that adhere and open under a pull along the normal."""
 
 
 @immutable(kw_only=False)
@@ -355,14 +355,14 @@ def _within_length(vector: Vec3, most: Scalar) -> Vec3:
 
 
 TINY = 1e-24
-"""Square of a length that no vector is shorter than, in a quotient."""
+"""Squared length added in a quotient to avoid division by zero."""
 
 _NOTHING = Vec3(0.0, 0.0, 0.0)
 
 UNCHANGED = Grip(
     taken=0.0, ready=0.0, lost=0.0, place=_NOTHING, normal=_NOTHING, turn=Mat3(_NOTHING, _NOTHING, _NOTHING)
 )  # fmt: skip
-"""Rate of a grip's memory: it changes at control instants only."""
+"""Rate of a grip's internal state: zero, since it changes at control instants only."""
 
 
 @immutable

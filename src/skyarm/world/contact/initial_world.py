@@ -11,7 +11,7 @@ from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
 
 MOST = 2.0
-"""Weights with which a surface may push a point at the start: what stands on one point takes one."""
+"""Largest weight of a contact point in the initial equilibrium; a body on one point needs one."""
 
 
 def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:

@@ -27,31 +27,33 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 BRISTLE_DAMPING = 5.0
-"""N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
+"""Damping of a friction bristle, N s/m at one newton and more, 1/m times the force below; it damps the vibration of
+a sticking tip."""
 
 RECOVERY = 500.0
-"""Decay rate, 1/s, at which a bristle stands up without contact."""
+"""Decay rate (1/s) of a bristle's deflection without contact."""
 
 LIGHTEST = 0.02
-"""kg that a contact moves at least, by which steps are chosen: 23 g is the least that the tips of the library's arms
-weigh across a surface (1 / diag(J M^-1 J^T) in the postures in which they press)."""
+"""Least effective mass (kg) of a contact, by which steps are chosen. The tips of the shipped arms weigh at least 23
+g across a surface (1 / diag(J M^-1 J^T) in pressing postures)."""
 
 NORMAL_STEP = 0.85
-"""Largest product of a contact's angular frequency sqrt(k / m) and a step: an elastic bounce of a vehicle on its tip
-then loses at most 0.1 % of its energy and gains none (measured)."""
+"""Largest product of a contact's angular frequency sqrt(k / m) and a step; an elastic bounce then loses at most 0.1
+% of its energy and gains none (measured)."""
 
 LONGEST = 2.5e-3
 """Longest step in contact, s, however soft it is."""
 
 BRISTLE_STEP = 1.5
-"""The same product of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta is stable to 2.78, of 20 g
-that is 17 N; semi-implicit Euler to 1.77 with the bristle's damping, 7 N: far beyond, a tip that light chatters."""
+"""Largest product of a bristle's angular frequency and a step, at the penetration ``PRESSED``. Runge-Kutta is stable
+to 2.78, which for 20 g is 17 N; semi-implicit Euler with the bristle's damping to 1.77, 7 N."""
 
 PRESSED = 1e-3
-"""Penetration, m, at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
+"""Penetration (m) at which the stiffness of bristles is evaluated: 5 N at 5000 N/m."""
 
 _STILL = 1e-24
-"""m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
+"""Small square (m^2/s^2, N^2 or m^2) under a root, for a derivative of 0 instead of NaN at rest; also a length (m)
+in a denominator."""
 
 
 def euler_step_of(square: Scalar, decay: Scalar) -> Scalar:
@@ -65,7 +67,7 @@ def euler_step_of(square: Scalar, decay: Scalar) -> Scalar:
 
 
 DULLEST = 1000.0
-"""Largest dissipation, s/m: nothing rebounds that comes with more than 1 mm/s."""
+"""Largest dissipation (s/m); bodies that arrive faster than 1 mm/s then do not rebound."""
 
 ROUGHEST = 100.0
 """Largest coefficient of friction; rubber has 1 to 4."""

@@ -275,15 +275,14 @@ class Mechanism(Carrier[MechanismMotion]):
 
 
 BRISTLES = {True: 2e-3, False: 2e-4}
-"""rad of a hinge, m of a slide, over which dry friction builds up where nothing is said."""
+"""Displacement (rad of a hinge, m of a slide) over which dry friction builds up by default."""
 
 STOP_RATE, STOP_LEAST = 200.0, 5000.0
-"""rad/s of a mechanism on a stop of which nothing is said, and N/m that such a stop of a slide has at least: a door
-enters it by 5 mrad at 1 rad/s, a button of 20 g gives way by 0.2 mm under 1 N; neither asks for shorter steps than
-contact does anyway."""
+"""Default stop of a mechanism: angular frequency (rad/s), and least stiffness (N/m) of a slide's stop. A door enters
+it by 5 mrad at 1 rad/s, a button of 20 g yields by 0.2 mm under 1 N; neither needs shorter steps than contact."""
 
 STEEPEST = 16.0 / 3.0**1.5
-"""Largest slope of a detent, in F / w: that of 16 u^2 (1 - u)^2, at u = (1 - 3^-0.5) / 2."""
+"""Largest slope of a detent's force, in F / w: that of 16 u^2 (1 - u)^2 at u = (1 - 3^-0.5) / 2."""
 
 
 @immutable
@@ -398,7 +397,7 @@ KINDS = {
     "drawer": Kind(turns=False, axis=E_X, sizes=(("depth", "width", "height"),)),
     "button": Kind(turns=False, axis=-E_Z, sizes=(("radius", "height"),)),
 }
-"""Word -> how it moves. A valve of two lengths is a wheel, one of three a lever."""
+"""Kind of a mechanism -> its motion. A valve with two lengths is a wheel, one with three a lever."""
 
 
 @immutable

@@ -21,8 +21,8 @@ from skyarm.world.contact.material import LIGHTEST, LONGEST
 from skyarm.world.contact.surface import Surface
 
 NEAR, SWIFT = 0.005, 400.0
-"""m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
-meanwhile: both are the same in 5 ms, longer periods ask for more."""
+"""Least distance (m) between a point and a surface during longer steps, and largest acceleration (m/s^2) of the
+point meanwhile; both give the same distance in 5 ms."""
 
 EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""

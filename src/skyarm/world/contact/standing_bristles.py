@@ -10,7 +10,7 @@ from skyarm.world.contact.material import Material
 from skyarm.world.contact.meetings import Meeting
 
 _NOTHING = 1e-12
-"""N or m in a denominator."""
+"""Small force (N) or length (m) added in a denominator."""
 
 
 def standing_bristles(

@@ -31,20 +31,20 @@ from skyarm.world.contact.meetings import Meeting, meetings_of
 Residual = Callable[[Array], Array]
 
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
-"""Distances, m: steps in which a vehicle is lowered until it stands, way that anything is lowered, and height above its
-position at which a vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
+"""Distances (m): step in which a vehicle is lowered until it stands, largest way of a descent, and initial height
+above the reference, which lies a little below the standing position if it presses."""
 
 LIFT, FINEST = 0.002, 1e-4
-"""Depth, m, inside of something out of which an object is taken, and the smallest way down."""
+"""Depth (m) inside another body out of which an object is lifted, and smallest step of its descent."""
 
 DEEPER = 0.1
-"""Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
+"""Fraction of its depth by which an object is pressed deeper per step, once that exceeds ``FINEST``."""
 
 OTHER = 0.2
-"""Distance, m or rad, from where an object touches first, beyond which an equilibrium is another: it tipped over."""
+"""Distance (m or rad) from the first contact beyond which the object has tipped over into another equilibrium."""
 
 NEAR = 1e-7
-"""Difference by which the stiffness is found, m and rad."""
+"""Step (m and rad) of the finite difference for the stiffness."""
 
 
 def _least_squares(stiffness: Array, force: Array) -> Array:

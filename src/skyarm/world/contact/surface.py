@@ -38,16 +38,18 @@ from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
 SIZES = ("radius", "depth", "chamfer", "outer radius", "length")
-"""Lengths, m: of the hole its radius, its depth below the top and the width of its chamfer of 45 degrees at the mouth;
-of the plate its outer radius and its length along z."""
+"""Lengths (m) of a plate with a hole: radius of the hole, its depth, width of its chamfer of 45 degrees; outer
+radius of the plate, its length along z."""
 
 
 SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",), "hole": SIZES}
-"""Shape -> what its sizes are, m. A plane's outside is along its z axis, the axis of cylinder and hole, too."""
+"""Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is also the axis of cylinder
+and hole."""
 
 
 _CENTRE = 1e-24
-"""m^2 under a root: in the middle of a sphere or on a cylinder's axis the normal is zero instead of NaN."""
+"""Squared length (m^2) under a root: the normal in the middle of a sphere or on a cylinder's axis is zero instead of
+NaN."""
 
 
 Face = tuple[Scalar, Vec3]
@@ -238,11 +240,11 @@ def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face
 
 
 SHORTEST = 1e-6
-"""Least length of a hole, m: less is a slip of units, and its square vanishes."""
+"""Shortest length (m) of a hole; a smaller number is probably in another unit."""
 
 
 _SMALL = 1e-24
-"""m^2 under a root: on the axis, and at a corner, a direction is zero instead of NaN."""
+"""Squared length (m^2) under a root: a direction on the axis or at a corner is zero instead of NaN."""
 
 
 def require_hole(size: Sequence[Scalar]) -> None:

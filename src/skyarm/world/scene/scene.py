@@ -22,15 +22,15 @@ from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 
 PATCH = 1.0
-"""Half the width of the patch that stands for a plane, m."""
+"""Half the width (m) of the drawn patch of a plane."""
 
 LINE: RGBA = (0.25, 0.25, 0.28, 1.0)
 
 OBSTACLES = ("surface", "object")
-"""Roles of what stands about the vehicle."""
+"""Roles of drawn shapes that belong to the surroundings."""
 
 WAY = np.linspace(0.03, 3.0, 100)
-"""Distances, m, from a place towards the eye at which something may be in the way."""
+"""Distances (m) from a point towards the camera at which an obstacle may hide it."""
 
 
 @immutable(kw_only=False)
@@ -125,7 +125,7 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which drawn solids hide a given point from the camera.
+    """Fraction of the instants at which drawn solids hide a given point from the camera.
 
     Args:
         solids: solids at N instants.

@@ -24,7 +24,7 @@ UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
 
 ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
-"""Things that a shape stands for, by which its colour is chosen."""
+"""Roles of drawn shapes, by which their colour is chosen."""
 
 
 @immutable(kw_only=False)
@@ -110,7 +110,7 @@ def floats(values: Iterable[Scalar]) -> Vector:
 
 
 AROUND = 24
-"""Corners of a circle."""
+"""Number of corners of a drawn circle."""
 
 
 def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:

@@ -25,10 +25,10 @@ from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
 
 LEAST_REACH = 0.1
-"""Scale of a vehicle without rotors, m."""
+"""Assumed size (m) of a drawn vehicle without rotors."""
 
 PAYLOAD_DENSITY = 2000.0
-"""kg/m^3: a payload is drawn as a ball of this density, between water's and aluminium's."""
+"""Density (kg/m^3) of the ball that is drawn for a payload, between those of water and aluminium."""
 
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
@@ -122,7 +122,7 @@ def _mesh_shape(number: int, look: Look) -> Shape:
 
 
 Poses = dict[int, tuple[Array, Array]]
-"""Number of a body -> its rotations (N, 3, 3) and positions (N, 3)."""
+"""Index of a body -> its rotations (N, 3, 3) and positions (N, 3)."""
 
 
 @immutable(kw_only=False)

@@ -47,7 +47,7 @@ SLOW = {"revolute": 0.1, "prismatic": 1e-3}
 """Squared rate of a joint ((rad/s)^2 or (m/s)^2, by its kind) below which its friction is adapted slowly."""
 
 RESTING = 0.01
-"""Mean square of the reference's rate, as a share of ``SLOW``, at which friction is adapted at half its rate."""
+"""Mean square of the reference's rate, as a fraction of ``SLOW``, at which friction is adapted at half its rate."""
 
 FRICTION = 2.0
 """Adaptation rate (1/s) of the joints' damping."""
@@ -56,9 +56,9 @@ STICKIEST = 50.0
 """Largest adapted damping of a joint over its inertia on a fixed base (1/s)."""
 
 MODELLED = 5.0
-"""Largest part of the adapted damping that the model's joints take, over the same inertia (1/s). With 20, slow swings
-under 50 g that nobody told of are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry the tip off by
-13 mm for 9."""
+"""Largest part of the adapted damping that the model's joints take, over the same inertia (1/s). With 20, slow
+swings under an unmodelled load of 50 g are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry
+the tip off by 13 mm for 9."""
 
 FOLLOWING = 2.0
 """Filter rate (1/s) of the mean squares of a joint's desired rate and of its rate error."""

@@ -45,7 +45,7 @@ HELD = 0.02
 """Regularisation of the squared joint rotations that compensate a tilt of the base."""
 
 WEAK = 0.15
-"""Lower bound of the specific thrust, as a share of gravity."""
+"""Lower bound of the specific thrust, as a fraction of gravity."""
 
 STEEP = 0.75
 """Upper bound of the squared sine of a tilt, that of 60 degrees."""
@@ -109,7 +109,7 @@ class PreviewInstant:
 
 @immutable(kw_only=False)
 class TiltShares:
-    """Share of a base tilt that joints do not compensate: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
+    """Fraction of a base tilt that joints do not compensate: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
     Attributes:
         mean: m, mean of all directions. x, y: deviations from it at heading 0.
@@ -128,7 +128,7 @@ class TiltShares:
 
 
 def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
-    """Share of a base tilt that the arm's joints do not compensate, from the second moments of their axes.
+    """Fraction of a base tilt that the arm's joints do not compensate, from the second moments of their axes.
 
     A turn about the axis with the largest moment moves the centre of mass across it.
     """

@@ -160,7 +160,7 @@ def _soft_limit(pull: list[Vec3]) -> Vec3:
 
 
 ARM_TURN = 20.0
-"""Largest angular acceleration (rad/s^2) of the base for the arm's motion: a swing at 2 Hz is lost without."""
+"""Largest angular acceleration (rad/s^2) of the base for the arm's motion; without it a swing at 2 Hz is lost."""
 
 ATTACK, DECAY = 10.0, 0.5
 """Rates (1/s) at which the intensity of the arm's motion is tracked upwards and downwards."""

@@ -214,7 +214,8 @@ def wanted_attitude(
 
 
 SHARE, WITH_STOP = 0.5, 0.75
-"""Share of the distance from a joint's reference to its limit that the barrier allows, without and with a hard stop."""
+"""Fraction of the distance from a joint's reference to its limit that the barrier allows, without and with a hard
+stop."""
 
 TURN = 2.2
 """Largest deviation (rad) of a revolute joint without limits from its reference, by the joint-limit barrier."""

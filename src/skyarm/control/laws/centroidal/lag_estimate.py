@@ -259,7 +259,7 @@ def stride_of(control_period: float) -> int:
 
 
 def delay_share(memory: LagMemory) -> Scalar:
-    """Share (0 to 1) of the rotors' lag that is a delay: none where accelerations are much smaller than modelled."""
+    """Fraction (0 to 1) of the rotors' lag that is a delay: none where accelerations are much smaller than modelled."""
     roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
     times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)

@@ -40,7 +40,7 @@ FOLLOWING = 2
 """Number of future reference samples, one and two periods after the held one, from which derivatives are computed."""
 
 SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
-"""Times of the reference samples for the base shift, as shares of the preview: denser where they count more."""
+"""Times of the reference samples for the base shift, as fractions of the preview: denser where they count more."""
 
 
 LATEST = 0.02

@@ -15,14 +15,14 @@ from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
 
 LAG_INVERSION = 0.1
-"""Share of the motors' lag that commands invert: none leaves two vehicles of seven lost, all of it shakes the rotors
-nearly four times as much, for 7 % of the error."""
+"""Fraction of the motors' lag that commands invert: none leaves two vehicles of seven lost, all of it shakes the
+rotors nearly four times as much, for 7 % of the error."""
 
 TRIM_RATE = 3.0
 """Correction rate (1/s) of the rotors' mean squared speeds."""
 
 TRIM = 0.1
-"""Bound of the rotor trim as a share of a rotor's largest squared speed: more than the motor lag takes."""
+"""Bound of the rotor trim as a fraction of a rotor's largest squared speed: more than the motor lag takes."""
 
 
 def needed(

@@ -47,7 +47,7 @@ FLOOR = 0.4
 """Smallest vertical force of the substitute law over the vehicle's weight."""
 
 LEAN = 0.7
-"""Tangent of the substitute law's largest tilt: 35 degrees."""
+"""Tangent of the largest tilt of the substitute law: 35 degrees."""
 
 TURN = 0.5
 """Largest heading error (rad) of the substitute law; a larger one is clipped."""

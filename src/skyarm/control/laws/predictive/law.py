@@ -367,7 +367,7 @@ WIDEST_TURN = 1.0
 """Largest heading error (rad) in the cost, which takes its sine; a larger one is clipped."""
 
 BEARABLE = 0.8
-"""Largest predicted disturbance of a joint as a share of its drive's limit; the rest moves the arm."""
+"""Largest predicted disturbance of a joint as a fraction of its drive's limit; the remainder moves the arm."""
 
 
 def problem_at(

@@ -336,11 +336,12 @@ PASSES = 3
 """Number of passes in which inputs at their limits are fixed and the others solved again."""
 
 SHARES = np.array([1.0, 0.7, 0.45, 0.25, 0.12, 0.05, 0.02, 0.0])
-"""Step sizes of the line search, as shares of the feed-forward step: all are tried at once, the cheapest motion is
-taken. At 0 the old motion is followed."""
+"""Step sizes of the line search, as fractions of the feed-forward step: all are tried at once, the cheapest motion
+is taken. At 0 the old motion is followed."""
 
 DAMPING = (1e-3, 1e3)
-"""Least and largest Levenberg-Marquardt damping, as shares of the inputs' own second derivatives. Below it is none."""
+"""Least and largest Levenberg-Marquardt damping, as fractions of the inputs' own second derivatives. Below it is
+none."""
 
 GROWTH = 8.0
 """Factor by which damping grows after a step cut by more than half, and shrinks after an uncut one."""
@@ -445,7 +446,7 @@ class Riccati:
 
 
 def next_damping(damping: float, share: float) -> float:
-    """Damping of the next iteration, from the share of the last step that the line search took."""
+    """Damping of the next iteration, from the fraction of the last step that the line search took."""
     least, most = DAMPING
     if share < 0.5:
         return min(max(damping * GROWTH, least), most)

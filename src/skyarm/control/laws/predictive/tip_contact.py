@@ -32,9 +32,9 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
 TOLD = 5
-"""Number of used entries of a desired contact: force, speed, normal. A tip that grips is led as a free one."""
+"""Number of used entries of a desired contact: force, speed, normal. A gripping tip is controlled as a free one."""
 KEPT = 0.6
-"""Share of the observed force across the normal that a pressing plan includes: friction balances the rest.
+"""Fraction of the observed force across the normal that a pressing plan includes: friction balances the rest.
 
 A tip that sticks is held by friction with any force that is asked of it: a plan that reckons with all of it pushes
 against its own push, and the arm of six joints swings up.

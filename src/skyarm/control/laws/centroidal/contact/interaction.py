@@ -135,8 +135,8 @@ class Interaction(InteractionGains, OptionalPart):
 
 
 PRESSING = 0.5
-"""Share of the accelerometer's bandwidth that is left while the tip presses. With 1 the rotors of a hexarotor that
-presses 7 N with a bent elbow stand still for a quarter of the time, with 0.5 they never do."""
+"""Fraction of the accelerometer's bandwidth that is left while the tip presses. With 1 the rotors of a hexarotor
+that presses 7 N with a bent elbow stand still for a quarter of the time, with 0.5 they never do."""
 
 SETTLED = 0.15
 """Time (s) from the start of a flight after which the lag is estimated until the first contact. A touch holds what is

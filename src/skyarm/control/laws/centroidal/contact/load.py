@@ -245,7 +245,7 @@ class LoadGains(OptionalPart):
         return load, dataclasses.replace(effect, unknown=unknown, force=force, links=calm)
 
     def unknown_shares(self, vehicle: Vehicle, joints: Sequence[Scalar], mass: Scalar) -> list[Scalar]:
-        """Share (0 to 1) of a held load's inertia about each joint that the model lacks.
+        """Fraction (0 to 1) of a held load's inertia about each joint that the model lacks.
 
         With a load of mass m and radius of gyration r at a lever l from the joint, the inertia is m (l^2 + r^2), of
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.

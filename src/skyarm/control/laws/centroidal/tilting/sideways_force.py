@@ -25,8 +25,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 LEAST = 0.4
-"""Least available squared speed of a rotor, as a share of that in hover. Less lets the base swing far over when thrust
-goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
+"""Least available squared speed of a rotor, as a fraction of that in hover. Less lets the base swing far over when
+thrust goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
 
 
 @immutable
@@ -95,7 +95,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> RotorReach:
 
 
 def gauge(reach: RotorReach, force: Vec3) -> Taylor:
-    """Sum over the rotors of (used share of the speed margin)^8 under a sideways force (Taylor series)."""
+    """Sum over the rotors of (used fraction of the speed margin)^8 under a sideways force (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, change = force.z * row.z, force.x * row.x + force.y * row.y
@@ -134,7 +134,7 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
 
 
 def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
-    """Squared share of rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
+    """Squared fraction of rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, size = vertical * row.z, row.x * row.x + row.y * row.y
