@@ -103,14 +103,14 @@ def verdict_table(experiments: Experiments, files: Mapping[str, str], plant: str
         many = next((str(each["cells"]) for each in found if each), DASH)
         rows.append([Mark(text=title_of(case), href=files[case]), many, *near])
     caption = f"Numbers of the paper that agree within 25 % ({plant})"
-    return table(["Case", ">numbers", ">as stated", ">with a search"], rows, caption, "summary")
+    return table(["Case", ">numbers", ">as stated", ">inferred"], rows, caption, "summary")
 
 
 def counts_table(experiments: Experiments) -> str:
     """HTML table of how many published numbers each case reproduces within 25, 10 and 5 %, on every plant."""
     columns = {
         f">{title}, {plant}": column(plant)
-        for title, column in (("as stated", stated_value), ("with a search", inferred_value))
+        for title, column in (("as stated", stated_value), ("inferred", inferred_value))
         for plant in PLANTS
     }
     groups = []

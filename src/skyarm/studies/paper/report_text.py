@@ -5,12 +5,12 @@ from __future__ import annotations
 LEAD = (
     "A quadrotor with a two-joint arm flies the five cases of Barakou, Tzafestas and Valavanis (Drones 2026, 10, 274) "
     "under two laws. CT is their coupled computed torque, PD its decoupled baseline. The page of each case compares "
-    "every number of the paper with ours, also where they differ. Two plants share no rigid-body code: rigid_body is "
-    "this library's own multibody dynamics, mujoco is MuJoCo. As stated: settings that the paper states. With a "
-    "search: settings that it does not state, found by a search for its numbers. Two readings were chosen because "
-    'they reproduce the paper. Its "2 m/s" is a force of 2 N without air speed in the gust of Case 2, and 2 N together '
-    "with 2 m/s of air speed in the constant wind of Case 3. Everything else that the paper leaves open is set once "
-    "for all cases."
+    "every number of the paper with ours, also where they differ. As stated: settings that the paper states. Inferred: "
+    "with settings that it does not state, found by a search for its numbers. Two plants share no rigid-body code: "
+    "rigid_body is this library's own multibody dynamics, mujoco is MuJoCo. Two readings were chosen because they "
+    'reproduce the paper. Its "2 m/s" is a force of 2 N without air speed in the gust of Case 2, and 2 N together with '
+    "2 m/s of air speed in the constant wind of Case 3. Everything else that the paper leaves open is set once for all "
+    "cases."
 )
 
 READING = (
