@@ -187,7 +187,6 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
     text = markdown(table)
     assert text.index(words) < text.index("Metrics whose better law")
     page = report_pages(table, {}, {}, {})["report.html"]
-    assert html.escape(words).replace("&#x27;", "&#39;") in page
     for said in verdict(table):
         assert page.index(html.escape(said).replace("&#x27;", "&#39;")) < page.index("<table")
 

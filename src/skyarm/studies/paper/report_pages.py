@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyarm.log.flight_log import Log
 from skyarm.records.files import file_names
 from skyarm.studies.paper import report_text as prose
-from skyarm.studies.paper.counted_cells import RULE, sentence
+from skyarm.studies.paper.counted_cells import RULE
 from skyarm.studies.paper.flights import first_plant
 from skyarm.studies.paper.inference_tables import (
     choices_table,
@@ -118,7 +118,7 @@ def _counts(results: Record, plant: str) -> str:
     """HTML section with all counts of agreement, their rule, and the reversed orders of the laws."""
     experiments = results.get("experiments", {})
     folded = details("Within 25, 10 and 5 %, on both plants", counts_table(experiments))
-    return paragraph(RULE) + paragraph(sentence(results)) + folded + reversed_list(experiments, plant)
+    return paragraph(RULE) + folded + reversed_list(experiments, plant)
 
 
 def case_files(cases: Iterable[str]) -> dict[str, str]:
