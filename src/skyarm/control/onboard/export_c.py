@@ -151,7 +151,7 @@ SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "l
 """Words of a parameter's path, with the shorter ones in its C name."""
 
 STRUCTS = {
-    "measurement": "What the sensors say.",
+    "measurement": "Readings of the sensors.",
     "reference": "Desired motion.",
     "memory": "What the law keeps from one call to the next; begin with the first memory.",
     "command": "What the actuators are asked for.",
@@ -228,7 +228,7 @@ def export_c(
     names = tuple(member.name for member in structs["parameters"].members)
     opening = _header(controller, file, period, operations, generator)
     if estimator is not None:
-        opening[1:1] = [f"The law is told what an error-state filter makes of {estimator.aiding} and an inertial unit."]
+        opening[1:1] = [f"The law receives the estimate of an error-state filter: {estimator.aiding} and inertial unit."]
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
 
