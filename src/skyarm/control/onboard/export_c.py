@@ -153,9 +153,9 @@ SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "l
 STRUCTS = {
     "measurement": "Readings of the sensors.",
     "reference": "Desired motion.",
-    "memory": "What the law keeps from one call to the next; begin with the first memory.",
-    "command": "What the actuators are asked for.",
-    "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
+    "memory": "State of the law between calls; begin with the first memory.",
+    "command": "Command of rotors and joints.",
+    "parameters": "Numbers of the nominal model, and gains; exact zeros and ones are folded into the code.",
 }
 """Comments of the C structs, by struct."""
 
@@ -228,7 +228,7 @@ def export_c(
     names = tuple(member.name for member in structs["parameters"].members)
     opening = _header(controller, file, period, operations, generator)
     if estimator is not None:
-        opening[1:1] = [f"The law receives the estimate of an error-state filter: {estimator.aiding} and inertial unit."]
+        opening[1:1] = [f"The law receives the estimate of an error-state filter: {estimator.aiding}, inertial unit."]
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
 
