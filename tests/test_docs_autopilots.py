@@ -33,7 +33,7 @@ def _is_key(node: ast.Constant, function: ast.FunctionDef) -> bool:
 
 
 def test_every_autopilot_is_a_column_with_its_variable() -> None:
-    table = rows_of("autopilots.md", "| | PX4 |")
+    table = rows_of("autopilots.md", "| question | PX4 |")
     named = {row[0]: row[1:] for row in table}
     assert [each.strip("`") for each in named["name"]] == list(AUTOPILOTS)
     for name, variable in zip(AUTOPILOTS, named["else by the variable"], strict=True):

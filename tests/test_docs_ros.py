@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import skyarm as package
-from shown_commands import indented_lines
 from skyarm.links import ros
 from skyarm.links.ros import RosLink, live_session, ros_link
 from skyarm.links.ros.goals import ACCELERATION, SPEED
@@ -22,7 +21,7 @@ PAGE = (Path(__file__).resolve().parents[1] / "docs" / "ros.md").read_text("utf-
 ROWS = [
     [cell.strip() for cell in line.strip("| ").split(" | ")] for line in PAGE.splitlines() if line.startswith("| `/")
 ]
-COMMANDS = [line for line in indented_lines(PAGE) if line.startswith("skyarm ")]
+COMMANDS = [line for line in PAGE.splitlines() if line.startswith("skyarm ")]
 
 
 def test_the_tables_name_every_topic_beside_those_of_a_log_with_its_type():

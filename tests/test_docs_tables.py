@@ -33,8 +33,8 @@ def named(cells: str) -> list[str]:
 @pytest.mark.parametrize(
     ("page", "head", "kinds", "left_out"),
     [
-        ("sensors.md", "| field | | unit |", (Channel,), set[str]()),
-        ("sensors.md", "| field | unit | default |", (FilterNumbers,), {"vehicle"}),
+        ("sensors.md", "| error | meaning | unit |", (Channel,), set[str]()),
+        ("sensors.md", "| field | meaning | unit | default |", (FilterNumbers,), {"vehicle"}),
         (
             "actuators.md",
             f"<!-- generated: record {SERVO}:PositionServo",
@@ -52,7 +52,7 @@ def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...]
 @pytest.mark.parametrize(
     ("page", "head", "kind"),
     [
-        ("sensors.md", "| field | unit | default |", FilterNumbers),
+        ("sensors.md", "| field | meaning | unit | default |", FilterNumbers),
         ("actuators.md", "<!-- generated: record skyarm.vehicle.battery:Battery -->", Battery),
         ("actuators.md", f"<!-- generated: record {SERVO}:PositionServo", PositionServo),
     ],
@@ -69,7 +69,7 @@ def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind:
 
 
 def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
-    rows = rows_of("sensors.md", "| kind | channels | other fields | frequency |")
+    rows = rows_of("sensors.md", "| kind | channels | fields of its own | frequency |")
     assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
     text = " ".join(each for row in rows for each in row)
     shared = set(fields_of(sensor_kinds.ChannelSensor))

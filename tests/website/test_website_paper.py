@@ -29,7 +29,7 @@ def test_the_assumptions_of_the_page_are_those_of_the_scenario(case: str) -> Non
         assert ROWS["torque limit of the joints"] == f"{float(link.joint.effort_limit):g} N m"
     rotor = truth.vehicle.rotors[0]
     up, down = 1000 * float(rotor.time_constant_up), 1000 * float(rotor.time_constant_down)
-    assert f"{up:g} ms up and {down:g} ms down" in ROWS["motors"]
+    assert f"{up:g} ms up and {down:g} ms down" in ROWS["motors, lag"]
     assert scenario.delays == skyarm.Delays()
 
 

@@ -46,7 +46,7 @@ def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force):
     scenario = estimated(estimator__force=force, controller__preset="paper_ct")
     controller, estimator = scenario.controller, scenario.estimator
     text = export_c(controller, name="law", period=0.005, estimator=estimator).text
-    assert "The law is told what an error-state filter makes of pose and an inertial unit." in text
+    assert "The law receives the estimate of an error-state filter: pose, inertial unit." in text
     in_c = WithReadings(text, tmp_path, ("-O0", "-ffp-contract=off"))
     step, memory = estimated_law(controller), first_estimated_memory(controller, estimator)
     constants = EstimatedConstants(parameters=controller.par, estimator=estimator, period=0.005)

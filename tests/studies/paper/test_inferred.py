@@ -33,6 +33,7 @@ from skyarm.studies.paper.report_pages import inferred_section, report_pages
 from skyarm.studies.paper.report_tables import markdown_tables as markdown
 from skyarm.studies.paper.report_text import OPEN
 from skyarm.studies.paper.reproduce import Campaign
+from skyarm.studies.paper.verdict_sentences import verdict
 
 PLANTS = ("rigid_body", "mujoco")
 
@@ -181,17 +182,18 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
         first, second = (counts(table["experiments"], column(plant)) for plant in PLANTS)
         assert f"{first['within_25%']} lie within 25 %, {first['within_10%']} within 10 %" in words
         assert f"(on mujoco {second['within_25%']}, {second['within_10%']} and {second['within_5%']})" in words
-    assert "103 numeric cells" in words
+    assert "the paper's 103 numbers" in words
     assert f"{len(unstated_study()['fit']['free'])} numbers" in words
     text = markdown(table)
-    assert text.index(words) < text.index("Not reproduced")
+    assert text.index(words) < text.index("Metrics whose better law")
     page = report_pages(table, {}, {}, {})["report.html"]
-    assert page.index(html.escape(words).replace("&#x27;", "&#39;")) < page.index("<table")
+    for said in verdict(table):
+        assert page.index(html.escape(said).replace("&#x27;", "&#39;")) < page.index("<table")
 
 
 def test_a_table_without_inferred_numbers_still_reads() -> None:
     bare = results({}, {})
-    assert "No numeric cell" in sentence(bare)
+    assert "No number of the paper" in sentence(bare)
     assert counts(bare["experiments"], stated_value("mujoco")) == {}
 
 

@@ -153,11 +153,11 @@ SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "l
 """Names in a parameter's path, with their shorter forms in C."""
 
 STRUCTS = {
-    "measurement": "Measurement: readings of the sensors.",
+    "measurement": "Readings of the sensors.",
     "reference": "Desired motion.",
-    "memory": "State of the law, from one call to the next; begin with the first memory.",
-    "command": "Commands of the actuators.",
-    "parameters": "Model and gains of the law; exact zeros and ones are constants of the code.",
+    "memory": "State of the law between calls; begin with the first memory.",
+    "command": "Command of rotors and joints.",
+    "parameters": "Numbers of the nominal model, and gains; exact zeros and ones are folded into the code.",
 }
 """Comments of the C structs, by struct."""
 
@@ -230,7 +230,7 @@ def export_c(
     names = tuple(member.name for member in structs["parameters"].members)
     opening = _header(controller, file, period, operations, generator)
     if estimator is not None:
-        opening[1:1] = [f"The law is told what an error-state filter makes of {estimator.aiding} and an inertial unit."]
+        opening[1:1] = [f"The law receives the estimate of an error-state filter: {estimator.aiding}, inertial unit."]
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
 

@@ -14,8 +14,8 @@ from skyarm.studies.paper.published import PAPER, Number, Record, finite_or_none
 from skyarm.studies.paper.unstated_study import PublishedNumber, group_places, losses, tally
 
 RULE = (
-    "A cell is within x % if |ours - paper|, less half a unit of the paper's last printed digit, is at most x % of "
-    "|paper|. Settling times are left out: the paper gives no rule for them."
+    "A number agrees within x % if |simulated - paper|, less half a unit of the paper's last printed digit, is at "
+    "most x % of |paper|. Settling times are left out: the paper gives no rule for them."
 )
 
 Column = Callable[[Record], Number]
@@ -83,13 +83,13 @@ def sentence(results: Record) -> str:
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
     inferred = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
     if not any(by_plant.values()):
-        return "No numeric cell of the paper was flown."
+        return "No number of the paper was computed."
     parts = [f"as stated {_counts_text(by_plant)}"]
     if any(inferred.values()):
         free = results.get("settings", {}).get("inferred", {})
         many = f"{free['numbers']} numbers and {free['choices']} choices" if free else "settings"
         parts.append(f"with {many} inferred after seeing the numbers {_counts_text(inferred)}")
-    return f"Of the paper's {len(published_cells())} numeric cells, {'; '.join(parts)}."
+    return f"Of the paper's {len(published_cells())} numbers, {'; '.join(parts)}."
 
 
 def _counts_text(by_plant: Mapping[str, Record]) -> str:

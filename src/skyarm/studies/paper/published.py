@@ -63,10 +63,12 @@ class PublishedMetric:
     """Metric of the published tables: label, unit and definition.
 
     Attributes:
-        label: words. unit: SI. definition: one sentence. bound: the paper states an upper bound only.
+        label: words. quantity: plural of the quantity that it measures, such as "joint errors". unit: SI.
+        definition: one sentence. bound: the paper states an upper bound only.
     """
 
     label: str
+    quantity: str = ""
     unit: str = ""
     definition: str = ""
     bound: bool = False
@@ -80,6 +82,17 @@ def metric(name: str) -> PublishedMetric:
     base = name.removesuffix(CONTINUOUS)
     listed = METRICS.get(base, PublishedMetric(base.replace("_", " ")))
     return listed if base == name else replace(listed, label=f"{listed.label}, continuous reference")
+
+
+def short_title(case: str) -> str:
+    """Title of a published case without what happens in it, such as "Case 1"; other cases keep their name."""
+    return TITLES.get(case, case).split(":")[0]
+
+
+def phrase(name: str) -> str:
+    """Label of a metric inside of a sentence, such as "mean joint error"."""
+    label = metric(name).label
+    return label if label[:2].isupper() else label[:1].lower() + label[1:]
 
 
 def finite_or_none(value: Number) -> float | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyarm.log.flight_log import Log
 from skyarm.records.files import file_names
 from skyarm.studies.paper import report_text as prose
-from skyarm.studies.paper.counted_cells import RULE, sentence
+from skyarm.studies.paper.counted_cells import RULE
 from skyarm.studies.paper.flights import first_plant
 from skyarm.studies.paper.inference_tables import (
     choices_table,
@@ -23,13 +23,15 @@ from skyarm.studies.paper.inference_tables import (
 from skyarm.studies.paper.inferred_settings import is_of_this_study
 from skyarm.studies.paper.published import Record
 from skyarm.studies.paper.report_tables import (
+    counts_table,
     definitions_table,
     experiment_table,
-    not_reproduced,
+    reversed_list,
     sensitivity_tables,
-    summary_table,
     title_of,
+    verdict_table,
 )
+from skyarm.studies.paper.verdict_sentences import verdict
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
@@ -44,7 +46,7 @@ Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
 MAIN = "report.html"
 """File name of the start page."""
 
-TITLE = "Computed torque for a flying arm: the paper and two simulations"
+TITLE = "The paper on computed torque for a flying arm, reproduced"
 
 CIRCLE = (7.5, 21.0)
 """Interval (s) of the flight whose path is drawn."""
@@ -56,7 +58,7 @@ class _Page:
 
     title: str
     lead: str
-    facts: str
+    facts: Sequence[str] = ()
     opening: str = ""
     sections: Sequence[tuple[str, str, str]]
 
@@ -87,14 +89,14 @@ def report_pages(
     drawn = {number: image_bytes(figure) for number, figure in (figures or {}).items()}
     files = case_files(experiments)
     sections = [
-        ("verdict", "Verdict", summary_table(experiments, files) + paragraph(not_reproduced(experiments, plant))),
+        ("verdict", "Every count", _counts(results, plant)),
         *([("inferred", "Inferred settings", inferred)] if inferred else []),
         ("sensitivity", "Sensitivity to assumptions", sensitivity_tables(sensitivity, experiments, plant)),
         ("assumptions", "Assumptions", _assumptions()),
         ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
     ]
-    facts = f"{sentence(results)} {RULE}"
-    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=facts, opening=opening, sections=sections)}
+    opened = verdict_table(experiments, files, plant) + opening
+    pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=verdict(results), opening=opened, sections=sections)}
     for case, file in files.items():
         own = {number: png for number, png in drawn.items() if PAPER_CATALOGUE[number].case == case}
         pages[file] = _case_page(case, experiments[case], logs, own, plant)
@@ -112,6 +114,13 @@ def page_script() -> str:
     return (resources.files("skyarm.studies.paper") / "report_print.js").read_text("utf-8")
 
 
+def _counts(results: Record, plant: str) -> str:
+    """HTML section with all counts of agreement, their rule, and the reversed orders of the laws."""
+    experiments = results.get("experiments", {})
+    folded = details("Within 25, 10 and 5 %, on both plants", counts_table(experiments))
+    return paragraph(RULE) + folded + reversed_list(experiments, plant)
+
+
 def case_files(cases: Iterable[str]) -> dict[str, str]:
     """File names of the report's case pages, by case."""
     named = file_names([MAIN.removesuffix(".html"), *cases], "", ".html")
@@ -126,7 +135,7 @@ def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes]
         ("numbers", "Numbers", experiment_table(case, laws)),
         *([("figures", "The paper's figures", _paper_figures(figures, plant))] if figures else []),
     ]
-    return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), facts="", sections=sections)
+    return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), sections=sections)
 
 
 def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:

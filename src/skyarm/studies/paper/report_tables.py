@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
@@ -18,14 +18,17 @@ from skyarm.studies.paper.published import (
     finite_or_none,
     metric,
     percent,
+    phrase,
     printed_number,
     published_number,
     relative,
     reversed_orders,
+    short_title,
 )
 from skyarm.studies.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.studies.paper.variations import GROUPS, variations
-from skyarm.view.pages import Mark, details, grouped_table, markdown, table
+from skyarm.studies.paper.verdict_sentences import verdict
+from skyarm.view.pages import Mark, bullets, details, grouped_table, markdown, paragraph, table
 
 Cells = Mapping[str, Record]
 Cell = str | Mark
@@ -73,30 +76,51 @@ def title_of(case: str) -> str:
     return TITLES.get(case, case)
 
 
-def not_reproduced(experiments: Experiments, plant: str) -> str:
-    """Sentence that lists the cases and metrics in which the simulation reverses the published controller order."""
-    pairs = reversed_orders(experiments, plant)
-    named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
-    return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}."
+def reversed_by_case(experiments: Experiments, plant: str) -> dict[str, list[str]]:
+    """Metrics in words whose better law is another one than in the paper, by case."""
+    found: dict[str, list[str]] = {}
+    for case, name in reversed_orders(experiments, plant):
+        found.setdefault(short_title(case), []).append(phrase(name))
+    return found
 
 
-def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
-    """HTML table of how many published numbers each case reproduces, with links to the cases' pages."""
+REVERSED = "Metrics whose better law of the two is another one here than in the paper ({}):"
+
+
+def reversed_list(experiments: Experiments, plant: str) -> str:
+    """HTML list of the metrics whose better law is another one than in the paper, by case."""
+    found = [f"{case}: {', '.join(names)}." for case, names in reversed_by_case(experiments, plant).items()]
+    return paragraph(REVERSED.format(plant)) + bullets(found or ["none."])
+
+
+def verdict_table(experiments: Experiments, files: Mapping[str, str], plant: str) -> str:
+    """HTML table of how many published numbers each case reproduces within 25 %, with links to the cases' pages."""
+    columns = (stated_value(plant), inferred_value(plant))
+    rows = []
+    for case in experiments:
+        found = [counts(experiments, column, in_case(case)) for column in columns]
+        near = [str(each["within_25%"]) if each else DASH for each in found]
+        many = next((str(each["cells"]) for each in found if each), DASH)
+        rows.append([Mark(text=title_of(case), href=files[case]), many, *near])
+    caption = f"Numbers of the paper that agree within 25 % ({plant})"
+    return table(["Case", ">numbers", ">as stated", ">inferred"], rows, caption, "summary")
+
+
+def counts_table(experiments: Experiments) -> str:
+    """HTML table of how many published numbers each case reproduces within 25, 10 and 5 %, on every plant."""
     columns = {
-        f">{title}: {plant}": column(plant)
+        f">{title}, {plant}": column(plant)
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
         for plant in PLANTS
     }
-    rows = []
-    for case in experiments:
-        agreements = [counts(experiments, column, in_case(case)) for column in columns.values()]
-        near = [
-            " / ".join(str(each[f"within_{share}%"]) for share in (5, 10, 25)) if each else DASH for each in agreements
-        ]
-        cells = next((str(each["cells"]) for each in agreements if each), DASH)
-        rows.append([Mark(text=title_of(case), href=files[case]), *near, cells])
-    caption = "How many of the paper's numeric cells lie within 5 / 10 / 25 % of ours; each case has a page"
-    return table(["Case", *columns, ">of"], rows, caption, "summary")
+    groups = []
+    for share in (25, 10, 5):
+        rows = []
+        for case in experiments:
+            found = [counts(experiments, column, in_case(case)) for column in columns.values()]
+            rows.append([title_of(case), *(str(each[f"within_{share}%"]) if each else DASH for each in found)])
+        groups.append((f"within {share} %", rows))
+    return grouped_table(["Case", *columns], groups, "Numbers of the paper that agree, on both plants", "summary")
 
 
 def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
@@ -183,13 +207,14 @@ def markdown_tables(results: Record) -> str:
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
     head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper"]
     blocks = [
-        "# Paper and ours",
+        "# Numbers of the paper and of the simulation",
+        "\n".join(f"- {words}" for words in verdict(results)),
         f"{sentence(results)} {RULE}",
         "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows, metrics, assumptions: see report.html.\n"
         f"Metrics against the held 50 Hz reference. Differences: {plant} against the paper, a larger magnitude is +.",
         ASSUMED,
         INFERRED_SETTINGS,
-        not_reproduced(results["experiments"], plant),
+        f"{REVERSED.format(plant)} {_in_a_line(reversed_by_case(results['experiments'], plant))}.",
     ]
     for case, controllers in results["experiments"].items():
         names = [n for n in dict.fromkeys(n for c in controllers.values() for n in c) if not n.endswith(CONTINUOUS)]
@@ -204,8 +229,12 @@ def markdown_tables(results: Record) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
+def _in_a_line(found: Mapping[str, Sequence[str]]) -> str:
+    return "; ".join(f"{case}, {', '.join(names)}" for case, names in found.items()) or "none"
+
+
 def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
     paper, inferred = published_number(case, controller, name) or "-", cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
-    return [name, metric(name).unit, controller, paper, *ours, *apart]
+    return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]

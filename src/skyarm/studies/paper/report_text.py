@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 LEAD = (
-    "A quadrotor that carries a two-joint arm, flown under two laws through the five cases of Barakou, Tzafestas and "
-    "Valavanis (Drones 2026, 10, 274): CT, their coupled computed torque, and PD, its decoupled baseline. Every number "
-    "of the paper stands beside ours on the page of its case; the two plants, rigid_body (this library's own multibody "
-    "dynamics) and mujoco, share no rigid-body code. Two readings "
-    'were chosen because they reproduce the paper: its "2 m/s" is a force of 2 N without air speed in the gust of Case '
-    "2, and 2 N together with 2 m/s of air speed in the constant wind of Case 3. Everything else that the paper leaves "
-    "open is set once for all cases. Every cell is shown, also where it disagrees."
+    "A quadrotor with a two-joint arm flies the five cases of Barakou, Tzafestas and Valavanis (Drones 2026, 10, 274) "
+    "under two laws. CT is their coupled computed torque, PD its decoupled baseline. The page of each case compares "
+    "every number of the paper with ours, also where they differ. As stated: settings that the paper states. Inferred: "
+    "with settings that it does not state, found by a search for its numbers. Two plants share no rigid-body code: "
+    "rigid_body is this library's own multibody dynamics, mujoco is MuJoCo. Two readings were chosen because they "
+    'reproduce the paper. Its "2 m/s" is a force of 2 N without air speed in the gust of Case 2, and 2 N together with '
+    "2 m/s of air speed in the constant wind of Case 3. Everything else that the paper leaves open is set once for all "
+    "cases."
 )
 
 READING = (

@@ -24,9 +24,9 @@ def reproduce(
     """
     from skyarm.scenario.scenario_record import PLANTS
     from skyarm.studies.flights.executor import require_place
-    from skyarm.studies.paper.counted_cells import sentence
     from skyarm.studies.paper.reproduce import prepare_folder
     from skyarm.studies.paper.reproduce import reproduce as perform
+    from skyarm.studies.paper.verdict_sentences import verdict
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")
@@ -45,5 +45,6 @@ def reproduce(
             note=tell,
         )
     give(table, folder=out)
-    tell(sentence(table))
+    for words in verdict(table):
+        tell(words)
     tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")

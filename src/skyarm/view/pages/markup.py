@@ -38,7 +38,7 @@ def render_template(template: str, **values: Any) -> str:
 
 def page(
     title: str,
-    facts: str,
+    facts: str | Sequence[str],
     body: str = "",
     *,
     style: Mapping[str, str] | None = None,
@@ -51,7 +51,7 @@ def page(
 
     Args:
         title: heading of the page, text.
-        facts: first line, text.
+        facts: first line, text; first lines, each a paragraph, of a page with ``pages``.
         body: HTML of :func:`section` s.
         style: style sheets by identifier; the plain one if left out.
         script: the only script that a browser runs in the page, by its hash.
