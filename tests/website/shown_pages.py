@@ -20,9 +20,7 @@ SECONDS = 0.5
 
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
-    library = Path(skyarm.__file__).parent / "scenario" / "library"
     vehicle, flight = blocks(PAGES["vehicle_files.md"])[0].text, blocks(PAGES["scenario_files.md"])[1].text
-    case = (library / "case3.toml").read_text("utf-8")
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
@@ -30,17 +28,14 @@ def prepared(name: str) -> dict[str, str]:
         files[example] = (ROOT / example).read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
-    if name == "extending.md":
-        found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
-        files["mine.toml"] = f"{case}\n{found['toml']}"
     return files
 
 
 def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
-    if name == "extending.md":  # its plugins: tests/test_docs_extending.py
-        return [block for block in found if block.language == "sh" or "own_law" in block.text]
+    if name == "extending.md":  # its package: tests/test_docs_extending.py
+        return [block for block in found if not block.title]
     if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
         jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
         return [*found[:jax], *found[jax + 2 :]]
