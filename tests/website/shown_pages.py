@@ -41,25 +41,11 @@ def own_blocks(name: str) -> list[Block]:
         return [*found[:jax], *found[jax + 2 :]]
     if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
-    if name == "sweeps.md":
-        return swept(found)
     if name == "clusters.md":  # its scripts run on Ray: tests/test_docs_clusters.py
         return [block for block in found if block.language == "bash" and not block.title]
     return found
 
 
-def swept(found: list[Block]) -> list[Block]:
-    """The page on sweeps with a study of few, short flights in place of a hundred thousand."""
-    (study,) = [block.text for block in found if block.title]
-    for old, new in (("episodes = 100000", "episodes = 16\nduration = 12.0"), ("[success]", WINDOWS + "[success]")):
-        assert old in study
-        study = study.replace(old, new)
-    flown = Block("python", "", 'import skyarm\nskyarm.fly_sweep(skyarm.load_study("my_study.toml"), "out/my_study")\n')
-    others = [Block(b.language, b.title, b.text.replace("4711", "11").replace("0.4, 100", "0.4, 4")) for b in found[1:]]
-    return [others[0], Block("toml", "my_study.toml", study), flown, *others[1:]]
-
-
-WINDOWS = "[windows]\nsteady = [8.0, 12.0]\ntransient = [0.0, 8.0]\ngust = [8.0, 12.0]\nhover = [4.0, 5.0]\n"
 WITH_CODE = [name for name in PAGES if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))]
 PROGRAMS = {"autopilots.md": ("SKYARM_PX4", "SKYARM_ARDUPILOT")}
 """Page -> environment variables of the programs that its commands fly."""

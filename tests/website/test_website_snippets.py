@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from page_snippets import DOCS, ROOT, Block, Ran, blocks, commands, indented, rewritten, run_page, wrong_answers
 from percent_scripts import cells, run_script
-from shown_pages import FRONT, PAGES, WINDOWS, WITH_CODE, flown, missing_programs, own_blocks
+from shown_pages import FRONT, PAGES, WITH_CODE, flown, missing_programs, own_blocks
 
 from shown_commands import ELSEWHERE as ELSEWHERE_COMMANDS
 
@@ -50,9 +50,6 @@ TABLES = {
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""
-
-
-WINDOWS += "last = 2.0\nholds = []\n"
 
 
 @pytest.fixture
@@ -114,7 +111,7 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(n
     assert ran.answers == [], f"python tests/website/printed_answers.py --write {name}"
     if name == "sweeps.md":
         # the lane of an episode in the batch keeps its instants
-        assert ran.names["x"].shape[0] == 4
+        assert ran.names["x"].shape[0] == 100
         assert ran.names["log"].status == "completed"
     assert ran.blocks > 0
 
