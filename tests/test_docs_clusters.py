@@ -32,7 +32,7 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="scripts of a POSIX s
 def test_the_page_says_what_the_code_does() -> None:
     text = " ".join(PAGE.split())
     assert MOST_TRIES == 3
-    assert "begins its works again elsewhere, three times" in text
+    assert "begins its work items again elsewhere, three times" in text
     assert ray_cluster.LOOK_SECONDS == ray_cluster.ANSWER_SECONDS == 5.0
     assert "counts the processors every five seconds" in text
     assert "exit code 2 within five seconds" in text
@@ -48,11 +48,11 @@ def test_the_sums_on_paper_are_right() -> None:
         for cells in ([cell.strip() for cell in line.strip("| ").split(" | ")] for line in PAGE.splitlines())
         if len(cells) == 3 and all(re.fullmatch(r"[\d .]+", cell) for cell in cells[1:])
     }
-    for k, chunk in enumerate(rows["flights in a work (`chunk`)"]):
-        works = rows["works, and files"][k]
+    for k, chunk in enumerate(rows["flights in a work item (`chunk`)"]):
+        works = rows["work items, and files"][k]
         assert works == -(-1e9 // chunk)
-        assert rows["a work: processor time, s"][k] == pytest.approx(chunk * 0.45e-3, rel=0.03)
-        assert rows["all files, GB"][k] == pytest.approx(works * rows["a work: its file, kB"][k] * 1e-6, abs=0.06)
+        assert rows["a work item: processor time, s"][k] == pytest.approx(chunk * 0.45e-3, rel=0.03)
+        assert rows["all files, GB"][k] == pytest.approx(works * rows["a work item: its file, kB"][k] * 1e-6, abs=0.06)
         together = sum(values[k] for name, values in rows.items() if name.startswith("driver: "))
         assert rows["driver, together, ms"][k] == pytest.approx(together)
         busy = rows["processors that one driver keeps busy"][k]

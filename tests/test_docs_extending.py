@@ -1,4 +1,7 @@
-"""The pages on extending and on sessions are true: their code runs, and every kind that can be registered is named."""
+"""The pages on extending and on sessions are true: their code runs, and every kind that can be registered is named.
+
+Every page docs/add_a_*.md runs whole in tests/website; here are the checks of what its parts do.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from typing import Any
 import pytest
 
 import skyarm
+from shown_commands import run_command
 from skyarm.algebra import scalars
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.registry import KINDS, plugins
@@ -24,7 +28,9 @@ from skyarm.records.registry.plugins import load_plugin
 from support.components import EVERYTHING, MAKERS, registry_kept
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "extending.md").read_text("utf-8")
+DOCS = ROOT / "docs"
+PAGE = (DOCS / "extending.md").read_text("utf-8")
+PAGES = {path.stem: path.read_text("utf-8") for path in sorted(DOCS.glob("add_a*.md"))}
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
@@ -37,45 +43,40 @@ def test_every_kind_that_can_be_registered_is_on_the_page() -> None:
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(KINDS)
 
 
-def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
+def test_each_kind_that_can_be_registered_leads_to_a_page_or_says_how() -> None:
+    linked = set(re.findall(r"\]\((add_a\w+)\.md", PAGE.partition("\n## ")[0]))
+    assert linked == set(PAGES)
+
+
+@pytest.mark.parametrize("plugin", [DOCS / "add_a_wind.md", ROOT / "examples" / "own_wind.py"], ids=["page", "example"])
+def test_the_air_shown_flies_by_its_name(plugin: Path, tmp_path: Path) -> None:
+    text, kind = plugin.read_text("utf-8"), "gusty"
+    if plugin.suffix == ".md":
+        text, kind = files("python", "add_a_wind")["breeze.py"], "breeze"
+    (tmp_path / "wind.py").write_text(text, "utf-8")
+    flight = tomllib.loads(files("toml", "add_a_wind")["breezy.toml"])
+    flight["environment"]["air"][0]["kind"] = kind
     with registry_kept():
-        load_plugin(ROOT / "examples" / "own_wind.py")
-        _fly_it(tmp_path)
-
-
-def _fly_it(tmp_path: Path) -> None:
-    case = (Path(skyarm.__file__).parent / "scenario" / "library" / "case3.toml").read_text("utf-8")
-    (table,) = blocks(PAGE, "toml")
-    flight = tmp_path / "mine.toml"
-    flight.write_text(case + "\n" + table, "utf-8")
-    log = skyarm.run(skyarm.load_scenario(flight, duration=1.0))
+        load_plugin(tmp_path / "wind.py")
+        log = skyarm.run(skyarm.scenario_from(flight | {"duration": 1.0, "plugins": {"need": ["wind.py"]}}))
     assert log.status == "completed"
-    assert log.air_velocity.std(axis=0).min() > 0.05
+    assert log.air_velocity[:, :2].std(axis=0).min() > 0.05
 
 
 def test_the_fault_and_the_signal_shown_are_read_and_fly(tmp_path: Path) -> None:
     file = tmp_path / "fading.py"
-    file.write_text(files("python")["fading.py"], "utf-8")
-    tables = {
-        "name": "own",
-        "duration": 0.1,
-        "plant": {"vehicle": "hummingbird_arm2_rotors"},
-        "model": {"vehicle": "hummingbird_arm2"},
-        "controller": {"preset": "paper_ct"},
-        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
-    }
-    more = tomllib.loads(files("toml")["tables of a scenario"])
+    file.write_text(files("python", "add_a_world_part")["fading.py"], "utf-8")
+    stated = tomllib.loads(files("toml", "add_a_world_part")["tired.toml"]) | {"duration": 0.1}
     with registry_kept():
         load_plugin(file)
-        stated = tables | more | {"reference": tables["reference"] | more["reference"]}  # type: ignore[operator]
         scenario = skyarm.scenario_from(stated)
         fault = scenario.faults[0]
         assert (float(fault.share(0.0)), round(float(fault.share(9.0)), 6)) == (1.0, 0.9)
         assert len(scenario.reference.yaw.signals) == 2
         assert skyarm.run(scenario).status == "completed"
-        yaw = stated["reference"]["yaw"] | {"phase": 1.0}  # type: ignore[index]
+        yaw = stated["reference"]["yaw"] | {"phase": 1.0}
         with pytest.raises(ValueError, match=r"yaw\.phase = 1\.0: unknown"):
-            skyarm.scenario_from(stated | {"reference": tables["reference"] | {"yaw": yaw}})  # type: ignore[operator]
+            skyarm.scenario_from(stated | {"reference": stated["reference"] | {"yaw": yaw}})
 
 
 @pytest.mark.parametrize("kind", BASES)
@@ -86,14 +87,15 @@ def test_the_base_class_that_a_kind_names_is_there_and_on_the_page(kind: str) ->
     assert re.search(rf"^\| `{kind}` \|.*ubclass of `{BASES[kind]}`", PAGE, re.MULTILINE)
 
 
-def files(language: str) -> dict[str, str]:
-    """Files of the page by their titles."""
-    return dict(re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', PAGE, re.DOTALL))
+def files(language: str, page: str = "") -> dict[str, str]:
+    """Files of a page, that on all parts if left out, by their titles."""
+    text = PAGES[page] if page else PAGE
+    return dict(re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', text, re.DOTALL))
 
 
-def rows_of(heading: str) -> list[str]:
+def rows_of(heading: str, text: str = PAGE) -> list[str]:
     """First cells of the table under a heading."""
-    section = PAGE[PAGE.index(f"## {heading}\n") :].partition("\n## ")[0]
+    section = re.split(r"\n##+ ", text[text.index(f"## {heading}\n") :])[0]
     return re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
 
 
@@ -106,7 +108,9 @@ def test_the_functions_for_any_scalar_are_all_that_a_part_may_use() -> None:
 def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
     motion = PointMotion(skyarm.load_vehicle("hummingbird_arm2"), None)
     known = {name for name in dir(motion) if not name.startswith("_")}
-    shown = [word for row in rows_of("A force") for word in re.findall(r"`([^`]+)`", row)]
+    shown = [
+        word for row in rows_of("What `motion` knows", PAGES["add_a_force"]) for word in re.findall(r"`([^`]+)`", row)
+    ]
     assert {word.partition("(")[0] for word in shown} == known
     for name, _, arguments in (word.rstrip(")").partition("(") for word in shown):
         if arguments:
@@ -116,7 +120,7 @@ def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
 
 def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
     file = tmp_path / "ball.py"
-    file.write_text(files("python")["ball.py"], "utf-8")
+    file.write_text(files("python", "add_a_force")["ball.py"], "utf-8")
     with registry_kept():
         ball = skyarm.load_plugin(file).Ball()
         planned = skyarm.load_scenario("case3", duration=0.05)
@@ -131,10 +135,9 @@ def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
 
 @pytest.fixture
 def corridor_files(tmp_path: Path) -> Path:
-    """A folder with the plugin and the scenario of the section on endings."""
-    case = (Path(skyarm.__file__).parent / "scenario" / "library" / "case3.toml").read_text("utf-8")
-    (tmp_path / "corridor.py").write_text(files("python")["corridor.py"], "utf-8")
-    (tmp_path / "narrow.toml").write_text(f"{case}\n{files('toml')['narrow.toml']}", "utf-8")
+    """A folder with the plugin and the scenario of the page on endings."""
+    (tmp_path / "corridor.py").write_text(files("python", "add_an_ending")["corridor.py"], "utf-8")
+    (tmp_path / "narrow.toml").write_text(files("toml", "add_an_ending")["narrow.toml"], "utf-8")
     return tmp_path
 
 
@@ -143,9 +146,12 @@ def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(corridor_file
         with pytest.raises(ValueError, match=r"skyarm\.load_plugin\('corridor\.py'\)"):
             skyarm.load_scenario(corridor_files / "narrow.toml")
         skyarm.load_plugin(corridor_files / "corridor.py")
-        log = skyarm.run(skyarm.load_scenario(corridor_files / "narrow.toml", duration=12.0))
+        log = skyarm.run(skyarm.load_scenario(corridor_files / "narrow.toml"))
     assert log.status == "left_corridor"
     assert abs(log.position[-1, 1]) == pytest.approx(0.2, abs=0.01)
+    words = ["run", str(corridor_files / "narrow.toml"), "--plugin", str(corridor_files / "corridor.py"), "-q"]
+    code, _ = run_command([*words, "--out", str(corridor_files / "out")])
+    assert f"ends with exit code {code}" in " ".join(PAGES["add_an_ending"].split())
     assert re.fullmatch(r"y = -?0\.2\d\d m is outside of 0\.2 m", log.info["cause"])
 
 
@@ -158,7 +164,7 @@ def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest
     tree = re.findall(rf"^{folder}/(\S+)", PAGE, re.MULTILINE)
     assert tree == ["__init__.py", "corridor.py"]
     (package / tree[0]).write_text("", "utf-8")
-    (package / tree[1]).write_text(files("python")["corridor.py"], "utf-8")
+    (package / tree[1]).write_text(files("python", "add_an_ending")["corridor.py"], "utf-8")
     monkeypatch.syspath_prepend(package.parent)
     entry = metadata.EntryPoint(name, module, plugins.GROUP)
     made = types.SimpleNamespace(name=table["project"]["name"], version=table["project"]["version"])
@@ -193,6 +199,27 @@ def test_the_lines_that_a_wrong_law_gets_are_those_of_the_page(words: str) -> No
     """Each stands in what the tests of wrong laws expect."""
     known = [mistake.words for group in (EVERYTHING, MAKERS) for mistake in group.values()]
     assert any(words in each for each in known), words
+
+
+SYMPTOMS = {
+    page: [
+        word
+        for row in re.findall(r"^\| (.*?) \|", text.partition("## If it fails")[2].partition("\n## ")[0], re.MULTILINE)
+        for word in re.findall("`([^`]+)`", row)
+    ]
+    for page, text in PAGES.items()
+}
+
+
+def test_the_lines_that_a_page_names_as_symptoms_stand_in_the_source() -> None:
+    """At least three words of each in their order; names and numbers are those of the page."""
+    source = "\n".join(path.read_text("utf-8") for path in sorted(Path(skyarm.__file__).parent.rglob("*.py")))
+    source = re.sub(r'"\s*\n\s*f?"', "", source)
+    for page, lines in SYMPTOMS.items():
+        assert lines, page
+        for words in (line.split() for line in lines if line.count(" ") > 1 and not line.startswith("first in")):
+            runs = [" ".join(words[k : k + 3]) for k in range(len(words) - 2)]
+            assert any(run.rstrip(":;,") in source for run in runs), f"{page}: {' '.join(words)}"
 
 
 def test_all_kinds_of_mistakes_are_on_the_page() -> None:

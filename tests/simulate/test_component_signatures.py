@@ -185,6 +185,9 @@ PLUGINS = {
                ":7: ending 'mine': cannot be called as fine("),
     "metric": ('@skyarm.register.metric("mine")\n@dataclass(frozen=True)\nclass Mine(skyarm.Metric):\n'
                "    def start(self, x): return 0", ":6: metric 'mine': cannot be called as start()"),
+    "metric with a number to give": ('@skyarm.register.metric("mine")\n@dataclass(frozen=True)\n'
+                                     "class Mine(skyarm.Metric):\n    limit: float\n    def start(self): return 0",
+                                     ":7: metric 'mine': has a field 'limit' without a default"),
     "fault": ('@skyarm.register.fault("mine")\n@dataclass(frozen=True, kw_only=True)\nclass Mine(skyarm.Fault):\n'
               "    def share(self): return 1.0", ":6: fault 'mine': cannot be called as share(t)"),
     "payload": ('@skyarm.register.payload("mine")\n@dataclass(frozen=True, kw_only=True)\n'

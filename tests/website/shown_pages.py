@@ -26,10 +26,7 @@ def whole_example(name: str) -> str:
 
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
-    library = Path(skyarm.__file__).parent / "scenario" / "library"
-    vehicle = whole_example("vehicle_files.md")
-    flight = whole_example("scenario_files.md")
-    case = (library / "case3.toml").read_text("utf-8")
+    vehicle, flight = whole_example("vehicle_files.md"), whole_example("scenario_files.md")
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
@@ -37,41 +34,24 @@ def prepared(name: str) -> dict[str, str]:
         files[example] = (ROOT / example).read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
-    if name == "extending.md":
-        found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
-        files["mine.toml"] = f"{case}\n{found['toml']}"
     return files
 
 
 def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
-    if name == "extending.md":  # its plugins: tests/test_docs_extending.py
-        return [block for block in found if block.language == "sh" or "own_law" in block.text]
+    if name == "extending.md":  # its package: tests/test_docs_extending.py
+        return [block for block in found if not block.title]
     if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
         jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
         return [*found[:jax], *found[jax + 2 :]]
     if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
-    if name == "sweeps.md":
-        return swept(found)
     if name == "clusters.md":  # its scripts run on Ray: tests/test_docs_clusters.py
         return [block for block in found if block.language == "bash" and not block.title]
     return found
 
 
-def swept(found: list[Block]) -> list[Block]:
-    """The page on sweeps with a study of few, short flights in place of a hundred thousand."""
-    (study,) = [block.text for block in found if block.title]
-    for old, new in (("episodes = 100000", "episodes = 16\nduration = 12.0"), ("[success]", WINDOWS + "[success]")):
-        assert old in study
-        study = study.replace(old, new)
-    flown = Block("python", "", 'import skyarm\nskyarm.fly_sweep(skyarm.load_study("my_study.toml"), "out/my_study")\n')
-    others = [Block(b.language, b.title, b.text.replace("4711", "11").replace("0.4, 100", "0.4, 4")) for b in found[1:]]
-    return [others[0], Block("toml", "my_study.toml", study), flown, *others[1:]]
-
-
-WINDOWS = "[windows]\nsteady = [8.0, 12.0]\ntransient = [0.0, 8.0]\ngust = [8.0, 12.0]\nhover = [4.0, 5.0]\n"
 WITH_CODE = [name for name in PAGES if any(block.language in ("python", "sh", "bash") for block in own_blocks(name))]
 PROGRAMS = {"autopilots.md": ("SKYARM_PX4", "SKYARM_ARDUPILOT")}
 """Page -> environment variables of the programs that its commands fly."""

@@ -6,6 +6,7 @@ order, and what is a number there is none that must be called.
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
@@ -130,7 +131,16 @@ def _record_mistake(kind: str, thing: object) -> tuple[str, str] | None:
     taken = [each for each in NAMING if each in (field_names(thing) or ())]
     if taken:
         return place_of(thing), f"has a field {taken[0]!r}: must have another name; a table names its class by it"
+    if kind == "metric" and (bare := _fields_without_default(thing)):
+        return place_of(thing), f"has a field {bare[0]!r} without a default: is made by its name alone"
     return class_mistake(thing)
+
+
+def _fields_without_default(thing: type) -> list[str]:
+    """Names of a dataclass's fields that a caller must give; none of any other class."""
+    found = dataclasses.fields(thing) if dataclasses.is_dataclass(thing) else ()
+    missing = dataclasses.MISSING
+    return [each.name for each in found if each.init and each.default is missing and each.default_factory is missing]
 
 
 def _members(bases: list[type]) -> Iterator[tuple[str, object]]:
