@@ -10,7 +10,7 @@ import pytest
 import skyarm
 from shown_commands import ROOT
 from skyarm.records.registry.shipped import SHIPPED
-from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar
+from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar, without_links
 from support.components import registry_kept
 
 ROWS = grammar()
@@ -152,6 +152,13 @@ def test_every_key_that_is_not_a_task_s_has_a_meaning_and_a_default():
 def states_a_value(each):
     """Keys of numbers, texts and flags, which have a default or are required."""
     return not any(word in each.entry for word in ("table", "signal")) and not each.path.startswith("controller.")
+
+
+def test_links_of_the_page_are_words_in_a_terminal():
+    linked = row("plant.integrator")
+    assert linked.meaning == "[integrator](#integrators) of the plant"
+    assert without_links(linked).meaning == "integrator of the plant"
+    assert all("](" not in f"{each.meaning}{each.default}" for each in map(without_links, ROWS))
 
 
 def spin(radius: float = 1.0) -> skyarm.Trajectory:

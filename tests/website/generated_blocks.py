@@ -267,10 +267,11 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
 def words_block(prefix: str, *kinds: str) -> str:
     """Keys of a scenario file below a table, or of the top; of some kinds, one after the other with their name.
 
-    ``-NAME`` leaves a key, and what is below it, out. ``+`` shows keys of tables inside, too.
+    ``-NAME`` leaves a key, and what is below it, out. ``+`` shows keys of tables inside, too. ``=A,B`` are the first.
     """
     left_out = [word[1:] for word in kinds if word.startswith("-")]
-    chosen = [word for word in kinds if word[0] not in "-+"]
+    chosen = [word for word in kinds if word[0] not in "-+="]
+    order = [name for word in kinds if word[0] == "=" for name in word[1:].split(",")]
     rows = [row for row in grammar() if _is_below(row.path.replace("[]", ""), prefix, deep="+" in kinds)]
     found: list[Sequence[str]] = []
     for row in rows:
@@ -283,6 +284,7 @@ def words_block(prefix: str, *kinds: str) -> str:
     assert found, f"no keys below {prefix}"
     if len(chosen) > 1:
         return table(("kind", *FIELD_HEADS), found)
+    found.sort(key=lambda row: order.index(name) if (name := row[0].strip("`")) in order else len(order))
     return table(FIELD_HEADS, required_first(found))
 
 

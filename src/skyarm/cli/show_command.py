@@ -84,9 +84,9 @@ WORDS_OF_A_FILE = "words"
 
 def _show_words() -> None:
     """Print the keys of a scenario file with units, bounds and meanings."""
-    from skyarm.scenario.grammar import grammar
+    from skyarm.scenario.grammar import grammar, without_links
 
-    rows = grammar()
+    rows = [without_links(row) for row in grammar()]
     give(words=[row._asdict() for row in rows])
     columns = ("word", "of kind", "entry", "unit", "allowed", "varies", "meaning")
     lines = [(row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning) for row in rows]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
@@ -122,6 +123,15 @@ def _with_texts(row: GrammarRow) -> GrammarRow:
         effect=text.effect or row.effect,
         default=text.default or row.default,
     )
+
+
+def without_links(row: GrammarRow) -> GrammarRow:
+    """Row for a terminal: links of the reference page are their words."""
+    return row._replace(meaning=LINK.sub(r"\1", row.meaning), default=LINK.sub(r"\1", row.default))
+
+
+LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
+"""Link of Markdown."""
 
 
 def default_in_words(value: object) -> str:
