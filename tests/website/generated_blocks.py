@@ -340,7 +340,7 @@ def vehicle_block(part: str) -> str:
     rows = hand_rows((each for each in word_texts.VEHICLE if each.kind == part), kinds=False)
     kind, left_out = VEHICLE_PARTS.get(part, (None, ()))
     for name in declared_fields(kind) if kind else ():
-        if name not in left_out:
+        if kind is not None and name not in left_out:
             row = field_row(kind, name, {"table": "thrust_table"}.get(name, ""))
             unchanged = part == "joints"
             rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
@@ -500,7 +500,7 @@ def first_line(thing: object) -> str:
 def python_block(part: str) -> str:
     """Public names of skyarm: functions, classes or modules, each with its first line."""
     rows: list[Sequence[str]] = []
-    for name in sorted(set(skyarm.__all__) - {"__version__"}):
+    for name in sorted(set(vars(skyarm)["__all__"]) - {"__version__"}):
         thing = getattr(skyarm, name)
         is_class, is_module = inspect.isclass(thing), inspect.ismodule(thing)
         kind = "classes" if is_class else "modules" if is_module else "functions"
