@@ -497,10 +497,14 @@ def first_line(thing: object) -> str:
     return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", line).replace("``", "`")
 
 
+PUBLIC = "__all__"
+"""Name of the list of public names, which the stub does not declare."""
+
+
 def python_block(part: str) -> str:
     """Public names of skyarm: functions, classes or modules, each with its first line."""
     rows: list[Sequence[str]] = []
-    for name in sorted(set(vars(skyarm)["__all__"]) - {"__version__"}):
+    for name in sorted(set(getattr(skyarm, PUBLIC)) - {"__version__"}):
         thing = getattr(skyarm, name)
         is_class, is_module = inspect.isclass(thing), inspect.ismodule(thing)
         kind = "classes" if is_class else "modules" if is_module else "functions"
