@@ -137,7 +137,13 @@ def law_maker(
 
     make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
     make.__signature__ = signature  # type: ignore[attr-defined]
+    make.constants = kind  # type: ignore[attr-defined]
     return make
+
+
+def constants_of(maker: Callable[..., Any]) -> type[Parameters]:
+    """Class of a law's constants, whose fields declare the units of its options; the shared one for other functions."""
+    return getattr(maker, "constants", Parameters)
 
 
 def checked_option(

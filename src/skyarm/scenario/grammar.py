@@ -13,6 +13,7 @@ from typing import NamedTuple
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
+from skyarm.control.law_maker import constants_of
 from skyarm.control.model import Model, Options, Terms
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
@@ -247,9 +248,10 @@ def _of_controller() -> Iterator[GrammarRow]:
         meaning="joint positions of the stowed arm",
     )
     for law in (*LAWS, *AUTOPILOTS):
-        kinds = declared_units(Options) | declared_units(entry_of(law).function())
+        maker = entry_of(law).function()
+        kinds, constants = declared_units(Options) | declared_units(maker), declared_units(constants_of(maker))
         for word, option in option_words(law).items():
-            annotation, unit = kinds.get(option, (None, NUMBER))
+            annotation, unit = kinds.get(option, (None, constants.get(option, (None, NUMBER))[1]))
             entry = "as the law takes it" if annotation is None else _entry(annotation)
             yield GrammarRow(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, *_words(unit))
             for each in _records_in(annotation):
