@@ -87,6 +87,13 @@ def test_every_number_that_a_scenario_file_can_name_has_a_meaning() -> None:
     assert [row.path for row in rows if not row.meaning] == []
 
 
+def test_an_option_of_a_law_has_the_unit_and_the_meaning_of_its_constant() -> None:
+    (row,) = [row for row in grammar() if (row.path, row.of) == ("controller.cutoff", "indi")]
+    assert (row.unit, row.bounds) == ("Hz", "above 0")
+    assert row.meaning == "cut-off frequency of every filter of the law"
+    assert row.effect.startswith("lower values pass less noise")
+
+
 def test_meanings_are_noun_phrases_in_the_words_of_the_field() -> None:
     for name, unit in declared(records()):
         for text in (unit.meaning, unit.effect):

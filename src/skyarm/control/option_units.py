@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import entry_of
+from skyarm.control.law_maker import constants_of
 from skyarm.control.laws.centroidal.options import GAINS, RANGES, RETIRED, VALUES
 from skyarm.control.laws.centroidal.parameters import MODES
 from skyarm.control.model import Options, Terms
@@ -363,8 +364,7 @@ def option_texts(law: str) -> dict[str, OptionText]:
     """Descriptions of the options of a law or an autopilot, by name, in the order of its maker."""
     entry = entry_of(law)
     maker = entry.function()
-    kind = getattr(maker, "constants", None) or getattr(maker, "kind", None)
-    fields = declared_fields(kind) if isinstance(kind, type) else {}
+    fields = declared_fields(getattr(maker, "kind", constants_of(maker)))
     declared = declared_units(Options) | declared_units(maker)
     usual = {name: each.default for name, each in inspect.signature(maker).parameters.items()}
     texts = {}
