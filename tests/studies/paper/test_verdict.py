@@ -95,7 +95,7 @@ def test_a_search_that_explains_less_than_half_explains_some() -> None:
     assert verdict(table)[2].startswith("Some differences come from unstated settings")
 
 
-def test_without_flights_of_a_search_the_cause_is_open_and_without_flights_nothing_is_said() -> None:
+def test_without_flights_of_a_search_the_cause_is_open() -> None:
     table = spoiled("joint errors")
     for laws in table["experiments"].values():
         for cells in laws.values():
