@@ -49,7 +49,7 @@ def box(x: float, y: float, width: float, height: float, lines: tuple[str, ...],
     parts = [f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="5"{kind}/>']
     first = y + height / 2 + 5 - 9 * (len(lines) - 1)
     for i, words in enumerate(lines):
-        name = ' class="name"' if i == 0 and len(lines) > 1 else ""
+        name = ' font-weight="bold"' if i == 0 and len(lines) > 1 else ""
         parts.append(f'<text{name} x="{x + width / 2:g}" y="{first + 18 * i:g}">{words}</text>')
     return parts
 
@@ -95,7 +95,7 @@ def drawing() -> str:
             f'<svg xmlns="http://www.w3.org/2000/svg" class="narrow" viewBox="0 0 {WIDTH} {height:g}" width="{WIDTH}" '
             'font-family="sans-serif" font-size="14" text-anchor="middle">',
             f"<title>{TITLE}</title>",
-            f"{STYLE}<style>.name{{font-weight:bold}}</style>",
+            STYLE,
             f'<defs>{head}<path d="M0 0.5L8 4L0 7.5z" fill="currentColor"/></marker></defs>',
             '<g fill="none" stroke="currentColor" stroke-width="1.3">',
             *(part for part in parts if not part.startswith("<text")),
