@@ -19,7 +19,7 @@ from support.logs import flown
 from support.worlds import touching
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf-8")
-COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("    skyarm ")]
+COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("skyarm ")]
 
 
 def test_every_command_shown_runs_one_after_the_other(tmp_path, monkeypatch, capsys):

@@ -15,7 +15,7 @@ from support.worlds import touching
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8").partition("\n## Films\n")[0]
-COMMANDS = re.findall(r"^    (skyarm .*)$", PAGE, re.MULTILINE)
+COMMANDS = re.findall(r"^(skyarm .*)$", "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)), re.M)
 STUDY = (DOCS.parent / "examples" / "arm_length.toml").read_text("utf-8")
 
 

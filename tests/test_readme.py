@@ -25,8 +25,11 @@ from skyarm.studies.compare.envelope_axes import VEHICLES
 from support.commands import skyarm
 from support.components import registry_kept
 
-DOCS = "\n".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md")))
+LAWS = (ROOT / "docs" / "comparing_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
+
+DOCS = "\n".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md")))
+"""All pages: a table is found by its mark, wherever it stands."""
 
 LIMITS = {
     "vertical sine of 0.2 m": "vertical",
@@ -201,7 +204,7 @@ def test_the_table_of_laws_is_what_flights_give():
     from skyarm.studies.compare.suite import CASES, conditions
     from skyarm.studies.flights.fly import fly
 
-    table = rows(marked(DOCS, "compare:", "compare"))
+    table = rows(marked(LAWS, "compare:", "compare"))
     perfect = conditions()["perfect"]
     for row, name in zip(table, ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip"), strict=True):
         flown = []

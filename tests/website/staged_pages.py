@@ -33,6 +33,9 @@ FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 DRAWING = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+\.svg)\)$", re.M)
 """A drawing that has a line of its own."""
 
+ALERT = re.compile(r"^> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]\n((?:>.*(?:\n|\Z))+)", re.M)
+"""A warning as GitHub shows it: a quotation whose first line is its kind."""
+
 
 def outside_fences(text: str, change: Callable[[str], str]) -> str:
     """Text with everything but its fenced blocks changed."""
@@ -115,6 +118,17 @@ def with_drawings(text: str, page: Path) -> str:
     return outside_fences(text, lambda part: DRAWING.sub(one, part))
 
 
+def with_admonitions(text: str) -> str:
+    """Text with GitHub's warnings in the form of the site's builder."""
+
+    def one(found: re.Match[str]) -> str:
+        lines = [re.sub("^> ?", "", line) for line in found[2].splitlines()]
+        body = "\n".join(f"    {line}".rstrip() for line in lines)
+        return f"!!! {found[1].lower()}\n\n{body}\n"
+
+    return outside_fences(text, lambda part: ALERT.sub(one, part))
+
+
 def with_recordings(text: str, name: str, recordings: Path | None) -> str:
     """Text with each recording in a frame of its own; without one that was not made.
 
@@ -142,11 +156,11 @@ def staged(page: Path, recordings: Path | None, taken: dict[str, Path]) -> tuple
 
 
 def staged_text(text: str, page: Path, name: str, recordings: Path | None) -> str:
-    """A page's text with drawings, recordings and formulas in their places."""
+    """A page's text with drawings, warnings, recordings and formulas in their places."""
     if "![" in text and ".svg" in text:
         # the link was already turned to the site's name, which a drawing inside docs shares with its file
         text = with_drawings(text, DOCS / name)
-    return with_mathml(with_recordings(text, name, recordings))
+    return with_mathml(with_recordings(with_admonitions(text), name, recordings))
 
 
 def example_page(path: Path) -> str:

@@ -16,7 +16,7 @@ from site_links import broken, is_address, read_page
 from site_maths import formulas, mathml, rows_of, with_mathml
 from site_recordings import RECORDINGS, asked_for, make_recordings
 from site_reference import ROOMS, homes, reference_pages
-from staged_pages import DOCS, ROOT, relink, site_name, staged, with_drawings, with_recordings
+from staged_pages import DOCS, ROOT, relink, site_name, staged, with_admonitions, with_drawings, with_recordings
 
 import skyarm
 
@@ -113,6 +113,20 @@ def test_a_drawing_stands_in_its_page_in_the_page_s_colours() -> None:
     assert shown.startswith('<div class="drawing">\n<svg role="img" aria-label="Words"')
     assert "currentColor" in shown
     assert "<style>" not in shown, "it would style the whole page"
+
+
+def test_a_warning_of_github_is_one_of_the_site() -> None:
+    text = "Before.\n\n> [!WARNING]\n> Moving air acts\n> through `drag`.\n>\n> - so\n\nAfter.\n"
+    shown = "Before.\n\n!!! warning\n\n    Moving air acts\n    through `drag`.\n\n    - so\n\nAfter.\n"
+    assert with_admonitions(text) == shown
+    assert with_admonitions("> [!NOTE]\n> Last") == "!!! note\n\n    Last\n"
+    assert with_admonitions("> A quotation.\n") == "> A quotation.\n"
+    assert with_admonitions(f"```text\n{text}```\n") == f"```text\n{text}```\n"
+
+
+def test_every_warning_of_a_page_has_a_kind_that_github_shows() -> None:
+    shown = [line for text in TEXTS.values() for line in re.findall(r"^> \[!.*$", text, re.M)]
+    assert all(re.fullmatch(r"> \[!(NOTE|TIP|IMPORTANT|WARNING|CAUTION)\]", line) for line in shown)
 
 
 @pytest.mark.parametrize("drawing", sorted((DOCS / "images").rglob("*.svg")), ids=lambda path: path.stem)

@@ -17,7 +17,7 @@ from skyarm.view.film.video_files import FILM_FORMATS
 from support.pictures import needs_display
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "pictures.md").read_text("utf-8").partition("\n## Films\n")[2]
-LINES = re.findall(r"^    (skyarm .+)$", PAGE, re.M)
+LINES = re.findall(r"^(skyarm .+)$", "".join(re.findall(r"^```sh\n(.*?)^```$", PAGE, re.M | re.S)), re.M)
 DRAWN = (".mp4", ".webp")
 SHORT = {"run": ["--duration", "0.3"], "film": ["--window", "0", "0.2", "--size", "64x64", "--fps", "10"]}
 
