@@ -91,6 +91,19 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
         return vehicle_from(document, refer)
 
 
+def vehicle_of_text(text: str, file: Path) -> Vehicle:
+    """Make the vehicle that the text of a vehicle file describes.
+
+    Args:
+        text: TOML.
+        file: file of the text; paths in it start at its folder.
+
+    Raises:
+        VehicleError: one line with field, value and what is allowed.
+    """
+    return _from_toml(text.encode(), file)
+
+
 RIGID = (".urdf", ".xml", ".mjcf")
 """Suffixes of files with rigid bodies and joints, without rotors."""
 
