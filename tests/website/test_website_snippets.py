@@ -81,7 +81,6 @@ SLOW = {
     "path_governor.md",
     "phases.md",
     "pictures.md",
-    "predictive_and_learned.md",
     "python_api.md",
     "results_envelope.md",
     "results_laws.md",
