@@ -110,7 +110,7 @@ def test_ranges_on_the_page_are_those_that_are_checked():
 
 
 def test_numbers_on_the_page_of_the_centroidal_law_are_those_that_it_has():
-    text = " ".join((DOCS / "centroidal_law.md").read_text("utf-8").split())
+    text = " ".join((DOCS / "centroidal_law_specification.md").read_text("utf-8").split())
     assert f"`reach` ({VALUES['reach']:g} m," in text
     assert f"`damping` ({VALUES['damping']:g} m," in text
     assert f"`adaptation` ({VALUES['adaptation']:g} 1/s) estimates" in text

@@ -23,7 +23,7 @@ from skyarm.scenario.scenario_record import Change, Delays, Scenario
 from skyarm.simulate import run
 from skyarm.world import ForceWind
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law_specification.md"
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 ARM = dataclasses.replace(ARM2, base=HEXA.base, rotors=HEXA.rotors)

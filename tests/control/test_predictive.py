@@ -604,6 +604,19 @@ def test_a_base_far_from_its_reference_comes_back():
     assert Errors.continuous(log).position[-1] < 0.3
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "sensors"),
+    [("voliro_like", {}), ("hummingbird_arm2_rotors", {"wrist": {"kind": "force_torque"}})],
+    ids=["tilting rotors", "force sensor"],
+)
+def test_channels_that_only_some_vehicles_have_do_not_stop_the_law(vehicle, sensors):
+    file = {"name": "channels", "duration": 0.2, "plant": {"vehicle": vehicle}, "controller": {"law": "nmpc"}}
+    reference = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.5]}}
+    log = run(scenario_from({**file, "reference": reference, "sensors": sensors}))
+    assert log.status == "completed"
+    assert Errors.continuous(log).position[-1] < 0.01
+
+
 def test_what_needs_a_law_over_scalars_refuses_in_one_line():
     scenario = early_case3(make_controller("nmpc", load_scenario("case3").controller.par.model))
     for refused in (

@@ -74,7 +74,8 @@ def differences(rows: list[Any], law: WrittenLaw) -> Any:
     return np.array(found)
 
 
-PAGE = " ".join((Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md").read_text("utf-8").split())
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = " ".join((DOCS / "centroidal_law_specification.md").read_text("utf-8").split())
 PHRASES = {
     "observer": "`observer = [force, torque, joints, pose]` ({}, {}, {}, {} rad/s)",
     "base": "`base = [k_p, k_v, K_R, K_w]` ({}, {}, {}, {})",

@@ -1,4 +1,4 @@
-"""The centroidal law in mode "tip" written again from docs/centroidal_law.md and the files alone.
+"""The centroidal law in mode "tip" written again from docs/centroidal_law_specification.md and the files alone.
 
 NumPy and the files of vehicle and scenario, nothing of the library. Numbers are those that the page states in
 parentheses; sections are the page's. For vehicles of turning joints without limits, and no option beside.

@@ -58,12 +58,12 @@ def servo(*lines: str) -> tuple[Box, ...]:
     return (Box(2, 1, lines, measured=True),)
 
 
-CONSISTENT = Box(3, 0, ("inverse dynamics", "real thrust in,", "base accel. out"), measured=True)
+CONSISTENT = Box(3, 0, ("inverse dynamics", "thrust in, base", "acceleration out"), measured=True)
 AIMED = Box(2, 0, ("attitude on SO(3)", "along coupled force"), measured=True)
 OBSERVER = Box(3, 1, ("observer", "force, torque, joints"), measured=True)
 TWICE = Box(2, 0, ("attitude on SO(3)", "with rate and", "acceleration"), measured=True)
 CONTINUED = Box(1, 1, ("continuation of", "held samples"))
-UNLAG = Box(4, 0, ("mixer, torque limit", "motor lag undone"))
+UNLAG = Box(4, 0, ("mixer, torque limit", "motor lag inverted"))
 FEEDS = (("observer", "dynamics", ""),)
 
 DIAGRAMS: dict[str, Diagram] = {
@@ -114,14 +114,14 @@ DIAGRAMS: dict[str, Diagram] = {
         joints=servo("joint servos", "own inertia, weight"),
     ),
     "hybrid_ct": coupled(
-        "The paper's law across the normal; along it an observer tells the force, and a wanted one is fed forward to "
-        "joints, torque and thrust",
+        "The paper's law across the normal; along it an observer estimates the force, and the commanded one is fed "
+        "forward to joints, torque and thrust",
         dynamics=Box(3, 0, ("inverse dynamics", "less J^T n o"), measured=True),
-        more={"observer": Box(3, 1, ("observer, touch", "order o along n"), measured=True)},
+        more={"observer": Box(3, 1, ("observer, contact", "command o along n"), measured=True)},
         arrows=FEEDS,
     ),
     "admittance_pd": chain(
-        "A virtual mass between the wanted and the observed force moves the reference of the paper's baseline",
+        "A virtual mass between commanded and observed force moves the reference of the paper's baseline",
         Box(1, 0, ("virtual mass", "f.n - f_d moves s"), measured=True),
         Box(2, 0, ("position PD", "a_d (82)"), measured=True),
         Box(3, 0, ("attitude on SO(3)", "thrust, torque"), measured=True),
@@ -153,17 +153,17 @@ DIAGRAMS: dict[str, Diagram] = {
         ],
     ),
     "l1_adaptive": coupled(
-        "A predictor finds what the model leaves out; the matched part is filtered and taken off",
+        "A predictor estimates what the model omits; the matched part is filtered and subtracted",
         more={"l1": Box(3, 1, ("predictor, adaptation", "low-pass"), measured=True)},
         arrows=(("l1", "dynamics", ""),),
     ),
     "indi": Diagram(
-        "Increments on top of what was measured and sent, all through one filter",
+        "Increments on the measured accelerations and applied torques, all through one filter",
         {
             "reference": REFERENCE,
             "position": Box(1, 0, ("position PD", "a_c"), measured=True),
             "attitude": Box(2, 0, ("attitude", "alpha_c, qdd_c"), measured=True),
-            "increment": Box(3, 0, ("last torque + M x", "(wanted - measured)"), measured=True),
+            "increment": Box(3, 0, ("last torque + M x", "(desired - measured)"), measured=True),
             "filters": Box(3, 1, ("Butterworth filters", "a_f, alpha_f, T_f"), measured=True),
             "mixer": MIXER,
             "vehicle": vehicle(5),
@@ -185,7 +185,7 @@ DIAGRAMS: dict[str, Diagram] = {
             "attitude": Box(2, 0, ("attitude on SO(3)", "along the force"), measured=True),
             "tasks": Box(2, 1, ("joint mode: joints", "tip mode: tip, links"), measured=True),
             "dynamics": CONSISTENT,
-            "observer": Box(3, 1, ("observer, load and", "friction learned"), measured=True),
+            "observer": Box(3, 1, ("observer, estimates", "of load and friction"), measured=True),
             "mixer": Box(4, 0, ("mixer, torque limit", "trim, lag")),
             "vehicle": vehicle(5),
         },
@@ -204,7 +204,7 @@ DIAGRAMS: dict[str, Diagram] = {
         "Model predictive control: every second period a plan over 0.65 s, in between its feedback",
         {
             "reference": REFERENCE,
-            "preview": Box(1, 0, ("preview", "held samples ahead")),
+            "preview": Box(1, 0, ("preview", "samples to come")),
             "solve": Box(2, 0, ("plan: linearise,", "Riccati, line search"), measured=False),
             "feedback": Box(3, 0, ("u* + K (x - x*)", "within limits"), measured=True),
             "observer": Box(2, 1, ("extended state", "observer"), measured=True),
@@ -221,7 +221,7 @@ DIAGRAMS: dict[str, Diagram] = {
         ],
     ),
     "learned_compensator": coupled(
-        "The paper's law; a network estimates what the model leaves out",
+        "The paper's law; a network estimates what the model omits",
         more={"network": Box(3, 1, ("network 39-32-32-8", "filtered, limited"), measured=True)},
         arrows=(("network", "dynamics", ""),),
     ),

@@ -1,6 +1,6 @@
-"""The table of mean errors of docs/laws.md, flown as the comparison flies the laws, with perfect state.
+"""The tables of mean errors of docs/results_laws.md, flown as the comparison flies the laws, with perfect state.
 
-python tests/website/law_envelopes.py     flies every law and writes the table into the page
+python tests/website/law_envelopes.py     flies every law and writes the tables into the page
 """
 
 from __future__ import annotations
@@ -14,12 +14,9 @@ from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.flights.fly import fly
 
-LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
-BLOCK = re.compile(r"<!-- envelope -->\n(.*?)<!-- /envelope -->", re.S)
-HEAD = (
-    "| mm (joints: mrad; jitter: rad/s) | Case 3: base | joints | tip | jitter | in the wind: base | joints | tip | "
-    "jitter |\n|-|-:|-:|-:|-:|-:|-:|-:|-:|\n"
-)
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "results_laws.md"
+CASES_SHOWN = ("case3", "case3_wind")
+HEAD = "| law | base, mm | joints, mrad | tip, mm | rotor jitter, rad/s a period |\n|-|-:|-:|-:|-:|\n"
 KINDS = ("position", "joint", "ee")
 
 
@@ -36,7 +33,7 @@ def flown(name: str) -> list[float]:
     """
     perfect = conditions()["perfect"]
     found = []
-    for case in ("case3", "case3_wind"):
+    for case in CASES_SHOWN:
         metrics = fly(CellFlights(entrant=entrant(name), case=CASES[case], condition=perfect).work())
         found += [1e3 * metrics[f"{kind}_error_mean_continuous"][0] for kind in KINDS] + [metrics[JITTER][0]]
         assert metrics[LIMITED][0] == 0.0, f"{name} in {case}: rotors at a limit in {metrics[LIMITED][0]:.2%}"
@@ -48,19 +45,33 @@ def shown(value: float) -> str:
     return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
 
 
+def marks(case: str) -> re.Pattern[str]:
+    """The table of a case, between its marks."""
+    return re.compile(rf"<!-- laws in {case} -->\n(.*?)<!-- /laws -->", re.S)
+
+
 def rows() -> dict[str, list[str]]:
-    """Entrant -> its numbers in the table of the page."""
-    (table,) = BLOCK.findall(LAWS.read_text("utf-8"))
-    cells = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:])
-    return {first.strip("`"): numbers for first, *numbers in cells}
+    """Entrant -> its numbers in the tables of the page, one case after the other."""
+    page, found = PAGE.read_text("utf-8"), dict[str, list[str]]()
+    for case in CASES_SHOWN:
+        (table,) = marks(case).findall(page)
+        assert table.startswith(HEAD), case
+        for line in table.strip().splitlines()[2:]:
+            first, *numbers = (cell.strip() for cell in line.strip("|").split("|"))
+            found.setdefault(first.strip("`"), []).extend(numbers)
+    return found
 
 
 def main() -> None:
-    """Write the table."""
-    lines = [f"| `{name}` | " + " | ".join(map(shown, flown(name))) + " |\n" for name in rows()]
-    table = f"<!-- envelope -->\n{HEAD}{''.join(lines)}<!-- /envelope -->"
-    LAWS.write_text(BLOCK.sub(lambda _: table, LAWS.read_text("utf-8")), "utf-8")
-    print(*lines, sep="")
+    """Write the tables."""
+    page, found = PAGE.read_text("utf-8"), {name: [*map(shown, flown(name))] for name in rows()}
+    width = len(KINDS) + 1
+    for k, case in enumerate(CASES_SHOWN):
+        lines = [f"| `{name}` | {' | '.join(each[k * width : (k + 1) * width])} |\n" for name, each in found.items()]
+        table = f"<!-- laws in {case} -->\n{HEAD}{''.join(lines)}<!-- /laws -->"
+        page = marks(case).sub(lambda _, table=table: table, page)
+        print(table)
+    PAGE.write_text(page, "utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The envelope that docs/comparing_laws.md shows is what flights give; ``make envelope`` writes it anew."""
+"""The envelope that docs/results_envelope.md shows is what flights give; ``make envelope`` writes it anew."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 import re
 from pathlib import Path
 
-from envelope_of_laws import BLOCK, PAGE, PICTURE, ROOT, block
+import pytest
+from envelope_of_laws import FIRST, PAGE, PICTURE, REST, ROOT, TABLES, marks, table, value_of, written
 from envelope_rules import FLAGSHIP
 
 from skyarm.studies.compare.envelope import Envelope, summary_rows
@@ -18,29 +19,38 @@ FLOWN = ("circle", "payload")
 
 
 def shown():
-    """Rows of the page's table by their first cell, and its head."""
-    (text,) = BLOCK.findall(TEXT)
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
-    return rows[0], {row[0]: row for row in rows[2:]}
+    """Tables of the page by their headings, each as lines."""
+    text = "".join(block for name in (FIRST, REST) for block in marks(name).findall(TEXT))
+    parts = re.split(r"^### (.*)\n\n", text, flags=re.M)[1:]
+    return {title: re.findall(r"^\|.*\|$", part, re.M) for title, part in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def cells(line):
+    return [cell.strip() for cell in line.strip("|").split("|")]
 
 
 def test_the_page_shows_what_flights_give():
-    head, rows = shown()
     envelope = Envelope(laws=("paper_ct", FLAGSHIP), axes=FLOWN)
     todo, refused = envelope.plan_cells()
     found = envelope.judge(todo, [cell_of(each) for each in todo], refused)
-    for row in summary_rows(found["axes"], envelope.laws):
-        written = rows[row[0]]
-        told = [written[head.index(law)] for law in envelope.laws]
-        assert told == row[1:], f"{row[0]}: 'make envelope' writes the table anew"
+    rows = summary_rows(found["axes"], envelope.laws)
+    assert len(rows) == len(FLOWN)
+    for title, group in TABLES.items():
+        head, _, *lines = shown()[title]
+        page = {cells(line)[0]: cells(line) for line in lines}
+        for line in table(rows, group, envelope.laws).splitlines()[2:]:
+            trial, *flown = cells(line)
+            kept = [page[trial][cells(head).index(law)] for law in envelope.laws]
+            assert kept == flown, f"{trial}, {title}: 'make envelope' writes the tables anew"
 
 
 def test_every_axis_and_law_stands_in_it():
     from skyarm.studies.compare.envelope_axes import AXES
 
-    head, rows = shown()
-    assert len(rows) == len(AXES)
-    assert {"paper_ct", FLAGSHIP} <= set(head)
+    assert list(shown()) == list(TABLES)
+    for head, _, *lines in shown().values():
+        assert len(lines) == len(AXES)
+        assert {"paper_ct", FLAGSHIP} <= set(cells(head))
     assert f"]({PICTURE.removeprefix('docs/')})" in TEXT
     assert "](docs/results_envelope.md)" in (ROOT / "README.md").read_text("utf-8")
     assert (ROOT / PICTURE).stat().st_size <= 5e5
@@ -50,6 +60,23 @@ def test_the_block_is_written_from_a_folder_s_record(tmp_path: Path):
     points = [{"judged": 0.001, "jitter": 0.5, "limited": 0.0, "status": "completed", "lost": False}]
     axis = {"values": [1.0], "unit": "N", "noisy": False, "judged": "x", "title": "x", "laws": {FLAGSHIP: points}}
     found = {"laws": [FLAGSHIP], "axes": {"push_x": axis}}
-    text = block(json.loads(json.dumps(found)))
-    assert re.match(r"\|.*\n\|.*\n\| push x, 1 to 1 N \| 1 / 1; 0\.5 \|", text)
-    assert text.endswith("worse than the paper's law): none.\n")
+    first, more = written(json.loads(json.dumps(found))).values()
+    assert re.findall(r"\| push x, 1 to 1 N \| (\S+) \|", first) == ["1"]
+    assert re.findall(r"\| push x, 1 to 1 N \| (\S+) \|", more) == ["1", "-", "0.5", "0"]
+    assert more.endswith("larger than that of the paper's law: none.\n")
+
+
+def test_a_cell_of_the_summary_is_taken_apart_and_another_one_is_refused():
+    groups = TABLES.values()
+    assert [value_of("- / 2, lost at 2.5, 3; 40, 25 %", group) for group in groups] == [
+        "-",
+        "2",
+        "at 2.5, 3",
+        "40",
+        "25",
+    ]
+    assert [value_of("20 / 20, lost from 5; 0.9", group) for group in groups] == ["20", "20", "from 5", "0.9", "0"]
+    assert [value_of("- / -, lost from 0.5", group) for group in groups] == ["-", "-", "from 0.5", "-", "-"]
+    assert [value_of("-", group) for group in groups] == ["-"] * 5
+    with pytest.raises(AssertionError, match="2 of 3"):
+        value_of("2 of 3", "small")

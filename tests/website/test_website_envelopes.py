@@ -1,4 +1,4 @@
-"""The table of docs/laws.md is what flights give, and every law has its section, diagram and row."""
+"""The tables of docs/results_laws.md are what flights give; every law has its card in docs/laws.md, diagram and row."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ import re
 import pytest
 from block_diagrams import svg
 from law_diagrams import DIAGRAMS
-from law_envelopes import LAWS, entrant, flown, rows, shown
+from law_envelopes import entrant, flown, rows, shown
+from page_snippets import DOCS
 
-from skyarm.control.catalogue import PRESETS, is_named
+from skyarm.control.catalogue import LAWS, PRESETS, is_named, make_controller
 from skyarm.records.registry.shipped import SHIPPED
+from support.laws import MODEL
 
 SHIPPED_LAWS = SHIPPED["law"]
 QUICK = {"guo2023"}
 """Flown in every run of the tests; the others by `make docs`."""
 WITHOUT = {"nmpc"}
 """Its numbers stand on a page of their own: a flight takes seconds."""
-TEXT = LAWS.read_text("utf-8")
+TEXT = (DOCS / "laws.md").read_text("utf-8")
 SECTIONS = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##)", TEXT, re.M | re.S))
 
 
@@ -36,17 +38,47 @@ def test_the_first_table_names_every_law_once_with_a_controller() -> None:
         assert flies == law
 
 
+CARD = (
+    "**Use it when** ",
+    "**Not when** ",
+    "| servos | contact force | tilting rotors | C | batches |",
+    "```sh\nskyarm run ",
+    "```text\n",
+    "![Block diagram of ",
+    "*Assumed*: ",
+    "*Source*: ",
+    "*Options*:\n\n<!-- generated: law ",
+    "*Results*: ",
+)
+"""Parts of a card in their order."""
+
+
 @pytest.mark.parametrize("name", sorted(SHIPPED_LAWS))
-def test_a_section_has_what_a_section_of_a_law_has(name: str) -> None:
-    section = SECTIONS[name]
-    assert f"](images/laws/{name}.svg)" in section
-    (source,) = re.findall(r"\*Source\*: (.*?)(?:\n\n|\Z)", section, re.S) or [TEXT.split("*Source*: ")[1]]
+def test_every_card_is_of_one_form(name: str) -> None:
+    card = SECTIONS[name]
+    # prose is wrapped; a blank is either
+    places = [
+        match.start() if (match := re.search(re.escape(part).replace("\\ ", r"\s"), card)) else -1 for part in CARD
+    ]
+    assert -1 not in places, CARD[places.index(-1)]
+    assert places == sorted(places)
+    assert f"](images/laws/{name}.svg)" in card
+    assert f"<!-- generated: law {name} -->" in card
+    (source,) = re.findall(r"\*Source\*: (.*?)\n\n", card, re.S)
     assert re.search(r"\b(19|20)\d\d\b|this\s+project|of the paper", source), "a source has a year, or is ours"
+
+
+@pytest.mark.parametrize("name", sorted(SHIPPED_LAWS))
+def test_a_card_says_what_the_law_can_do(name: str) -> None:
+    (row,) = re.findall(r"^\| (yes) \| (yes|no) \| (yes|at rest) \| (yes|no) \| (yes|no) \|$", SECTIONS[name], re.M)
+    options, compiled = LAWS[name].options(), make_controller(name, MODEL).compiled
+    answers = ("interaction" in options, "sideways" in options, compiled, compiled)
+    assert [each == "yes" for each in row[1:]] == list(answers)
 
 
 @pytest.mark.parametrize("name", sorted(DIAGRAMS))
 def test_a_diagram_is_what_its_description_draws(name: str) -> None:
-    drawing = (LAWS.parent / "images" / "laws" / f"{name}.svg").read_text("utf-8")
+    drawing = (DOCS / "images" / "laws" / f"{name}.svg").read_text("utf-8")
     assert drawing == svg(DIAGRAMS[name]), "python tests/website/block_diagrams.py draws it again"
 
 

@@ -8,7 +8,7 @@ and what a tip in contact changes: reference, compensated force, adaptation; 6. 
 rate; 7. attitude and 8. links of the plan without errors; 9. the force that the centre of mass requires; 10. the
 attitude of this force; 11. joint accelerations, of the joints' references or of tip and links; 12. commands by the
 inverse dynamics of an underactuated base: the real thrust goes in, the base's acceleration comes out; 13. adaptation of
-lag, noise, load and friction. The numbers are those of ``docs/centroidal_law.md``.
+lag, noise, load and friction. The numbers are those of ``docs/centroidal_law_specification.md``.
 
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """

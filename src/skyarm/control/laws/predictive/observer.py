@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -160,7 +160,7 @@ class Observation:
 
     def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
         """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
-        reading = np.array(leaves(measurement), dtype=float)
+        reading = np.array(leaves(dataclasses.replace(measurement, **NOT_READ)), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
         late = update_lateness(past.late, modelled, np.array(measurement.rotor_speeds, dtype=float), self.dt)
@@ -189,6 +189,9 @@ class ObserverState:
     late: Lateness
     shown: tuple[Command, ...] = ()
 
+
+NOT_READ: dict[str, Any] = {"tilts": (), "tip_force": (), "switches": (), "holds": ()}
+"""Channels of a measurement that only some vehicles have and that the observer does not use."""
 
 LONGEST = 12
 """Longest command delay (control periods) that is considered."""
