@@ -65,8 +65,10 @@ def test_every_shape_and_every_kind_has_a_row() -> None:
 def test_the_smallest_world_shown_is_one() -> None:
     (shown,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     scenario = skyarm.scenario_from({
-        "name": "ground", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_ct"},
+        "name": "ground", "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_ct"},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}, **tomllib.loads(shown),
     })  # fmt: skip
     (surface,) = scenario.world.surfaces
-    assert (surface.name, surface.shape, scenario.world.points) == ("ground", "plane", ())
+    (point,) = scenario.world.points
+    assert (surface.name, surface.shape, point.frame) == ("ground", "plane", "tip")
