@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 
-from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 
@@ -58,9 +57,9 @@ class Boxes(Batch):
     """A batch that keeps the last state of its worlds."""
 
     def _fly_legs(self, *told):
-        carry, log = super()._fly_legs(*told)
-        self.last = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))[0]
-        return carry, log
+        ends, log = super()._fly_legs(*told)
+        self.last = ends[-1][0]
+        return ends, log
 
 
 def measure(kind, seeds, seed, *told):
