@@ -9,11 +9,13 @@ from skyarm.world.contact import Detent, Mechanism
 from skyarm.world.contact.contact_point import Ring
 from skyarm.world.contact.mechanism import KINDS
 from skyarm.world.contact.surface import SIZES
+from support.pages import rows_of
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")
-ROWS = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in PAGE.splitlines() if line.startswith("|")]
+ROWS = rows_of("mechanisms.md", "| `[[world.mechanisms]]` | type and unit | default | meaning |")
+WORDS = rows_of("mechanisms.md", "| word | motion | `size` |")
 
 
 def test_every_field_has_a_row():
@@ -24,14 +26,14 @@ def test_every_field_has_a_row():
 
 
 def test_every_word_has_a_row_with_its_lengths():
-    rows = {row[0].strip('`"'): row for row in ROWS if row[0].startswith('`"')}
+    rows = {row[0].strip('`"'): row for row in WORDS}
     assert set(rows) == {word for word, kind in KINDS.items() if kind.sizes}
     for word, row in rows.items():
         assert all(", ".join(lengths) in row[2] for lengths in KINDS[word].sizes)
 
 
 def test_the_hole_and_the_ring_are_told_with_their_lengths():
-    told = PAGE.split("## A peg in a hole")[1]
+    told = PAGE.split("## A peg in a hole")[1].split("\n## ")[0]
     assert [told.index(word) for word in SIZES] == sorted(told.index(word) for word in SIZES)
     assert f"`ring = {{ {', '.join(field.name for field in fields(Ring))} }}`" in told
 

@@ -13,6 +13,7 @@ from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_plan import TipChoices
 from skyarm.reference.waypoints import LIMITS, FlightLimits
+from support.pages import rows_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tip_and_tasks.md").read_text("utf-8")
 FLIGHT, *TABLES = re.findall(r"```toml[^\n]*\n(.*?)```", PAGE, re.DOTALL)
@@ -46,11 +47,12 @@ def test_the_gripper_shown_closes_in_the_first_half_of_its_dwell():
 
 
 def test_every_field_and_default_is_on_the_page():
-    table = dict(re.findall(r"^\| `(\w+)` \|.*\| (.*) \|$", PAGE, re.MULTILINE))
-    fields = {"path", *(name for name in TipChoices.__dataclass_fields__)}
-    assert set(table) >= fields
+    table = {row[0].strip("`"): row[2] for row in rows_of("tip_and_tasks.md", "| `[reference.tip]` | type and unit |")}
+    assert set(table) == {"path", *(name for name in TipChoices.__dataclass_fields__)}
     usual = TipChoices(posture=())
     for name in ("base_share", "arm_range", "joint_speed", "rate"):
-        assert table[name].startswith(f"{getattr(usual, name):g}"), name
-    for name in LIMITS:
-        assert re.search(rf"`{name}`[^`]*\({getattr(FlightLimits(), name):g} ", PAGE), name
+        assert float(table[name]) == getattr(usual, name), name
+    limits = {row[0].strip("`"): row[2] for row in rows_of("tip_and_tasks.md", "| limit | unit | default | of |")}
+    assert {name: float(value) for name, value in limits.items()} == {
+        name: getattr(FlightLimits(), name) for name in LIMITS
+    }

@@ -1,11 +1,12 @@
-"""Measure how well the hexarotor places boxes that it grips beside their middle: the sentence of docs/carrying.md.
+"""Measure how well the hexarotor places boxes that it grips beside their middle: a table of docs/results_contact.md.
 
-    python tests/control/measure_boxes.py [SEEDS [SEED [KINDS [PRESET [FRICTION [DWELL]]]]]]
+    python tests/control/measure_boxes.py [SEEDS [SEED [KINDS [BANDWIDTH [FRICTION [DWELL]]]]]]
 
 Of each kind of gripper, mass and size: boxes that were picked, carried and stand within 10 mm, and how far they stand
 from where they were to be (mean and largest, mm).
 
-FRICTION: of a ball of 5 mm in its socket, under 60 N. DWELL: s, of the place.
+BANDWIDTH: option of the law, a factor of all gains. FRICTION: of a ball of 5 mm in its socket, under 60 N. DWELL: s, of
+the place.
 """
 
 import sys
@@ -13,7 +14,6 @@ from itertools import product
 
 import numpy as np
 
-from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 
@@ -28,7 +28,7 @@ OFF = (
 BOX = "world.objects.box."
 
 
-def scene(kind, preset, size, mass, friction=0.5, dwell=1.0):
+def scene(kind, bandwidth, size, mass, friction=0.5, dwell=1.0):
     """A pick and a place of a box on a table."""
     (x, y), (dx, dy) = START, WAY
     phase = {"gripper": "hand", "approach": [0.0, 0.0, 0.15], "dwell": 1.0}
@@ -41,7 +41,7 @@ def scene(kind, preset, size, mass, friction=0.5, dwell=1.0):
     path = {"kind": "phases", "position": [0.2, 0.0, FACE + 0.2], "speed": 0.5, "acceleration": 0.5, "phases": phases}
     return scenario_from({
         "schema": 1, "name": "boxes", "duration": 12.0 + dwell, "plant": {"vehicle": "hexarotor_arm6"},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": preset, "load": 0.8},
+        "controller": {"law": "centroidal", "mode": "tip", "bandwidth": bandwidth, "load": 0.8},
         "sensors": NOISE, "delays": {"measurement": 0.005},
         "reference": {"tip": {"posture": [0.0, 0.6, -1.0, 0.0, 0.5, 0.0], "path": path}},
         "world": {
@@ -58,9 +58,9 @@ class Boxes(Batch):
     """A batch that keeps the last state of its worlds."""
 
     def _fly_legs(self, *told):
-        carry, log = super()._fly_legs(*told)
-        self.last = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))[0]
-        return carry, log
+        ends, log = super()._fly_legs(*told)
+        self.last = ends[-1][0]
+        return ends, log
 
 
 def measure(kind, seeds, seed, *told):
@@ -88,6 +88,6 @@ def measure(kind, seeds, seed, *told):
 
 
 if __name__ == "__main__":
-    words = [*sys.argv[1:], *("2", "211", "magnet,jaw,ball", "adaptive", "0.5", "1")[len(sys.argv) - 1 :]]
+    words = [*sys.argv[1:], *("2", "211", "magnet,jaw,ball", "1", "0.5", "1")[len(sys.argv) - 1 :]]
     for each in words[2].split(","):
-        measure(each, int(words[0]), int(words[1]), words[3], float(words[4]), float(words[5]))
+        measure(each, int(words[0]), int(words[1]), float(words[3]), float(words[4]), float(words[5]))

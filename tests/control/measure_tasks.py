@@ -8,6 +8,7 @@
 import dataclasses
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from measure_pressing_scenes import NOISE, VEHICLES, scene_document
@@ -21,6 +22,8 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.contact_tasks import RADIUS, TASKS
 from skyarm.world.component import Force, Wrench
+
+ROOT = Path(__file__).resolve().parents[2]
 
 SIDES = {"into": (2.0, 0.0), "away": (-2.0, 0.0), "left": (0.0, 2.0), "right": (0.0, -2.0)}
 """Wind of 2 N along x and y, world axes: the wall stands ahead."""
@@ -192,7 +195,7 @@ PEGS = {"1.5 mm off": "examples/insert_a_peg.toml", "3 mm off, search": "peg_in_
 def pegs(seeds, seed):
     """A peg 1.5 mm beside its hole, and 3 mm beside it with a search; in is 90 % of the hole's 30 mm."""
     for title, file in PEGS.items():
-        scenario = noisy_task(file)
+        scenario = noisy_task(file if "/" not in file else str(ROOT / file))
         surface = next(each for each in scenario.world.surfaces if each.shape == "hole")
         mouth = float(surface.position.z)
 

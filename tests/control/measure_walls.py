@@ -1,0 +1,109 @@
+"""Measure presses on soft and stiff walls, with weak joints, and with a quarter and half of what the joints can hold.
+
+    python tests/control/measure_walls.py [SEEDS [SEED]]
+
+Rows of docs/results_contact.md. Noise is that of ``measure_pressing.py``. Each row prints how many flights came to
+their end, then the mean and the largest of each number.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from measure_pressing_scenes import VEHICLES, scene_document
+from measure_tasks import together
+
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.studies.assess.joints import effort_limits
+from skyarm.studies.assess.push_limits import pushing_efforts
+from support import worlds
+
+PUSHES = {"H": 1.0, "X": 5.0}
+"""N."""
+
+POSES = {
+    "hummingbird_arm2_rotors": (-0.45, -0.9),
+    "hexarotor_arm6": (0.0, -0.6, -0.97, 0.0, -0.8, 0.0),
+    "pelican_arm2": (-0.45, -0.9),
+    "voliro_like": (-0.1, -1.4),
+    "octo_coaxial_two_arms": (0.5, -0.8, 0.03, 0.0, 0.03),
+    "quadrotor_roll_arm2": (0.0, -0.6),
+    "hexarotor12_arm5": (0.0, -0.6, -0.97, -0.8, 0.0),
+}
+"""Shipped vehicle -> joints, rad or m, in which it presses."""
+
+OPTIONS = {"hexarotor_arm6": {key: VEHICLES["X"][-1][key] for key in ("reach", "damping")}}
+"""Options of the law besides the thresholds."""
+
+
+def shown(found):
+    """Error, ripple and tip error of a batch."""
+    columns = {"error, N": "contact_error_mean", "ripple, N": "contact_ripple"}
+    return {word: found[name] for word, name in columns.items()} | {"tip, mm": 1e3 * found["contact_tip_mean"]}
+
+
+METRICS = ("contact_error_mean", "contact_ripple", "contact_tip_mean")
+
+
+def pressed(name):
+    """Document of a press of the usual force."""
+    document = scene_document(name)
+    document["reference"]["push"]["force"]["value"] = PUSHES[name]
+    return document
+
+
+def stiffness(seeds, seed):
+    """Walls of 500 to 100 000 N/m."""
+    for name, force in PUSHES.items():
+        for k in (500.0, 5000.0, 20000.0, 100000.0):
+            document = pressed(name)
+            document["world"]["surfaces"][0]["material"]["stiffness"] = k
+            scenario = scenario_from(document)
+            together(f"{k:g} N/m, {name} {force:g} N", scenario, {}, METRICS, seeds, seed, shown)
+
+
+def weak_joints(seeds, seed):
+    """Joints that give a tenth less than commanded, without and with ``tolerances``."""
+    for name, force in PUSHES.items():
+        for tolerances in ([0.0, 0.0], [0.1, 0.0]):
+            document = pressed(name)
+            joints = scenario_from(document).plant.vehicle.links
+            faults = [{"joint": link.joint.name, "effectiveness": 0.9} for link in joints]
+            document["environment"] = {"faults": faults}
+            document["controller"]["tolerances"] = tolerances
+            title = f"joints 10 % weak, {name} {force:g} N, tolerances {tolerances}"
+            together(title, scenario_from(document), {}, METRICS, seeds, seed, shown)
+
+
+def largest_force(scenario, joints):
+    """Force (N) against a wall ahead at which the first joint is at its limit; the base is level."""
+    limits = effort_limits(scenario.plant.vehicle)
+    still, pushed = (pushing_efforts(scenario, joints, np.array([-force, 0.0, 0.0])) for force in (0.0, 1.0))
+    slope = pushed - still
+    with np.errstate(divide="ignore"):
+        return float(np.min(np.maximum((limits - still) / slope, (-limits - still) / slope)))
+
+
+def parts_of_the_largest(seeds, seed):
+    """A quarter and half of the force that the joints can hold."""
+    for name, joints in POSES.items():
+        most = largest_force(worlds.before_a_wall(name, joints, 1.0), joints)
+        for part in (0.25, 0.5):
+            force = part * most
+            least = min(force, 1.0)
+            law = {"interaction": [0.3 * least, 0.1 * least]} | OPTIONS.get(name, {})
+            scenario = worlds.before_a_wall(name, joints, force, 10.0, **law)
+            together(f"{part:g} of {most:.3g} N, {name}", scenario, {}, METRICS, seeds, seed, shown)
+
+
+def measure(seeds, seed):
+    """All rows."""
+    for rows in (stiffness, weak_joints, parts_of_the_largest):
+        rows(seeds, seed)
+
+
+if __name__ == "__main__":
+    measure(*(int(word) for word in [*sys.argv[1:], *("20", "5")[len(sys.argv) - 1 :]]))
