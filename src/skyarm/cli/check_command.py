@@ -42,7 +42,7 @@ def check(
     Words of an earlier version are listed with what replaces them.
     """
     if upgrade:
-        _upgrade(Path(what))
+        _write_upgrade(Path(what))
         if kind_of_file(what) not in ("vehicle", "scenario"):
             return
     else:
@@ -55,7 +55,7 @@ def check(
         raise typer.Exit(DIFFERENT)
 
 
-def _upgrade(path: Path) -> None:
+def _write_upgrade(path: Path) -> None:
     """Write a file of an earlier version anew, its former text beside it, and list the changes."""
     found = upgrade_file(path)
     give(changes=[{"field": each.field, "before": each.before, "now": each.now} for each in found.changes])

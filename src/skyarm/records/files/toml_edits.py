@@ -167,7 +167,7 @@ def _edit(
     try:
         change(wanted)
     except (KeyError, IndexError, TypeError, AttributeError):
-        raise ValueError(f"{shown(_dotted(path))}: is not in the file") from None
+        raise ValueError(f"{shown(_path_text(path))}: is not in the file") from None
     rows = text.splitlines(keepends=True)
     for statement in reversed([*_statements(text)]):
         own = "".join(rows[statement.lines])
@@ -183,11 +183,11 @@ def _edit(
     except tomllib.TOMLDecodeError:
         right = False
     if not right:
-        raise ValueError(f"{shown(_dotted(path))}: is written in a form that only a person can change")
+        raise ValueError(f"{shown(_path_text(path))}: is written in a form that only a person can change")
     return found
 
 
-def _dotted(path: TomlPath) -> str:
+def _path_text(path: TomlPath) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
 
 

@@ -139,7 +139,7 @@ def _edit_of(message: str, document: Mapping[str, Any]) -> Iterator[tuple[Change
         above = missing["path"].rpartition(".")
         path = path_of("".join((*above[:2], missing["former"])), document)
         if path is not None and missing["former"] in present_names("word"):
-            yield _renamed(path, above[2])
+            yield _renaming(path, above[2])
         return
     named = _FIELD.match(message)
     path = path_of(named["path"], document) if named else None
@@ -148,9 +148,9 @@ def _edit_of(message: str, document: Mapping[str, Any]) -> Iterator[tuple[Change
     field, key, value = named["path"], str(path[-1]), _value(document, path)
     if now := _NOW.search(message):
         is_key = key in present_names("word") and value not in (*present_names("word"),)
-        yield from _replaced(path, now, shown(value), is_key=is_key)
+        yield from _replacement(path, now, shown(value), is_key=is_key)
     elif law := _LAW.search(message):
-        yield _renamed(path, "law", law["law"])
+        yield _renaming(path, "law", law["law"])
     elif flies := _FLIES.search(message):
         change = Change(field=field, before=shown(value), now=shown(flies["now"]))
         yield change, lambda text: set_value(text, path, flies["now"])
@@ -173,13 +173,13 @@ def _edit_of(message: str, document: Mapping[str, Any]) -> Iterator[tuple[Change
             yield change, lambda text: leave_out(text, path)
 
 
-def _renamed(path: TomlPath, new: str, value: str = "") -> tuple[Change, Edit]:
+def _renaming(path: TomlPath, new: str, value: str = "") -> tuple[Change, Edit]:
     field = _field(path)
     now = f"{new} = {shown(value)}" if value else new
     return Change(field=field, before=str(path[-1]), now=now), lambda text: rename_key(text, path, new)
 
 
-def _replaced(path: TomlPath, now: re.Match[str], former: str, *, is_key: bool) -> Iterator[tuple[Change, Edit]]:
+def _replacement(path: TomlPath, now: re.Match[str], former: str, *, is_key: bool) -> Iterator[tuple[Change, Edit]]:
     """Change of a former word: of a key, or of a value with the options that belong to it."""
     new = now["now"]
     if is_key or now["value"]:
@@ -214,7 +214,7 @@ def _value(document: Any, path: TomlPath) -> Any:
 
 
 def _upgrade_python(path: Path, text: str) -> Upgrade:
-    """Replace former names of modules and classes of skyarm in the source of a Python file."""
+    """Replace former names of modules and classes of the library in a Python file."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError) as error:
@@ -223,7 +223,7 @@ def _upgrade_python(path: Path, text: str) -> Upgrade:
     rows, changes, notes = text.splitlines(keepends=True), list[Change](), list[str]()
     whole = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, sorted(names, key=len, reverse=True)))})(?!\w)")
 
-    def renamed(found: re.Match[str]) -> str:
+    def present(found: re.Match[str]) -> str:
         now = names[found[0]]
         if not _PLAIN.fullmatch(now):
             notes.append(f"line {row + 1}: {found[0]} is now {now}")
@@ -232,7 +232,7 @@ def _upgrade_python(path: Path, text: str) -> Upgrade:
         return now
 
     for row, line in enumerate(rows):
-        rows[row] = whole.sub(renamed, line)
+        rows[row] = whole.sub(present, line)
     for node in ast.walk(tree):
         if not isinstance(node, ast.ImportFrom) or node.module != "skyarm":
             continue
