@@ -1,4 +1,4 @@
-"""The vehicle files of the page on one's own vehicle: the starter, an arm by ``[[attach]]``, and ``export --to mjcf``."""
+"""Vehicle files of the page on your vehicle: the starter, an arm by ``[[attach]]``, and ``export --to mjcf``."""
 
 from __future__ import annotations
 
