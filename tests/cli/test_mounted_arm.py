@@ -1,4 +1,4 @@
-"""An arm mounted by ``[[attach]]`` as the page shows it, and ``skyarm export --to mjcf``."""
+"""Vehicle files of the page on your vehicle: the starter, an arm by ``[[attach]]``, and ``export --to mjcf``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
+from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import joint, limits, link, robot, saved
 from support.commands import refused, skyarm
 
@@ -105,3 +106,32 @@ def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, s
     assert (log.status, par.model.vehicle.n) == ("completed", 3)
     # it starts beside the reference of 2 cm, which the finger goes to
     assert abs(log.joints[-1, 2] - 0.02) < 0.5 * abs(log.joints[0, 2] - 0.02) or abs(log.joints[-1, 2] - 0.02) < 1e-4
+
+
+def words(text: str) -> str:
+    """Text whose blanks and ends of lines are one blank each."""
+    return " ".join(text.split())
+
+
+def test_the_whole_file_and_the_parts_shown_are_those_of_a_new_vehicle(here, shown):
+    assert skyarm("new", "vehicle", "my_copter").code == 0
+    written = (here / "my_copter.toml").read_text("utf-8")
+    assert shown["my_copter.toml"] == written
+    parts = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    *of_the_file, servo = parts
+    assert len(of_the_file) == 2
+    assert all(part.rstrip() in written for part in of_the_file)
+    saved(here, f"{written}\n{servo}", "servo.toml")
+    assert skyarm("check", "servo.toml").code == 0
+    assert [each.name for each in load_vehicle("servo.toml").drives] == ["shoulder"]
+
+
+def test_a_joint_that_is_too_weak_reads_as_the_page_shows(here):
+    assert skyarm("new", "vehicle", "my_copter").code == 0
+    written = (here / "my_copter.toml").read_text("utf-8")
+    saved(here, written.replace("effort_limit = 1.5", "effort_limit = 0.25", 1), "my_copter.toml")
+    found = skyarm("check", "my_copter.toml", columns=100)
+    (lines,) = re.findall(r"```text\n(fault .*?)```", PAGE, re.DOTALL)
+    assert found.code == 1
+    for line in lines.strip().split("\n\n"):
+        assert words(line) in words(found.out)

@@ -48,6 +48,7 @@ TABLES = {
     ("centroidal_law_specification.md", "toml"): "tests/control/test_level_flights.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
+    ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""
 

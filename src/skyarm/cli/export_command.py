@@ -185,8 +185,8 @@ def _law(
         rate_hz=control_rate,
     )
     tell(
-        f"{file}: {exported.name}_step, {chosen.name} for {believed.name}, {exported.operations} operations in "
-        f"{precision}, {len(exported.parameters)} parameters{note}"
+        f"{file}: {exported.name}_step, {chosen.name} for {believed.name}",
+        f"{exported.operations} operations in {precision}, {len(exported.parameters)} parameters{note}",
     )
 
 

@@ -452,7 +452,7 @@ def test_the_command_writes_the_file_and_says_so(tmp_path, monkeypatch, capsys):
     code, said = command(monkeypatch, capsys, "paper_ct", "--vehicle", "hummingbird_arm2", "-o", "made/ct.c")
     assert (code, said.err) == (0, "")
     assert re.fullmatch(
-        r"made/ct\.c: paper_ct_step, hybrid_computed_torque for hummingbird_arm2, \d+ operations in double, "
+        r"made/ct\.c: paper_ct_step, hybrid_computed_torque for hummingbird_arm2\n\d+ operations in double, "
         r"\d+ parameters\n",
         said.out.replace("\\", "/"),
     )

@@ -211,7 +211,7 @@ def test_the_delay_margin_in_hover_is_said_beside_what_is_believed(late: float, 
     # README: 33 ms without a delay; what the loop has already is no margin left
     assert found.value == pytest.approx(0.033 - late, abs=1e-3)
     assert found.limit == pytest.approx(max(1.5 * late, 0.005))
-    assert f"{1e3 * late:.3g} ms are believed" in found.text
+    assert f"nominal delay is {1e3 * late:.3g} ms" in found.text
 
 
 def test_a_law_that_cannot_be_linearised_leaves_a_note() -> None:

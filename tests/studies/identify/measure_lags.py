@@ -1,4 +1,4 @@
-"""Measure how well delays and lags are found: the table of docs/delays.md.
+"""Measure how well delays and lags are found: the table of docs/results_delays.md.
 
     python tests/studies/identify/measure_lags.py [--flights 10] [--seed 300]
 

@@ -63,10 +63,10 @@ def test_the_table_of_lags_has_a_line_for_the_rotors_and_each_joint_in_milliseco
     lines = lag_lines("title", lags(lag("rotors"), joint, UNKNOWN), NO_WORD)
     assert lines[:5] == [
         "title",
-        "          delay and lag            delay               up             down over believed explained",
-        "rotors 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 30.0 (29.0-31.0)     1.50 2.00       88%",
-        "joint1 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 20.0 (19.0-21.0)             -       88%",
-        "joint2        not known                                                                         0%",
+        "          delay and lag            delay               up             down over model explained",
+        "rotors 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 30.0 (29.0-31.0)  1.50 2.00       88%",
+        "joint1 36.0 (35.0-37.0) 12.0 (11.0-13.0) 20.0 (19.0-21.0) 20.0 (19.0-21.0)          -       88%",
+        "joint2        not known                                                                      0%",
     ]
     alike = lag_lines("", lags(lag("rotors", factor=(1.5, 1.5))), NO_WORD)
     assert " 1.50       88%" in alike[2]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -48,3 +50,23 @@ def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
     assert done.code == 0
     assert "sharper by" in done.out
     assert skyarm("run", "excite.toml").code == 0
+
+
+NUMBER = re.compile(r"(?<![\w.])\d[\d.]*(?:e-?\d+)?(?![\w.])")
+
+
+@pytest.mark.thorough
+def test_the_design_of_the_page_prints_what_it_shows(tmp_path, monkeypatch):
+    """The command of docs/identification.md, which takes a minute."""
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[3] / "docs" / "identification.md").read_text("utf-8")
+    block = r"```sh\n(skyarm identify design [^\n]*)\n```\n\n<!-- [^\n]* -->\n```text\n(.*?)```"
+    ((command, shown),) = re.findall(block, page, re.S)
+    done = skyarm(*command.split()[1:])
+    assert done.code == 0
+    # the last digits of a design depend on how its search is spread over the cores
+    printed = {NUMBER.sub("#", " ".join(line.split())): line for line in done.out.splitlines()}
+    for line in filter(None, shown.splitlines()):
+        same = printed[NUMBER.sub("#", " ".join(line.split()))]
+        pairs = zip(NUMBER.findall(line), NUMBER.findall(same), strict=True)
+        assert all(float(a) == pytest.approx(float(b), rel=0.2) for a, b in pairs), (line, same)

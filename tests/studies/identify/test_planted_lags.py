@@ -1,4 +1,4 @@
-"""Delays and lags planted in noisy flights, found in what the sensors said of them: the table of docs/delays.md."""
+"""Delays and lags planted in noisy flights, found in their logs: the table of docs/results_delays.md."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_one_and_a_half_times_the_believed_delay_is_enough(share, enough):
     from skyarm.studies.stability.hover_delay import HoverDelay
 
     found = HoverDelay(margin=share * ENOUGH * 0.01, swings=0.1, believed=0.01, period=0.005)
-    assert (found.enough, found.shortfall) == (enough, "" if enough else "below 1.5 times the believed delay")
+    assert (found.enough, found.shortfall) == (enough, "" if enough else "below 1.5 times the nominal delay")
     assert not HoverDelay(margin=0.0, swings=0.0, believed=0.0).enough
     # where none is believed: what a command of the next period takes
     found = HoverDelay(margin=share * 0.005, swings=0.1, believed=0.0, period=0.005)

@@ -18,7 +18,7 @@ from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
-HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
+HEADS = ("", "delay and lag", "delay", "up", "down", "over model", "explained")
 
 
 def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float]:

@@ -51,11 +51,13 @@ class HoverDelay:
         if not self.margin > 0.0:
             return f"the loop of {law} is unstable in hover as it is"
         if math.isinf(self.margin):
-            borne = "more than 100 ms"
+            tolerated = "more than 100 ms"
         else:
             swings = "" if math.isinf(self.swings) else f" (flights swing from {1e3 * self.swings:.3g} ms on)"
-            borne = f"{1e3 * self.margin:.3g} ms{swings}"
-        return f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
+            tolerated = f"{1e3 * self.margin:.3g} ms{swings}"
+        return (
+            f"{law} in hover tolerates {tolerated} of further delay; its nominal delay is {1e3 * self.believed:.3g} ms"
+        )
 
     @property
     def shortfall(self) -> str:
@@ -64,7 +66,7 @@ class HoverDelay:
             return ""
         if self.least_margin > ENOUGH * self.believed:
             return f"below one control period, {1e3 * self.period:.3g} ms"
-        return f"below {ENOUGH:g} times the believed delay"
+        return f"below {ENOUGH:g} times the nominal delay"
 
 
 def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:

@@ -15,19 +15,18 @@ GAINS = {"rotor_gain": "rotors", "joint_gain": "joints"}
 
 NOTE = """\
 max |z|: spectral radius; slowest: largest real part of a rate, 1/s; delay:
-further dead time it bears, ms; rotors, joints: factors on the actuators'
-effect it bears, common to all of them. The worse of two linearisations, with
-the rotors' time constant upward and with that downward. Instants along a
-flight are frozen in time, and no proof that it is stable."""
+further dead time that the loop tolerates, ms; rotors, joints: tolerated
+factors on the actuators' effect, common to all of them. The worse of two
+linearisations, with the rotors' time constant upward and with that downward.
+Instants along a flight are frozen in time, and no proof that it is stable."""
 
 LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "together")
 
 LOOP_NOTE = """\
-disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg): what a
-loop bears by it, the others as they are; rad/s: where it is most delicate;
-delay: dead time of this loop alone that it bears, ms; together: disk margin
-of all loops of its kind, each under a factor of its own. The smallest of all
-instants."""
+disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg):
+tolerated by this loop, the others unchanged; rad/s: most sensitive frequency;
+delay: tolerated dead time of this loop alone, ms; together: disk margin of
+all loops of its kind, each with its own factor. The smallest of all instants."""
 
 GROUPS_ALONE = ("all commands", "all measurements")
 
@@ -113,8 +112,8 @@ def _cells(each: LoopMargin) -> Row:
 
 WORDS = (
     "<p>The disk margin is how far gain and phase of a loop may change together, from 0 (unstable) to 2: gain and "
-    "phase (degrees) are what it leaves of each alone, rad/s is where the loop is most delicate, delay the dead time "
-    "(ms) that this loop alone bears, together the disk margin of all loops of its kind under factors of their own. "
+    "phase (degrees) are what it leaves of each alone, rad/s is the most sensitive frequency, delay the tolerated dead "
+    "time (ms) of this loop alone, together the disk margin of all loops of its kind under factors of their own. "
     "Each number is the smallest of all instants.</p>"
 )
 
