@@ -75,8 +75,9 @@ def write_nightly(budget: Path, names: Iterable[str]) -> int:
     table = json.loads(budget.read_text("utf-8"))
     by_file: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        file, _, case = name.partition("::")
-        by_file[file].append(case)
+        path, bracket, values = name.partition("[")
+        file, *_, function = path.split("::")
+        by_file[file].append(f"{function}{bracket}{values}")
     for file, cases in by_file.items():
         row = table.setdefault(file, {"seconds": 0.0})
         row["nightly"] = sorted({*row.get("nightly", ()), *cases})

@@ -61,7 +61,8 @@ def test_files_that_always_run_stay(file):
 def test_names_are_added_to_those_that_are_nightly_already(tmp_path):
     budget = tmp_path / "budget.json"
     budget.write_text(json.dumps({"tests/b.py": {"seconds": 1.0, "nightly": ["test_x"]}}))
-    assert nightly_cases.write_nightly(budget, ["tests/b.py::test_y[a-b]", "tests/a.py::test_z"]) == 3
+    assert nightly_cases.write_nightly(budget, ["tests/b.py::test_y[a::b]", "tests/a.py::TestOf::test_z"]) == 3
     table = json.loads(budget.read_text())
     assert list(table) == ["tests/a.py", "tests/b.py"]
-    assert table["tests/b.py"] == {"seconds": 1.0, "nightly": ["test_x", "test_y[a-b]"]}
+    assert table["tests/a.py"]["nightly"] == ["test_z"]
+    assert table["tests/b.py"] == {"seconds": 1.0, "nightly": ["test_x", "test_y[a::b]"]}

@@ -224,7 +224,7 @@ def test_a_law_that_cannot_be_linearised_leaves_a_note() -> None:
     assert (found.level, found.text.startswith("not known: ")) == ("note", True)
 
 
-def test_rotors_of_a_centred_quadrotor_carry_the_same_and_of_another_their_share_of_the_mean():
+def test_rotors_of_a_centred_quadrotor_carry_the_same_and_of_another_their_fraction():
     assert answer(assess_vehicle(HUMMINGBIRD), "balance of the rotors").value == pytest.approx(1.0, rel=1e-9)
     base = dataclasses.replace(HUMMINGBIRD.base, com=Vec3(0.02, 0.0, 0.0))
     vehicle = dataclasses.replace(HUMMINGBIRD, base=base)

@@ -205,7 +205,7 @@ def test_the_bound_of_a_scaled_matrix_is_the_scaled_bound(size):
     assert upper_bound(size * M) == pytest.approx(size * upper_bound(M), rel=1e-6)
 
 
-def test_the_grid_has_the_frequency_of_a_lightly_damped_pole_and_points_within_its_width():
+def test_the_grid_is_finer_around_the_frequency_of_a_lightly_damped_pole():
     period, pole = 0.005, -0.05 + 12.0j
     grid = frequency_grid(np.exp(np.array([pole, np.conj(pole)]) * period), period)
     for share in (-4.0, -1.0, 0.0, 1.0, 4.0):

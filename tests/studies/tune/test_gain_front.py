@@ -144,7 +144,7 @@ def test_gains_known_before_that_miss_the_margins_too_are_chosen_from_at_equal_e
     assert front[picked] == far
 
 
-def test_a_start_that_meets_the_constraints_is_the_measure_beside_a_better_one_that_does_not():
+def test_a_start_that_meets_the_constraints_is_the_measure_beside_a_better_one():
     narrow = LoopMargins(delay=0.001, rotors=(0.9, 1.1), joints=(0.0, math.inf))
     allowed, not_allowed = point(2.0, 1.0), point(1.0, 1.0, margins=narrow)
     worse = point(3.0, 0.5)

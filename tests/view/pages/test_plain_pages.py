@@ -75,7 +75,7 @@ def test_a_number_is_scaled_and_has_two_or_three_digits():
     assert [number(0.0123, 1e3), number(0.1234, 1e3), number(1.0), number(None)] == ["12.3", "123", "1.00", "-"]
 
 
-def test_a_table_in_markdown_stands_under_its_caption_unless_its_section_has_that_name():
+def test_a_table_in_markdown_has_its_caption_unless_its_section_is_called_so():
     table = sections.Table(head=["law", ">error"], rows=[["a", "1"]], caption="Laws")
     rows = "| law | error |\n| --- | ---: |\n| a | 1 |"
     assert table.markdown() == f"Laws:\n\n{rows}"
