@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skyarm.flight_data.columns_file import columns_from, read_columns
+from skyarm.flight_data.columns_file import QuantitySource, columns_from, read_columns
 from skyarm.flight_data.flight_data import FlightData, load_flight
-from skyarm.flight_data.raw_tables import _ordinal
+from skyarm.flight_data.raw_tables import RawTable, _fastest, _ordinal
 from skyarm.records.files import read_toml
 
 FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
@@ -295,3 +295,14 @@ def test_a_minus_belongs_to_a_column_that_bears_it(tmp_path: Path) -> None:
 def test_ordinal_numbers_of_rows() -> None:
     numbers = {2: "2nd", 3: "3rd", 4: "4th", 11: "11th", 12: "12th", 13: "13th", 21: "21st", 111: "111th"}
     assert {count: _ordinal(count) for count in numbers} == numbers
+
+
+def test_a_source_whose_first_column_never_has_a_number_is_passed_over() -> None:
+    full, empty = np.arange(9.0), np.full(9, np.nan)
+    tables = {
+        "fast": RawTable(columns={"a": empty, "b": full}, time=0.01 * full),
+        "slow": RawTable(columns={"a": full, "b": full}, time=0.1 * full),
+    }
+    fast, slow = (QuantitySource(columns=("a", "b"), topic=name) for name in tables)
+    assert _fastest(tables, (fast, slow)) is slow
+    assert _fastest(tables, (fast,)) is None
