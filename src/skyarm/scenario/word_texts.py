@@ -40,7 +40,9 @@ PATHS: Mapping[str, WordText] = {
     "title": WordText("description in one line"),
     "duration": WordText("length of the flight", "", "above 0, whole control periods"),
     "seed": WordText("seed of all random numbers", "", "0 to 2^32 - 1"),
-    "episode": WordText("number of the flight in a study; with `seed` it gives all random numbers", "", "0 to 2^32 - 1"),
+    "episode": WordText(
+        "number of the flight in a study; with `seed` it gives all random numbers", "", "0 to 2^32 - 1"
+    ),
     "rates": WordText("[clocks of the loop](#rates)", "see its table"),
     "rates.physics": WordText(
         "rate of the physics steps; delays of commands are whole steps",
@@ -74,16 +76,21 @@ PATHS: Mapping[str, WordText] = {
     "model.payload.frame": WordText("frame that carries the payload", "the tip"),
     "controller": WordText("[law with its gains](#controller)"),
     "controller.preset": WordText("controller with published gains, without other options", "none"),
-    "controller.law": WordText("law with options: [cards of the laws](laws.md)", "required without `preset`, `autopilot` or a file in `tuned`"),
+    "controller.law": WordText(
+        "law with options: [cards of the laws](laws.md)", "required without `preset`, `autopilot` or a file in `tuned`"
+    ),
     "controller.autopilot": WordText("[autopilot](autopilots.md) that flies the base in place of a law", "none"),
     "controller.tuned": WordText(
-        "true: the shipped gains that were found for `law`; a path: a [file of gains](tuning.md), which names its law", "false"
+        "true: the shipped gains that were found for `law`; a path: a [file of gains](tuning.md), which names its law",
+        "false",
     ),
     "controller.servos": WordText(
         "torques become [setpoints of the model's drives](actuators.md#torque-laws-on-servos)",
         "true if the model has drives",
     ),
-    "controller.safety": WordText("true: a [safety layer](#safety) around the law; a table: the same with these limits", "false"),
+    "controller.safety": WordText(
+        "true: a [safety layer](#safety) around the law; a table: the same with these limits", "false"
+    ),
     "controller.safety.stow": WordText("pose of the arm in recovery", "middle of the range; 0 without limits"),
     "controller.safety.climb": WordText("", "half of gravity"),
     "controller.safety.stiffness": WordText("", "measured on the law; 5.0 for `nmpc`"),
@@ -116,9 +123,7 @@ PATHS: Mapping[str, WordText] = {
     "reference.push": WordText("[commanded contact force](pressing.md) of the tip", "none"),
     "reference.load": WordText("above 0.5 while the tip is commanded to hold a [load](carrying.md)", "none"),
     "reference.governor.joint_speed": WordText("largest speed of the joints", "no limit"),
-    "sensors": WordText(
-        "[white noise of the measured state, and named sensors](#sensors)", "no noise"
-    ),
+    "sensors": WordText("[white noise of the measured state, and named sensors](#sensors)", "no noise"),
     "sensors.*": WordText("[sensor](sensors.md) of this name in addition to the full state", "none"),
     "sensors.*.kind": WordText("kind of the sensor"),
     "estimator": WordText(
@@ -131,7 +136,9 @@ PATHS: Mapping[str, WordText] = {
     "delays.command": WordText("", "", STEPS, RESPONSE),
     "delays.rotors": WordText("", "", STEPS, RESPONSE),
     "delays.joints": WordText("", "", STEPS, RESPONSE),
-    "delays.longest_command": WordText(f"upper bound of `command` + `rotors` and of `command` + `joints`; {WHEN}", "none"),
+    "delays.longest_command": WordText(
+        f"upper bound of `command` + `rotors` and of `command` + `joints`; {WHEN}", "none"
+    ),
     "initial": WordText("[state at t = 0](#initial)", "hover on the reference"),
     "initial.position": WordText("", "the reference"),
     "initial.velocity": WordText("", "0"),
