@@ -246,8 +246,8 @@ def test_the_example_of_the_documentation_is_read() -> None:
 def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "identification.md").read_text("utf-8")
     (mapping,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    head = "t,p,q,r,ax,ay,az,qx,qy,qz,qw,vn,ve,vd,m1,m2,m3,m4\n"
-    row = "0,0,90,0,0,1,0,0,0,1,0.1,0.2,0.3,1000,1500,2000,1250\n"
+    head = "t,p,q,r,ax,ay,az,qx,qy,qz,qw,vn,ve,vd,m1,m2,m3,m4,q1,q2,tau1,tau2\n"
+    row = "0,0,90,0,0,1,0,0,0,1,0.1,0.2,0.3,1000,1500,2000,1250,90,0,0.1,-0.2\n"
     rows = f"0,{row}10000,{row}"
     found = flight(tmp_path, head + rows, mapping)
     assert found.unused == ()
@@ -257,6 +257,8 @@ def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
     assert found["quaternion"].values[0] == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert found["velocity"].values[0] == pytest.approx([0.1, -0.2, -0.3])
     assert found["rotor_commands"].values[0] == pytest.approx([0.0, 0.5, 1.0, 0.25])
+    assert found["joint_positions"].values[0] == pytest.approx([np.pi / 2.0, 0.0])
+    assert found["joint_efforts"].values[0] == pytest.approx([0.1, -0.2])
 
 
 QUATERNION = '[quaternion]\ncolumns = ["w", "x", "y", "z"]\n'
