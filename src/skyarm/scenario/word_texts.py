@@ -32,6 +32,7 @@ VEHICLES = "a shipped name, or a path relative to this file"
 PERIODS = "whole control periods"
 STEPS = "whole physics steps"
 RESPONSE = "larger values make the law act on an older state; the loop loses phase"
+LATE = "larger values make commands take effect later; the loop loses phase"
 WHEN = "needed only where changes or sweeps vary one of them"
 
 PATHS: Mapping[str, WordText] = {
@@ -48,7 +49,7 @@ PATHS: Mapping[str, WordText] = {
         "rate of the physics steps; delays of commands are whole steps",
         "",
         "1 to 1e6",
-        "higher rates integrate more exactly and take longer; the usual `rk4` of `rigid_body` does not step by it",
+        "higher rates integrate more exactly and take longer; the default `rk4` of `rigid_body` ignores it",
     ),
     "rates.control": WordText(
         "rate at which the law is called",
@@ -133,9 +134,9 @@ PATHS: Mapping[str, WordText] = {
     "estimator.kind": WordText("kind of the estimator"),
     "delays": WordText("[dead times of the loop](#delays)", "none"),
     "delays.measurement": WordText("", "", PERIODS, RESPONSE),
-    "delays.command": WordText("", "", STEPS, RESPONSE),
-    "delays.rotors": WordText("", "", STEPS, RESPONSE),
-    "delays.joints": WordText("", "", STEPS, RESPONSE),
+    "delays.command": WordText("", "", STEPS, LATE),
+    "delays.rotors": WordText("", "", STEPS, LATE),
+    "delays.joints": WordText("", "", STEPS, LATE),
     "delays.longest_command": WordText(
         f"upper bound of `command` + `rotors` and of `command` + `joints`; {WHEN}", "none"
     ),
@@ -193,12 +194,13 @@ FIELDS: Mapping[tuple[str, str], WordText] = {
     ("Fault", "start"): WordText("time at which the fault begins"),
     ("Fault", "stuck"): WordText("the joint is locked from `start` on"),
     ("Fault", "effectiveness"): WordText(
-        "fraction of its force that the actuator still gives; several multiply", "required unless `stuck`"
+        "fraction of its force that the actuator still gives; those of several faults of one actuator multiply",
+        "required unless `stuck`",
     ),
     ("Gust", "peak"): WordText("", "required"),
     ("Gust", "start"): WordText("time at which the gust begins", "required"),
     ("Gust", "duration"): WordText("length of the gust", "required"),
-    ("Gust", "shape"): WordText("course over time: constant, or one minus a cosine"),
+    ("Gust", "shape"): WordText("course over time; a step is constant from start to end"),
     ("GustyWind", "gust"): WordText("gust, or a list of gusts", "none"),
     ("MovingAir", "turbulence"): WordText("Dryden turbulence at low altitude, u axis along the mean wind", "none"),
     ("Ramp", "start"): WordText("time at which the ramp begins"),

@@ -150,7 +150,7 @@ class Joint:
         Scalar,
         Unit(
             "s/rad or s/m",
-            "relative increase of the stop's force per speed into it",
+            "the stop's force is multiplied by 1 + `stop_damping` * speed into the stop",
             **SHARE,
             effect="higher values let the joint bounce less off its stops",
         ),

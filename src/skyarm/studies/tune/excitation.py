@@ -45,7 +45,7 @@ STEPPED = 8.0
 """Time (s) of the step of the base."""
 
 STEP = 0.3
-"""Step (m) of the base at the end, as in the paper's Case 3."""
+"""Position step (m) of the base that ends the excitation flight, as in Case 3 of Barakou et al. (2026)."""
 
 HEIGHT = 10.0
 """Height (m) of the flight, far from the ground."""
