@@ -79,7 +79,7 @@ def entries() -> Mapping[str, Entry]:
 
 def blocks(text: str) -> dict[str, str]:
     """Content of the measured blocks of a page by their names."""
-    return {name: body for name, body in BLOCK.findall(text)}
+    return dict(BLOCK.findall(text))
 
 
 def unwrapped(body: str) -> str:

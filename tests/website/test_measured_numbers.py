@@ -1,4 +1,4 @@
-"""No measured table without its command: blocks of the pages, entries of numbers.toml, scripts and their small forms."""
+"""No measured table without its command: blocks of the pages, entries, scripts, small forms."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_every_block_has_an_entry_and_every_entry_its_block() -> None:
     assert Counter(found) == Counter((each.name, each.page) for each in entries().values())
     for page, text in PAGES.items():
         names = re.findall(r"^<!-- measured: ([^\n]*) -->$", text, re.M)
-        assert names == list(blocks(text)) and len(set(names)) == len(names), f"{page}: a block is open or twice there"
+        assert names == list(dict.fromkeys(names)) == list(blocks(text)), f"{page}: a block is open or twice there"
         assert text.count("<!-- /measured -->") == len(names), page
 
 
@@ -88,7 +88,7 @@ def test_the_scripts_of_an_entry_are_there(entry: Entry) -> None:
     assert entry.way in {"prints", "writes", "compares"}
     if entry.elsewhere:
         assert len(entry.elsewhere) > 20, "a reason in words"
-        assert not entry.small and not entry.gate
+        assert not f"{entry.small}{entry.gate}"
     named = SCRIPT.findall(f"{entry.command} {entry.small} {entry.gate}")
     for name in named:
         assert (ROOT / name).is_file() or list(ROOT.glob(name)), f"{name} is not there"
@@ -218,9 +218,11 @@ def test_a_file_that_a_command_continues_is_removed_for_another_tree(toy: Path) 
 
 def test_a_long_last_line_is_wrapped_and_read_again() -> None:
     line = last_line("0.4.0", "AMD EPYC (2 cores)", "python tests/control/measure_boxes.py --bandwidth 0.7 --seeds 2 9")
-    assert max(map(len, line.splitlines())) <= 100 and line.count("\n") == 2
+    assert max(map(len, line.splitlines())) <= 100
+    assert line.count("\n") == 2
     found = LAST.search(unwrapped(f"{TABLE}\n\n{line}"))
-    assert found is not None and found["machine"] == "AMD EPYC (2 cores)"
+    assert found is not None
+    assert found["machine"] == "AMD EPYC (2 cores)"
     kept = {"version": "9", "machine": "m", "tables": "| a | b |\n|-|-:|\n| 5 | 6 |"}
     page = filled(PAGE, TOY, kept)
     assert "| 5 | 6 |\n\nskyarm 9, m, `python tests/toy.py`.\n" in page
