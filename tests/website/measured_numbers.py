@@ -18,6 +18,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -38,7 +39,7 @@ WIDTH = 100
 
 BLOCK = re.compile(r"^<!-- measured: ([\w-]+) -->\n(.*?)^<!-- /measured -->$", re.M | re.S)
 LAST = re.compile(r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), `(?P<command>[^`]+)`\.\n\Z", re.M)
-SCRIPT = re.compile(r"\btests/[\w/.-]+\.py\b|\bexamples/[\w/.-]+\.py\b")
+SCRIPT = re.compile(r"\b(?:tests|examples|research)/[\w/.-]+\.py\b")
 RULE = re.compile(r"\|[\s:|-]+\|$")
 ROOMS = (TESTS, TESTS / "website", TESTS / "studies" / "bench", TESTS / "studies" / "identify")
 """Folders besides that of a script where it finds modules."""
@@ -56,7 +57,7 @@ class Entry:
         way: "prints" (Markdown tables on the standard output), "writes" (its part of the page) or "compares" (a test
             that fails if fresh flights differ from the page).
         elsewhere: why this command is not run by ``make numbers``; empty if it is.
-        continues: file with which an interrupted command continues itself; of another tree it is removed.
+        continues: file or folder with which an interrupted command continues itself; of another tree it is removed.
     """
 
     name: str
@@ -207,7 +208,10 @@ def prepare(entry: Entry) -> None:
     """Remove what the command would continue of another tree."""
     begun, now = KEPT / f"{entry.name}.begun", digest(entry)
     if entry.continues and (not begun.is_file() or begun.read_text("utf-8") != now):
-        (ROOT / entry.continues).unlink(missing_ok=True)
+        left = ROOT / entry.continues
+        if left.is_dir():
+            shutil.rmtree(left)
+        left.unlink(missing_ok=True)
         (ROOT / entry.continues).parent.mkdir(parents=True, exist_ok=True)
     begun.write_text(now, "utf-8")
 
