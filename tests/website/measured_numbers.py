@@ -38,7 +38,7 @@ WIDTH = 100
 """Letters of a line of a page."""
 
 BLOCK = re.compile(r"^<!-- measured: ([\w-]+) -->\n(.*?)^<!-- /measured -->$", re.M | re.S)
-LAST = re.compile(r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), `(?P<command>[^`]+)`\.\n\Z", re.M)
+LAST = re.compile(r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), (?:`(?P<command>[^`]+)`|no command)\.\n\Z", re.M)
 SCRIPT = re.compile(r"\b(?:tests|examples|research)/[\w/.-]+\.py\b")
 RULE = re.compile(r"\|[\s:|-]+\|$")
 ROOMS = (TESTS, TESTS / "website", TESTS / "studies" / "bench", TESTS / "studies" / "identify")
@@ -50,7 +50,8 @@ class Entry:
     """A measured block of a page.
 
     Attributes:
-        name: of the block. page, section: where it stands. command: makes it, from the root of a clone.
+        name: of the block. page, section: where it stands. command: makes it, from the root of a clone; empty if none
+            was kept.
         minutes: about, on one machine. small: the same command at a size of seconds.
         gate: "site" or "thorough": the mark under which ``test_measured_numbers.py`` runs ``small``; or the test file
             that flies rows of the table itself.
@@ -63,7 +64,7 @@ class Entry:
     name: str
     page: str
     section: str
-    command: str
+    command: str = ""
     minutes: float = 0.0
     small: str = ""
     gate: str = ""

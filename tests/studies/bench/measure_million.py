@@ -28,8 +28,8 @@ metrics = ["ee_error_mean"]
 [vary]
 "plant.vehicle.base.mass" = {{ uniform = [0.75, 0.85] }}
 "plant.payload.mass" = {{ uniform = [0.0, 0.05] }}
-"environment.wind.force_W.x" = {{ normal = [0.0, 0.5] }}
 "plant.vehicle.links.0.joint.damping" = {{ log_uniform = [0.0005, 0.01] }}
+"plant.vehicle.links.1.joint.damping" = {{ log_uniform = [0.0005, 0.01] }}
 "reference.base.radius" = {{ uniform = [0.2, 0.4] }}
 """
 """Five varied numbers; flights of 30 s."""
