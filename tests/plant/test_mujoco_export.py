@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
+from skyarm.dynamics.actuators.hover import HoverTrim
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import START, mjcf_text
@@ -110,6 +111,18 @@ def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
     # rotors in one place cannot be mixed: they stand still in the keyframe
     together = tuple(replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors)
     assert tuple(loaded(replace(vehicle, rotors=together))[0].key(0).ctrl) == (0.0,) * 4
+
+
+@pytest.mark.parametrize(("least", "still"), [(0.0, False), (100.0, False), (-1.0, True)])
+def test_a_rotor_that_idles_in_hover_leaves_the_others_their_thrust(least, still, monkeypatch):
+    """One that would have to push backwards does not: then all of the keyframe's rotors stand still."""
+    vehicle, squared = hummingbird_arm(), (least, 4e4, 9e4, 1.6e5)
+    trim = HoverTrim(tuple(max(each, 0.0) ** 0.5 for each in squared), squared, 1.0, (0.0, 0.0))
+    monkeypatch.setattr("skyarm.plant.mujoco_export.hover_trim", lambda *_: trim)
+    shares = [each / 1.6e5 for each in (max(least, 0.0), 4e4, 9e4, 1.6e5)]
+    thrusts = loaded(vehicle)[0].key(0).ctrl[:4]
+    np.testing.assert_allclose(thrusts, [0.0 if still else each * thrusts[3] for each in shares], rtol=1e-5)
+    assert (thrusts[3] == 0.0) == still
 
 
 def test_names_that_collide_still_load():

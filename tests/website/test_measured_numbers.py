@@ -50,6 +50,7 @@ UNMEASURED = {
     "equation of the paper": "where each equation stands in the source",
     "section": "commands and minutes of the tables",
     "command": "commands and minutes of the tables",
+    "loop of PX4": "gains by a rule, computed",
     "property": "properties of the cache of machine code",
 }
 """First head of a table of a results page that is not measured -> what it is about."""
