@@ -212,9 +212,8 @@ def train(seed, iterations=ITERATIONS, worlds=WORLDS):
     adam = (zeros, zeros, 0.0)
     seen, _ = envs.reset(seed=seed * worlds)
     rest = np.zeros(envs.action_space.shape, np.float32)
-    for part in range(
-        min(16, worlds)
-    ):  # worlds begin at different times, or all of a rollout would be of one part of the flight
+    # worlds begin at different times, or all of a rollout would be of one part of the flight
+    for part in range(min(16, worlds)):
         for _ in range(100):
             envs.step(rest)
         seen, _ = envs.reset(options={"reset_mask": np.arange(worlds) % 16 == part})
@@ -278,10 +277,8 @@ def main():
     heads = ("flown", "nominal plant, mm", "perturbed: mean, mm", "median, mm", "95 %, mm", "completed, of 200")
     print(f"\n| {' | '.join(heads)} |\n|{'-|' * len(heads)}")
     row("the paper's law", skyarm.load_scenario("case3_wind").controller)
-    row(
-        "the paper's law and an integral of the tip error, 0.5 1/s",
-        with_integral(skyarm.load_scenario("case3_wind")),
-    )
+    law = with_integral(skyarm.load_scenario("case3_wind"))
+    row("the paper's law and an integral of the tip error, 0.5 1/s", law)
     for seed, (envs, policy, _) in zip(seeds, runs, strict=True):
         row(f"policy, seed {seed}", learn.as_law(policy, envs, name="learned"))
     row("`centroidal_tip`", skyarm.load_scenario("case3_wind", controller="centroidal_tip").controller)

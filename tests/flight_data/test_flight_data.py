@@ -11,6 +11,7 @@ import pytest
 from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat, load_flight
 from skyarm.records.registry import RegistryError, load_plugin
 from skyarm.records.registry.registrations import registering_for
+from support.components import registry_kept
 
 TIME = np.array([0.0, 0.1, 0.2, 0.4])
 
@@ -73,7 +74,7 @@ def test_a_format_of_one_s_own_is_found_by_first_bytes_suffix_and_name(tmp_path:
     (tmp_path / "flight.csv").write_text("LAB1\n0 1 2 3\n1 4 5 6\n")
     (tmp_path / "other.dat").write_text("LAB1\n0 1 2 3\n1 4 5 6\n")
     (tmp_path / "named.dat").write_text("head\n0 1 2 3\n1 4 5 6\n")
-    with suppress(_OverError), registering_for("a test"):
+    with suppress(_OverError), registry_kept(), registering_for("a test"):
         load_plugin(str(tmp_path / "lab_format.py"))
         for name, kind in (("flight.csv", ""), ("other.dat", ""), ("named.dat", "lab")):
             np.testing.assert_array_equal(

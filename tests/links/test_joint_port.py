@@ -23,6 +23,7 @@ from skyarm.links.joint_port import (
 )
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.components import registry_kept
 
 
 @pytest.fixture
@@ -227,10 +228,11 @@ def test_a_users_function_makes_a_port(tmp_path):
         "def wrong(vehicle):\n    return vehicle\n"
     )
     vehicle = load_vehicle("hummingbird_arm2")
-    assert open_joints(f"{file}:make", vehicle).count == 2
-    for maker, words in (("wrong", "wrong must return a JointLink"), ("none", "must have a function 'none'")):
-        with pytest.raises(JointPortError, match=words):
-            open_joints(f"{file}:{maker}", vehicle)
+    with registry_kept():
+        assert open_joints(f"{file}:make", vehicle).count == 2
+        for maker, words in (("wrong", "wrong must return a JointLink"), ("none", "must have a function 'none'")):
+            with pytest.raises(JointPortError, match=words):
+                open_joints(f"{file}:{maker}", vehicle)
 
 
 def test_the_newest_ages_are_kept_and_all_commands_counted(server, arm, monkeypatch):
