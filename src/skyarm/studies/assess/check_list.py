@@ -204,7 +204,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "force without a sensor",
         "note",
-        f"error of the estimated force for a torque scale that is {ASSUMED.torques:.0%} off",
+        f"error of the estimated force if all joint torques are {ASSUMED.torques:.0%} off",
         "`tolerances`, or a force sensor",
     ),
     Check(SCENARIO, STEPS, "fault", "integration steps of the contact for the mass of the tip", "softer material"),
