@@ -44,9 +44,20 @@ def tip_error(servo: PositionServo | None) -> float:
     return 1e3 * skyarm.score(skyarm.run(scenario), ["standard_continuous"])["ee_error_mean_continuous"]
 
 
+def shown_tables() -> list[str]:
+    """TOML blocks of the page on drives."""
+    return re.findall(r"```toml\n(.*?)```", (DOCS / "actuators.md").read_text("utf-8"), re.DOTALL)
+
+
+def test_the_battery_of_the_page_has_numbers_of_the_example() -> None:
+    _, text = shown_tables()
+    battery = tomllib.loads(text)["battery"]
+    assert len(battery) == 5
+    assert battery.items() <= tomllib.loads(EXAMPLE)["battery"].items()
+
+
 def test_the_smallest_servo_of_the_page_has_the_required_keys() -> None:
-    (text,) = re.findall(r"```toml\n(.*?)```", (DOCS / "actuators.md").read_text("utf-8"), re.DOTALL)
-    (servo,) = tomllib.loads(text)["drives"].values()
+    (servo,) = tomllib.loads(shown_tables()[0])["drives"].values()
     numbers = {name: value for name, value in servo.items() if name != "kind"}
     usual = {field.name: field.default for field in dataclasses.fields(PositionServo)}
     assert set(numbers) == {name for name, value in usual.items() if value is dataclasses.MISSING}

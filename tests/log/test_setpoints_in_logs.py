@@ -61,6 +61,8 @@ def test_torques_that_are_not_known_are_no_metrics():
     assert [unit is not None for unit in names_of(mixed()).setpoints] == [True, False]
     assert not [name for name in metric_names(["all"], 2, scenario.commands_setpoints) if name.startswith("tau")]
     assert [name for name in metric_names(["effort"], 2, (True, False)) if "tau" in name] == ["tau2_rms"]
+    assert metric_names(["efforts"], 2, (True, False)) == ("tau2_rms",)
+    assert metric_names(["efforts"], 2) == ("tau1_rms", "tau2_rms")
     with pytest.raises(ValueError, match="'tau1_rms': must be left out: joint 1 is told setpoints"):
         metric_names(["tau1_rms"], 2, (True, False))
     assert not [name for name in skyarm.score(log()) if "tau" in name]

@@ -12,7 +12,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.drive import TorqueDrive
+from skyarm.dynamics.actuators.drive import Drive, TorqueDrive
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
@@ -51,6 +51,15 @@ def test_the_standing_setpoint_is_the_drives_own():
     servo = first_loop_state(driven(scenario, joint2=Servo(stiffness=5.0))).agent.queue[0].efforts
     assert abs(torque[1]) > 0.01
     assert servo == (torque[0], pytest.approx(start.joints[1] + torque[1] / 5.0, rel=1e-15))
+
+
+@pytest.mark.parametrize(("torques", "told"), [(True, 0.3), (False, 0.1)])
+def test_a_drive_that_states_no_setpoint_is_told_the_torque_or_else_the_position(torques, told):
+    class Own(Drive):
+        takes_torque = torques
+
+    assert Own().standing(0.3, 0.1) == told
+    assert Own().setpoint((), 0.3, 0.1, 0.0, 0.005) == told
 
 
 def test_a_drive_that_gives_its_setpoint_is_none():

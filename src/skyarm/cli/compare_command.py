@@ -66,10 +66,10 @@ def compare(
     laws: Laws = None,
     only: Annotated[str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas")] = None,
     vehicle: Annotated[
-        str, typer.Option(help="of the envelope, with an arm", autocompletion=name_completion("vehicle"))
+        str, typer.Option(help="of envelope-suite: a vehicle with an arm", autocompletion=name_completion("vehicle"))
     ] = PAPER,
     plants: Annotated[int | None, typer.Option(help=f"perturbed plants, {PLANTS}; worlds in contact, {WORLDS}")] = None,
-    seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = SEEDS,
+    seeds: Annotated[int, typer.Option(help="noisy flights on the unperturbed plant")] = SEEDS,
     seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
     quick: Annotated[bool, typer.Option("--quick", help=f"two values of each axis; {QUICK} worlds in contact")] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",

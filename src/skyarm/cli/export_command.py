@@ -48,7 +48,7 @@ OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 def export(
     context: typer.Context,
     what: Annotated[
-        str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or one")
+        str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or a scenario")
     ],
     to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c; mjcf")] = None,
     file: Annotated[str | None, out_option("file to write; for a log beside it if left out")] = None,

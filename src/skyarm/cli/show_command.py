@@ -30,7 +30,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="[VEHICLE|FLIGHT|words]",
-            help="a vehicle's file or name, or a log; words: of a scenario file; the library if left out",
+            help="a vehicle's file or name, or a log; words: the keys of a scenario file; left out: what ships",
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,

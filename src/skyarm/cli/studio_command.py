@@ -56,7 +56,7 @@ def studio(
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
-    horizon: Annotated[float, typer.Option(help="s, until the model is set back to the measured state")] = 1.0,
+    horizon: Annotated[float, typer.Option(help="s, after which the model is set back to the measured state")] = 1.0,
     delay: Annotated[float | None, typer.Option(help="s, of the commands [as identified with the vehicle]")] = None,
     columns: Annotated[
         str | None, typer.Option(metavar="FILE", help="columns of the flight's file [columns.toml beside it]")

@@ -52,11 +52,13 @@ def sweep(
         ),
     ],
     laws: Laws = None,
-    out: Annotated[str | None, out_option("folder; out/NAME of a study, FOLDER/stats of one")] = None,
+    out: Annotated[
+        str | None, out_option("folder of the results; out/NAME for a study, FOLDER/stats for a folder")
+    ] = None,
     flying: Flying = 0,
     on: On = None,
     part: Annotated[
-        str | None, typer.Option(metavar="K/N", help="of N machines that share the folder the K-th")
+        str | None, typer.Option(metavar="K/N", help="this is the K-th of N machines that share the folder")
     ] = None,
     save: Annotated[
         list[str] | None,

@@ -30,10 +30,10 @@ def fly(
     ] = None,
     laws: Laws = None,
     rate_bandwidth: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot but PX4")
+        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot other than PX4")
     ] = None,
     world: Annotated[str, typer.Option(help="here (begin at the vehicle), or local")] = "here",
-    leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
+    leash: Annotated[float, typer.Option(help="m off the reference at which the flight ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
     duration: Duration = None,
     out: Out = "out/fly",

@@ -35,7 +35,7 @@ SHORTFALL = "skyarm.log.metrics.shortfall"
 FORMATS = "log_format"
 """Registry kind of file formats, which read and write whole logs."""
 
-HELD = "reference as published and held"
+HELD = "held reference"
 
 CONTINUOUS = "continuous reference"
 
@@ -109,7 +109,7 @@ class Log:
     air_velocity: Annotated[Array, Unit("m/s", "velocity of the air at the base origin, world axes")]
     measured_position: Annotated[Array, Unit("m", "measured position of the base origin, world axes")] = _if_any()
     measured_joints: Annotated[Array, Unit("rad or m", "measured joint positions")] = _if_any()
-    lag_found: Annotated[Array, Unit("s", "lag estimated by the law beyond its nominal delay")] = _if_any()
+    lag_found: Annotated[Array, Unit("s", "lag that the law estimates in addition to its nominal delay")] = _if_any()
     load_mass_found: Annotated[Array, Unit("kg", "mass of the load, estimated by the law")] = _if_any()
     load_place_found: Annotated[
         Array, Unit("m", "centre of mass of the load, estimated by the law, axes of the tip")

@@ -36,8 +36,8 @@ class Body:
             exists in a controller's model only; a plant refuses it.
     """
 
-    mass: Annotated[Scalar, Unit("kg", "mass of the link", low=0.0, rule=coefficient)]
-    com: Annotated[Vec3, Unit("m", "centre of mass of the link, link axes", rule=vector, usual=FARTHEST)] = ZERO3
+    mass: Annotated[Scalar, Unit("kg", "mass of the body", low=0.0, rule=coefficient)]
+    com: Annotated[Vec3, Unit("m", "centre of mass of the body, link axes", rule=vector, usual=FARTHEST)] = ZERO3
     inertia: Annotated[Sym3, Unit("kg m^2", "inertia about the centre of mass, link axes", rule=inertia)] = Sym3(
         0, 0, 0
     )

@@ -108,8 +108,11 @@ class Drive:
         return math.inf
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint that holds a motionless joint before the first command, from the holding torque."""
-        return position
+        """Setpoint that holds a motionless joint before the first command, from the holding torque.
+
+        That torque itself for a drive that takes torques, else the joint's position.
+        """
+        return effort if self.takes_torque else position
 
     def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Scalar:
         """Setpoint by which the drive gives a desired torque or force, for control laws that command torque.

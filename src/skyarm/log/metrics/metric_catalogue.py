@@ -154,6 +154,9 @@ STANDARD = (
     *("peak_position", "iae_position", "iae_joint", "efforts"),
 )
 
+EFFORTS = "efforts"
+"""Name for the torques of all joints, alone and in groups."""
+
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "standard": STANDARD,
     "gust": (*GUST, "gust_pitch_rms", "gust_peak_pitch"),
@@ -208,7 +211,8 @@ def _result(name: str, metric: Metric, memory: Tree, instants: Array, period: fl
 def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = ()) -> tuple[str, ...]:
     """Expand metric names and groups such as "standard" to a list of names, each once.
 
-    A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
+    A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one, the word
+    "efforts" for the torque of every joint.
 
     Args:
         words: names and groups.
@@ -230,6 +234,8 @@ def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = 
             raise ValueError(f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints of its drive")
         if isinstance(word, str) and word in every:
             expanded.append(word)
+        elif word == EFFORTS:
+            expanded += [name for name in _written_out(word, joints) if name not in without]
         elif group in GROUPS:
             listed = [name for one in GROUPS[group] for name in _written_out(one, joints) if name not in without]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
@@ -242,7 +248,7 @@ def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = 
 
 
 def _written_out(name: str, joints: int) -> list[str]:
-    return [f"tau{i + 1}_rms" for i in range(joints)] if name == "efforts" else [name]
+    return [f"tau{i + 1}_rms" for i in range(joints)] if name == EFFORTS else [name]
 
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:

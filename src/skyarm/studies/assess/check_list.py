@@ -58,7 +58,13 @@ CHECKS: tuple[Check, ...] = (
         f"weight over disc area, between {DISC_LOADING[0]:g} and {DISC_LOADING[1]:g} N/m^2",
         "check masses (kg) and rotor positions (m)",
     ),
-    Check(VEHICLE, "rotors", "fault", "rotors that span torque about all axes and thrust", "check axes and positions"),
+    Check(
+        VEHICLE,
+        "rotors",
+        "fault",
+        "whether the rotors give torque about all axes and thrust",
+        "check axes and positions",
+    ),
     Check(VEHICLE, "axes of the rotors", "fault", "positive thrust points down", "turn the axis round"),
     Check(
         VEHICLE,
@@ -184,7 +190,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "yaw while pressing",
         "ok, warning",
-        f"yaw torque of pushing and sliding; warning above {HALF:g} of what the rotors have",
+        f"yaw torque of pushing and sliding over that of the rotors; warning above {HALF:g}",
         "less force, a shorter reach",
     ),
     Check(
@@ -198,7 +204,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "force without a sensor",
         "note",
-        f"error of the estimated force for a torque scale that is {ASSUMED.torques:.0%} off",
+        f"error of the estimated force if all joint torques are {ASSUMED.torques:.0%} off",
         "`tolerances`, or a force sensor",
     ),
     Check(SCENARIO, STEPS, "fault", "integration steps of the contact for the mass of the tip", "softer material"),

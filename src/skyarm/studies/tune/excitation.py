@@ -58,7 +58,7 @@ SPEED = (0.2, 0.8)
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
-    """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and frequencies are program inputs."""
+    """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and frequencies are inputs."""
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),
