@@ -66,6 +66,21 @@ def wrong_with(line: str) -> str | None:
     return None
 
 
+DIALECT = re.compile(r"\b(?:of your own|mine)\b|\bseen[.:]")
+"""Words of starter files that the textbook does not have."""
+
+
+def test_starter_files_have_the_words_of_the_textbook() -> None:
+    starters = [*(SOURCE / "cli/starters").glob("*.txt")]
+    assert starters
+    for path in starters:
+        text = path.read_text("utf-8")
+        assert [found[0] for words in (PEOPLE, DIALECT) for found in words.finditer(text)] == [], path.name
+        if path.name.endswith(".py.txt"):
+            for line, first in first_lines(ast.parse(text)):
+                assert wrong_with(first) is None, f"{path.name}:{line}: {first}"
+
+
 def first_lines(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Line number and first line of every docstring of a module."""
     for node in ast.walk(tree):
