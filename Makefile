@@ -10,9 +10,10 @@ OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
+NUMBERS ?=
 GATES := types test docs fresh thorough attack digests browser peers ray
 
-.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench peers ray lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope numbers fresh browser thorough attack digests mutants bench peers ray lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
@@ -23,6 +24,7 @@ help:
 	@echo "make docs         fill the generated tables of the pages, build the site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
 	@echo "make envelope     fly the envelope of the laws anew into out/envelope; writes docs' tables and figure of it"
+	@echo "make numbers      run the commands behind the measured tables of docs that were not run for this tree, write the tables; NUMBERS='--list' names them; hours"
 	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the commands shown"
 	@echo "make browser      the studio's page in Chromium, drawn in software; needs node, npm and Chromium"
 	@echo "make thorough     more cases of what 'make test' samples: laws, vehicles, files, junk: some minutes"
@@ -122,6 +124,10 @@ ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip
 envelope: $(VENV)/.test
 	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope --laws $(ENVELOPE_LAWS)
 	$(BIN)/python tests/website/envelope_of_laws.py out/envelope
+
+# NUMBERS='--only delays' measures one table; what ended is kept in out/numbers
+numbers: $(VENV)/.thorough
+	$(BIN)/python tests/website/measured_numbers.py $(NUMBERS)
 
 fresh:
 	$(PYTHON) tests/release.py build

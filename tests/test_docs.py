@@ -77,7 +77,10 @@ def test_the_parts_of_the_page_say_what_their_comments_say():
         for head in ("[[reference.joints]]", "[[changes]]")
     )
     whole = tomllib.loads(example())
-    assert sine["reference"]["joints"] == whole["reference"]["joints"][:1]
+    first, second = sine["reference"]["joints"]
+    assert first == whole["reference"]["joints"][0]
+    assert second == {"kind": "constant", "value": 0.0}
+    assert skyarm.scenario_from(whole | {"reference": {"base": whole["reference"]["base"]} | sine["reference"]})
     assert change["changes"] == whole["changes"]
     scenario = skyarm.scenario_from(whole)
     assert float(scenario.reference.at(1.9).joints[0]) == 0.0

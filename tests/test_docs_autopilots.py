@@ -36,7 +36,7 @@ def test_every_autopilot_is_a_column_with_its_variable() -> None:
     table = rows_of("autopilots.md", "| question | PX4 |")
     named = {row[0]: row[1:] for row in table}
     assert [each.strip("`") for each in named["name"]] == list(AUTOPILOTS)
-    for name, variable in zip(AUTOPILOTS, named["else by the variable"], strict=True):
+    for name, variable in zip(AUTOPILOTS, named["variable with its path"], strict=True):
         assert f'"{variable.strip("`")}"' in (LINKS / f"{name}.py").read_text("utf-8")
 
 

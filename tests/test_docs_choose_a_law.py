@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.catalogue import BEARS_UNDRIVEN, LAWS, is_named, make_controller
+from skyarm.control.catalogue import BEARS_UNDRIVEN, LAWS, PRESETS, is_named, make_controller, tuned_factors
 from skyarm.control.laws.centroidal.options import VALUES
 from skyarm.records.leaves import leaves
 from support.pages import DOCS
@@ -70,6 +70,18 @@ def test_a_law_reads_and_can_do_what_its_row_shows(law: str) -> None:
     assert NEEDS[law][4] == ("yes" if planned.controller.compiled else "no")
 
 
+def test_the_presets_of_a_row_are_those_of_its_law() -> None:
+    for law, (*_, shown) in NEEDS.items():
+        presets = {name for name, preset in PRESETS.items() if preset.law == law}
+        assert set(re.findall(r"`(\w+)`", shown)) == presets, law
+
+
+def test_every_law_but_those_without_gains_of_its_own_has_tuned_gains() -> None:
+    assert set(LAWS) - set(tuned_factors()) == {"centroidal", "rotors_sim_position"}
+    for law, same in (("hybrid_ct", "hybrid_computed_torque"), ("admittance_pd", "decoupled_pd")):
+        assert commands(made(law)) == pytest.approx(commands(made(same)))
+
+
 def test_without_an_accelerometer_the_centroidal_law_flies_by_velocities() -> None:
     assert NEEDS["centroidal"][0] == "used if there"
     blank = commands(made("centroidal"), specific_force=lambda force: Vec3(0.0, 0.0, 0.0))
@@ -84,6 +96,9 @@ def test_the_options_that_spare_a_sensor_do() -> None:
     assert commands(made("indi"), 1, rotor_speeds=bent) != commands(made("indi"))
     second = made("ct_ladder", steps=2)
     assert commands(second, rotor_speeds=bent) == commands(second)
+    assert NEEDS["ct_ladder"][1] == "needed by `steps` 3 to 6"
+    third = made("ct_ladder", steps=3)
+    assert commands(third, rotor_speeds=bent) != commands(third)
 
 
 def test_the_names_to_start_with_are_names() -> None:

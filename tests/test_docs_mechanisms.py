@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")
 ROWS = rows_of("mechanisms.md", "| `[[world.mechanisms]]` | type and unit | default | meaning |")
-WORDS = rows_of("mechanisms.md", "| word | motion | `size` |")
+WORDS = rows_of("mechanisms.md", "| kind | motion | `size` |")
 
 
 def test_every_field_has_a_row():

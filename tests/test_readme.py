@@ -22,6 +22,7 @@ from shown_commands import (
     words_to_run,
 )
 from skyarm.studies.compare.envelope_axes import VEHICLES
+from skyarm.studies.compare.perturbed_plants import Spread
 from support.commands import skyarm
 from support.components import registry_kept
 
@@ -178,7 +179,7 @@ def test_the_sentences_say_what_the_tables_say():
     assert [name for name, _ in limits] == list(LIMITS)
     for name, shown in limits:
         value, first, _, unit = envelope[LIMITS[name]]
-        assert shown == (f"none from {first} {unit} on" if value == "-" else f"{value} {unit}"), name
+        assert shown == (f"below {first} {unit}, the smallest tested" if value == "-" else f"{value} {unit}"), name
     whole = {axis for axis, (value, _, last, _) in envelope.items() if value == last}
     delays = ("command delay", "delay in flight", "measurement delay", *(name.replace("_", " ") for name in VEHICLES))
     assert {"circle", *delays, "motor lag", "joint lag", "payload", "noise"} <= whole
@@ -192,9 +193,18 @@ def test_as_many_vehicles_of_twice_the_mismatch_keep_the_tip_as_the_readme_says(
     words = ["compare", "envelope-suite", "--only", "wrong_plants", "--laws", "centroidal_tip"]
     code, told = run_command([*words, "--out", str(tmp_path / "envelope")])
     assert code == 0, told[-800:]
-    (row,) = re.findall(r"^\| centroidal_tip \|.* (\d+) of (\d+);[^|]*\|$", told, re.MULTILINE)
-    kept, plants = map(int, row)
-    assert f"{plants - kept} of {plants} vehicles miss the limit of 20 mm" in " ".join(README.split())
+    (row,) = re.findall(r"^\| centroidal_tip \|.* of .*\|$", told, re.MULTILINE)
+    kept = {
+        times: re.match(r"(\d+) of (\d+);", cell.strip()).groups()
+        for times, cell in zip((0.5, 1, 1.5, 2), row.strip("|").split("|")[1:], strict=True)
+    }
+    assert "| 0.5 times | 1 times | 1.5 times | 2 times |" in told
+    words = " ".join(README.split())
+    (all_kept, plants), twice = kept[1], int(kept[2][0])
+    assert all_kept == plants
+    assert f"With masses up to 20 % off, all {plants} vehicles keep within it." in words
+    assert f"With twice these differences, {int(plants) - twice} of {plants} miss it." in words
+    assert Spread().mass == 0.2
 
 
 def test_the_table_of_laws_is_what_flights_give():

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.frames import of_euler_angles, to_base, to_our_attitude, to_our_axes, turn_vectors, unit_rows
+from skyarm.algebra.frames import (
+    continuous,
+    of_euler_angles,
+    to_base,
+    to_our_attitude,
+    to_our_axes,
+    turn_vectors,
+    unit_rows,
+)
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 HALF = 0.5**0.5
@@ -97,3 +105,11 @@ def test_vectors_turn_into_the_world_and_back() -> None:
     np.testing.assert_allclose(turned, Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(v), atol=1e-12)
     np.testing.assert_allclose(to_base(q, turned), v, atol=1e-12)
     assert isinstance(to_our_attitude(*q.T), Quaternion)
+
+
+def test_a_turn_that_is_written_with_either_sign_has_those_of_one_without_jumps() -> None:
+    """Two turns about an oblique axis, whose quaternion cos(a / 2), n sin(a / 2) passes through all signs."""
+    half, n = np.linspace(0.0, 2.0 * np.pi, 60)[:, None], np.array([0.6, -0.48, -0.64])
+    steady = np.hstack([np.cos(half), n * np.sin(half)])
+    jumping = steady * np.random.default_rng(5).choice([-1.0, 1.0], (60, 1))
+    np.testing.assert_array_equal(continuous(jumping), steady * np.sign(jumping[0] @ steady[0]))

@@ -135,3 +135,12 @@ def test_a_joint_that_is_too_weak_reads_as_the_page_shows(here):
     assert found.code == 1
     for line in lines.strip().split("\n\n"):
         assert words(line) in words(found.out)
+
+
+def test_a_vehicle_that_can_fly_reads_as_the_page_shows(here):
+    assert skyarm("new", "vehicle", "my_copter").code == 0
+    found = skyarm("check", "my_copter.toml", columns=100)
+    (lines,) = re.findall(r"```text\n(note  time aloft.*?)```", PAGE, re.DOTALL)
+    assert found.code == 0
+    for line in lines.strip().split("\n\n"):
+        assert words(line) in words(found.out)

@@ -165,7 +165,15 @@ def test_an_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch
     assert needs_extra("sweep") == f"needs the extra 'sweep': {how_to_install('sweep')}"
 
 
-@pytest.mark.parametrize(("words", "command"), [(("run",), "skyarm run"), (("runn",), "skyarm"), (("-x",), "skyarm")])
+@pytest.mark.parametrize(
+    ("words", "command"),
+    [
+        (("run",), "skyarm run"),
+        (("-q", "run", "--nope"), "skyarm run"),
+        (("runn",), "skyarm"),
+        (("-x",), "skyarm"),
+    ],
+)
 def test_a_wrong_word_leads_to_the_help_of_its_command(words: tuple[str, ...], command: str) -> None:
     refused(skyarm(*words), f"; see '{command} --help'")
 

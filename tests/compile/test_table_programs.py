@@ -70,3 +70,10 @@ def test_one_number_stands_for_a_column_and_a_constant_fills_one():
     found = evaluate(program, [np.array([1.0, 2.0, 3.0]), 5.0], 3)
     assert found.tolist() == [[5.0, 10.0, 15.0], [1.0, 2.0, 3.0], [4.0, 4.0, 4.0]]
     assert evaluate(trace(lambda a: (), (0.0,)), [1.0], 7).shape == (0, 7)
+
+
+def test_a_power_of_two_is_no_number_from_1100_on_in_either_direction():
+    """As C and machine code have it, which must not convert a number that no exponent holds."""
+    with np.errstate(over="ignore"):
+        found = OPERATIONS["power_of_two"](np.array([-1100.0, -1099.5, -1074.0, 3.0, 1099.5, 1100.0]))
+    np.testing.assert_array_equal(found, [np.nan, 0.0, 5e-324, 8.0, np.inf, np.nan])

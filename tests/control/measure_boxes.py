@@ -1,21 +1,27 @@
 """Measure how well the hexarotor places boxes that it grips beside their middle: a table of docs/results_contact.md.
 
-    python tests/control/measure_boxes.py [SEEDS [SEED [KINDS [BANDWIDTH [FRICTION [DWELL]]]]]]
+    python tests/control/measure_boxes.py [--seeds 2] [--seed 211] [--grippers magnet jaw ball] [--bandwidths 1 0.7]
+                                          [--friction 0.5] [--dwell 1] [--small]
 
 Of each kind of gripper, mass and size: boxes that were picked, carried and stand within 10 mm, and how far they stand
 from where they were to be (mean and largest, mm).
 
-BANDWIDTH: option of the law, a factor of all gains. FRICTION: of a ball of 5 mm in its socket, under 60 N. DWELL: s, of
+Bandwidth: option of the law, a factor of all gains. Friction: of a ball of 5 mm in its socket, under 60 N. Dwell: s, of
 the place.
 """
 
+import argparse
 import sys
-from itertools import product
+from itertools import islice, product
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
+from support.measured_tables import print_table
 
 NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2}
 FACE, START, WAY = 0.85, (0.3, -0.2), (0.5, 0.3)
@@ -83,11 +89,29 @@ def measure(kind, seeds, seed, *told):
     for m, s in product((0.3, 0.5), (0.04, 0.1)):
         here = (mass == m) & (size == s)
         ended = here & (flown.status == "completed")
-        shown = f"{away[ended].mean():.1f} ({away[ended].max():.1f}) mm" if ended.any() else ""
-        print(f"{kind} {1e3 * m:g} g {1e2 * s:g} cm: {placed[here].sum()} of {here.sum()}; {shown}", flush=True)
+        sizes = [float(each) for each in (away[ended].mean(), away[ended].max())] if ended.any() else []
+        shown = [f"{each:.0f}" if each > 99.95 else f"{each:.1f}" for each in sizes] or ["", ""]
+        yield kind, f"{1e3 * m:g}", f"{1e2 * s:g}", f"{told[0]:g}", f"{placed[here].sum()} of {here.sum()}", *shown
+
+
+HEADS = ("gripper", "mass, g", "size, cm", "`bandwidth`", "placed", "distance from the goal, mm", "largest")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=211)
+    parser.add_argument("--grippers", nargs="+", default=["magnet", "jaw", "ball"])
+    parser.add_argument("--bandwidths", nargs="+", type=float, default=[1.0, 0.7])
+    parser.add_argument("--friction", type=float, default=0.5)
+    parser.add_argument("--dwell", type=float, default=1.0)
+    parser.add_argument("--small", action="store_true", help="one gripper, one flight of each box: seconds")
+    given = parser.parse_args()
+    told = (1 if given.small else given.seeds, given.seed)
+    ways = product(given.bandwidths, given.grippers)
+    batches = (measure(kind, *told, bandwidth, given.friction, given.dwell) for bandwidth, kind in ways)
+    print_table(HEADS, (row for batch in islice(batches, 1 if given.small else None) for row in batch))
 
 
 if __name__ == "__main__":
-    words = [*sys.argv[1:], *("2", "211", "magnet,jaw,ball", "1", "0.5", "1")[len(sys.argv) - 1 :]]
-    for each in words[2].split(","):
-        measure(each, int(words[0]), int(words[1]), float(words[3]), float(words[4]), float(words[5]))
+    main()

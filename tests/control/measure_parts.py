@@ -1,6 +1,7 @@
 """Measure what parts are worth: the table of docs/results_laws.md, of the law as it is and without one of them.
 
     python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
+                                          [--small]
 
 Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over the seeds by every law of
 ``LAWS``, or "lost" with the count of flights that ended early. Sensors of a noisy trial add 0.05 m/s^2 of noise to each
@@ -10,8 +11,12 @@ errors of ``least_tip_error.py`` are computed with.
 
 import argparse
 import dataclasses
+import sys
+from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
 
 from skyarm.control.catalogue import make_controller
 from skyarm.log.metrics.windows import Window, Windows
@@ -19,6 +24,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.envelope_axes import AXES, TIP
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
+from support.measured_tables import print_row, print_table, progress
 
 HEARD = dataclasses.replace(NOISE, specific_force=0.05)
 LAWS = {
@@ -29,22 +35,31 @@ LAWS = {
     "without preview": {"preview": 0.0},
     "without trend": {"force_trend": 0.0},
 }
-ROWS = {
-    "wind_steps": (1.0, 3.0, 5.0),
-    "turbulence": (3.0, 6.0),
-    "turning_wind": (20.0, 5.0),
-    "push_x": (1.0, 3.0),
-    "push_y": (1.0, 3.0),
-    "push_z": (1.0, 3.0),
-    "noise": (1.0,),
-    "circle": (1.0, 2.0, 3.0),
-    "vertical_noisy": (1.0,),
-    "swing": (1.0, 2.0),
-    "payload": (0.2,),
-    "command_delay": (0.01, 0.02, 0.03),
-    "motor_lag": (4.0,),
-    "joint_lag": (0.04,),
+HEADS = {
+    "usual": "all parts",
+    "velocities": "no accelerometer",
+    "calm": "`bandwidth = 0.7`",
+    "without lag": "no `lag`",
+    "without preview": "no `preview`",
+    "without trend": "no `force_trend`",
 }
+ROWS = {
+    "noise": {1.0: "noise of the comparison"},
+    "turbulence": {3.0: "turbulence, 3 m/s", 6.0: "turbulence, 6 m/s"},
+    "turning_wind": {20.0: "wind that turns in 20 s", 5.0: "wind that turns in 5 s"},
+    "wind_steps": {3.0: "wind steps, 3 N", 5.0: "wind steps, 5 N"},
+    "push_x": {1.0: "push on the tip along x, 1 N"},
+    "push_y": {1.0: "push on the tip along y, 1 N"},
+    "push_z": {3.0: "push on the tip from below, 3 N"},
+    "circle": {1.0: "circle, 1 m/s", 3.0: "circle, 3 m/s"},
+    "vertical_noisy": {1.0: "vertical 1 Hz, noisy"},
+    "swing": {2.0: "joints swing at 2 Hz"},
+    "payload": {0.2: "unknown payload of 0.2 kg"},
+    "command_delay": {0.02: "commands 20 ms late"},
+    "motor_lag": {4.0: "motors four times slower"},
+    "joint_lag": {0.04: "joints 40 ms late"},
+}
+"""Trial of the envelope -> its values, and their titles in the page."""
 
 
 def trial(name, value, law, vehicle, log=0):
@@ -105,19 +120,21 @@ def main():
     parser.add_argument("--vehicle", default=PAPER)
     parser.add_argument("--seed", type=int, default=400)
     parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--small", action="store_true", help="one row, one seed: seconds")
     asked = parser.parse_args()
     laws = [asked.law] if asked.law else list(LAWS)
-    seeds = list(range(asked.seed, asked.seed + asked.seeds))
-    only, _, single = (asked.row or "").partition(":")
-    print("| trial |", " | ".join(laws), "|", flush=True)
+    seeds = list(range(asked.seed, asked.seed + (1 if asked.small else asked.seeds)))
+    only, _, single = (asked.row or ("noise" if asked.small else "")).partition(":")
+    print_table(["trial", *(f">{HEADS[law]}" for law in laws)])
     for name, values in ROWS.items():
-        if only in ("", name):
-            for value in [float(single)] if single else values:
-                found = [error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws]
-                print(f"| {name} {value:g} {AXES[name].unit} |", " | ".join(found), "|", flush=True)
-                if name == "turbulence" and only and asked.vehicle == PAPER:
-                    flown = fly(name, value, "usual", PAPER, seeds, log=1)
-                    print(f"  sideways force per mass {sideways_force(flown):.3f} m/s^2", flush=True)
+        if only not in ("", name):
+            continue
+        for value, title in ({float(single): f"{name} {single}"} if single else values).items():
+            found = [error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws]
+            print_row([title, *found])
+            if name == "turbulence" and only and asked.vehicle == PAPER:
+                flown = fly(name, value, "usual", PAPER, seeds, log=1)
+                progress(f"sideways force per mass {sideways_force(flown):.3f} m/s^2")
 
 
 if __name__ == "__main__":

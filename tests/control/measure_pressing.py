@@ -1,66 +1,95 @@
-"""Measure how well the centroidal law presses: the rows of docs/pressing.md, a batch each.
+"""Measure how well the centroidal law presses: tables of docs/results_contact.md, a batch a row or several.
 
-    python tests/control/measure_pressing.py [SEEDS [SEED]]
+    python tests/control/measure_pressing.py pushes|approaches [--seeds 20] [--seed 5] [--small]
 
-Prints of each row of pushes how many flights came to their end, the force's error and ripple, contacts lost after 0.3
-s, the tip's error across the normal (mean and largest over the flights each), and the peak over max(force, v sqrt(k
-m_tip)); then the rows of ``measure_tasks.py``: winds, edges, loads, handles, pegs.
+``pushes``: completed flights, error and ripple of the force, and error of the tip across the normal, mean and largest
+over the flights. ``approaches``: completed flights at four speeds of approach.
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
-from measure_pressing_scenes import VEHICLES, scene
-from measure_tasks import measure
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+
+from measure_pressing_scenes import scene
 
 import skyarm
 from skyarm.simulate.batch import Batch
+from support.measured_tables import mean_and_largest, print_part
 
 FORCE, SPEED = "reference.push.force.value", "reference.push.speed"
+SPEEDS = (0.1, 0.2, 0.3, 0.5)
+"""m/s, of an approach."""
 
 
-def fly(title, name, rows, seeds, seed, **about):
-    """Every row in every seed, all in one batch."""
+def fly(name, rows, seeds, seed, **about):
+    """Every row in every seed, all in one batch: of each row the completed flights, and sizes of its metrics."""
     scenario = scene(name, **about)
     count = seeds if about.get("noisy", True) else 1
     paths = tuple(dict.fromkeys(path for row in rows for path in row))
     values = {path: np.repeat([row[path] for row in rows], count) for path in paths}
     batch = Batch(scenario, paths, metrics=("contact", "standard"), effort=0 if len(rows) * count < 40 else 2)
     flown = batch.fly(values, seed=seed, episodes=np.tile(np.arange(count), len(rows)))
-    for k, row in enumerate(rows):
+    for k in range(len(rows)):
         lanes = slice(k * count, (k + 1) * count)
-        size = {key: np.abs(column[lanes]) for key, column in flown.metrics.items()}
-        floor = max(row[FORCE], row.get(SPEED, 0.1) * np.sqrt(5000.0 * VEHICLES[name][5]))
-        shown = {"error, N": size["contact_error_mean"], "ripple, N": size["contact_ripple"],
-                 "tip, mm": 1e3 * size["contact_tip_mean"], "peak": size["contact_peak"] / floor}  # fmt: skip
         ended = int((np.asarray(flown.status)[lanes] == "completed").sum())
-        numbers = "; ".join(f"{word} {x.mean():.3f} ({x.max():.3f})" for word, x in shown.items())
-        told = f"{row[FORCE]:g} N, {row.get(SPEED, 0.1):g} m/s, {'noisy' if count == seeds else 'perfect'}"
-        print(
-            f"{title} {name} {told}: {ended} of {count}; {numbers}; lost {size['contact_losses'].sum():.0f}", flush=True
-        )
+        yield ended, count, {key: np.abs(column[lanes]) for key, column in flown.metrics.items()}
 
 
-seeds, seed = (int(word) for word in [*sys.argv[1:], *("20", "5")[len(sys.argv) - 1 :]])
-rotors = skyarm.load_vehicle("hexarotor_arm6").rotors
-weak = {f"plant.vehicle.rotors.{i}.thrust_coefficient": 0.9 * float(r.thrust_coefficient) for i, r in enumerate(rotors)}
-turn = np.radians(10.0)
-WRONG = {
-    "left": (np.sin(turn), 0.0),
-    "right": (-np.sin(turn), 0.0),
-    "up": (0.0, np.sin(turn)),
-    "down": (0.0, -np.sin(turn)),
+def rows_of(title, name, rows, seeds, seed, **about):
+    """Lines of the table of pushes."""
+    for row, (ended, count, size) in zip(rows, fly(name, rows, seeds, seed, **about), strict=True):
+        force, ripple = size["contact_error_mean"], size["contact_ripple"]
+        across = mean_and_largest(1e3 * size["contact_tip_mean"], 1)
+        numbers = [*mean_and_largest(force, 3), *mean_and_largest(ripple, 3), *across]
+        yield title, f"{row[FORCE]:g}", f"{ended} of {count}", *numbers
+
+
+def weak_rotors():
+    """Values of rotors that are 10 % weaker than nominal."""
+    rotors = enumerate(skyarm.load_vehicle("hexarotor_arm6").rotors)
+    return {f"plant.vehicle.rotors.{i}.thrust_coefficient": 0.9 * float(r.thrust_coefficient) for i, r in rotors}
+
+
+def pushes(seeds, seed):
+    """Holding and sliding."""
+    told, weak, turn = (seeds, seed), weak_rotors(), np.radians(10.0)
+    hold, hard = [{FORCE: 1.0}, {FORCE: 2.0}], [{FORCE: 5.0}]
+    yield from rows_of("arm2, [perfect state](glossary.md#perfect-state)", "arm2", hold[:1], *told, noisy=False)
+    yield from rows_of("arm2, perfect state", "arm2", hold[1:], *told, noisy=False)
+    yield from rows_of("arm2", "arm2", hold, *told)
+    yield from rows_of(
+        "arm6, rotors 10 % weaker than nominal", "arm6", [{FORCE: force, **weak} for force in (2.0, 5.0, 10.0)], *told
+    )
+    yield from rows_of("arm2 slides 0.5 m up at 0.1 m/s", "arm2", hold[:1], *told, slide=0.5)
+    yield from rows_of("arm6 slides 0.5 m up, friction 0.6", "arm6", hard, *told, friction=0.6, slide=0.5)
+    for side, y, z in (("to the left", np.sin(turn), 0.0), ("downwards", 0.0, -np.sin(turn))):
+        title = f"arm6 slides 0.3 m, normal 10 degrees off {side}"
+        yield from rows_of(title, "arm6", hard, *told, slide=0.3, normal=(-np.cos(turn), y, z))
+
+
+def approaches(seeds, seed):
+    """Completed flights, all speeds of a force together."""
+    for name, forces in (("arm2", (1.0, 2.0)), ("arm6", (2.0, 5.0, 10.0))):
+        for force in forces:
+            hits = [{FORCE: force, SPEED: speed} for speed in SPEEDS]
+            flown = list(fly(name, hits, seeds, seed, ahead=0.24, duration=7.0))
+            ended, count = (sum(each[k] for each in flown) for k in (0, 1))
+            yield name, f"{force:g}", ", ".join(f"{speed:g}" for speed in SPEEDS), f"{ended} of {count}"
+
+
+TABLES = {
+    "pushes": (
+        (
+            *("case", "force, N", "completed", "mean error, N", "largest", "ripple, N", "largest"),
+            *("tip across, mm", "largest"),
+        ),
+        pushes,
+    ),
+    "approaches": (("vehicle", "force, N", "approach, m/s", "completed"), approaches),
 }
-for noisy in (False, True):
-    fly("hold", "H", [{FORCE: 1.0}, {FORCE: 2.0}], seeds, seed, noisy=noisy)
-fly("hold, thrust -10 %,", "X", [{FORCE: force, **weak} for force in (2.0, 5.0, 10.0)], seeds, seed)
-for name, forces in (("H", (1.0, 2.0)), ("X", (2.0, 5.0, 10.0))):
-    hits = [{FORCE: force, SPEED: speed} for force in forces for speed in (0.1, 0.2, 0.3, 0.5)]
-    fly("impact", name, hits, seeds, seed, ahead=0.24, duration=7.0)
-for noisy in (False, True):
-    fly("slide", "H", [{FORCE: 1.0}], seeds, seed, noisy=noisy, slide=0.5)
-fly("slide, friction 0.6,", "X", [{FORCE: 5.0}], seeds, seed, friction=0.6, slide=0.5)
-for side, (y, z) in WRONG.items():
-    told = (-np.cos(turn), y, z)
-    fly(f"normal 10 deg {side},", "X", [{FORCE: 5.0}], seeds, seed, slide=0.3, normal=told)
-measure(seeds, seed)
+
+if __name__ == "__main__":
+    print_part(__doc__, TABLES, seeds=20, seed=5)

@@ -1,16 +1,20 @@
 """Measure the rows of contact tasks that a batch of pushes does not show: winds, edges, loads, handles, pegs.
 
-    python tests/control/measure_tasks.py [SEEDS [SEED]]
+    python tests/control/measure_tasks.py winds|edges|loads|handles|pegs [--seeds 20] [--seed 5] [--small]
 
-``measure_pressing.py`` prints these rows behind its own. Noise is that of the rows there.
+Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
 """
 
 import dataclasses
 import sys
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+
 from measure_pressing_scenes import NOISE, VEHICLES, scene_document
 
 import skyarm
@@ -22,10 +26,16 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.contact_tasks import RADIUS, TASKS
 from skyarm.world.component import Force, Wrench
+from support.measured_tables import mean_and_largest, print_part
 
 ROOT = Path(__file__).resolve().parents[2]
 
-SIDES = {"into": (2.0, 0.0), "away": (-2.0, 0.0), "left": (0.0, 2.0), "right": (0.0, -2.0)}
+SIDES = {
+    "into the wall": (2.0, 0.0),
+    "away from the wall": (-2.0, 0.0),
+    "to the left": (0.0, 2.0),
+    "to the right": (0.0, -2.0),
+}
 """Wind of 2 N along x and y, world axes: the wall stands ahead."""
 
 EDGE = 1.42
@@ -35,23 +45,17 @@ PICK, LIFT, CARRY, DOWN, DROP = 1.0, 1.5, 4.2, 6.9, 9.6
 """s, of a load: it is taken, lifted 0.3 m in 2.2 s, carried 0.5 m in 2.2 s, lowered, let go."""
 
 LOADS = {  # posture, largest mass that is learned (kg), options of the law, masses (kg)
-    "H": ([0.5, -1.0], 0.3, {}, (0.05, 0.1, 0.15)),
-    "X": ([0.0, 0.6, -1.0, 0.0, 0.5, 0.0], 0.6, {"reach": 0.24, "damping": 0.06}, (0.3, 0.5)),
+    "arm2": ([0.5, -1.0], 0.3, {}, (0.15,)),
+    "arm6": ([0.0, 0.6, -1.0, 0.0, 0.5, 0.0], 0.6, {"reach": 0.24, "damping": 0.06}, (0.5,)),
 }
 
 
-def row(title, flown, ended, count):
-    """One line: mean and largest of each number over the flights that came to their end."""
-    numbers = "; ".join(f"{word} {np.mean(x):.3f} ({np.max(x):.3f})" for word, x in flown.items() if len(x))
-    print(f"{title}: {ended} of {count}; {numbers}", flush=True)
-
-
-def singly(title, scenario, seeds, seed, read):
-    """Flights one by one; ``read`` gives numbers of a log by their words."""
+def singly(scenario, seeds, seed, read):
+    """Flights one by one: how many completed, and numbers of these by their words; ``read`` has them from a log."""
     logs = [skyarm.run(dataclasses.replace(scenario, seed=seed, episode=k)) for k in range(seeds)]
-    whole = [log for log in logs if log.status == "completed"]
-    found = [read(log) for log in whole]
-    row(title, {word: [each[word] for each in found] for word in (found[0] if found else ())}, len(whole), len(logs))
+    found = [read(log) for log in logs if log.status == "completed"]
+    numbers = {word: [each[word] for each in found] for word in (found[0] if found else ())}
+    return f"{len(found)} of {len(logs)}", defaultdict(list, numbers)
 
 
 def touched(log):
@@ -60,26 +64,31 @@ def touched(log):
 
 
 def winds(seeds, seed):
-    """X holds 5 N, and wind comes and goes in steps: the largest error of the force from 2 s after the touch on."""
-    for side, (x, y) in SIDES.items():
-        for noisy in (False, True):
-            document = scene_document("X", noisy=noisy)
+    """arm6 holds 5 N, and wind comes and goes in steps: the largest error of the force from 2 s after the touch on."""
+    for noisy in (False, True):
+        for side, (x, y) in SIDES.items():
+            if side == "to the right" and not noisy:
+                continue  # without noise as to the left
+            document = scene_document("arm6", noisy=noisy)
             document["reference"]["push"]["force"]["value"] = 5.0
             gust = {"force": [x, y, 0.0], "start": 5.0, "duration": 2.5}
             document["environment"] = {"wind": {"mode": "force_wind", "gust": gust}}
 
             def read(log):
                 force = log.contact_force[log.time > touched(log) + 2.0, 0]
-                return {"largest error, N": np.abs(force - 5.0).max(), "lost": float((force <= 0.0).any())}
+                return {"error": np.abs(force - 5.0).max(), "lost": float((force <= 0.0).any())}
 
+            completed, found = singly(scenario_from(document), seeds if noisy else 1, seed, read)
             told = "noisy" if noisy else "perfect"
-            singly(f"wind 2 N {side}, X 5 N, {told}", scenario_from(document), seeds if noisy else 1, seed, read)
+            title = side if noisy or side != "to the left" else "to a side"
+            sizes = mean_and_largest(found["error"], 3)
+            yield title, told, completed, *sizes, f"{sum(found['lost']):.0f}"
 
 
 def edges(seeds, seed):
-    """X slides up with 5 N beyond the end of the wall: how far the tip goes past its face in 0.3 s."""
+    """arm6 slides up with 5 N beyond the end of the wall: how far the tip goes past its face in 0.3 s."""
     for sensor in (False, True):
-        document = scene_document("X", slide=0.5)
+        document = scene_document("arm6", slide=0.5)
         document["duration"] = 7.0
         document["reference"]["push"]["force"]["value"] = 5.0
         wall = document["world"]["surfaces"][0]
@@ -93,11 +102,11 @@ def edges(seeds, seed):
             over = log.time[np.argmax(log.tip[:, 2] > EDGE)]
             before = log.contact_force[(log.time > touched(log) + 0.3) & (log.time < over), 0]
             after = (log.time >= over) & (log.time <= over + 0.3)
-            return {"past, mm": 1e3 * (log.tip[after, 0] - face).max(), "lost before": float((before <= 0.0).sum())}
+            return {"past": 1e3 * (log.tip[after, 0] - face).max(), "lost": float((before <= 0.0).any())}
 
-        singly(
-            f"wall ends, X 5 N, {'with' if sensor else 'without'} sensor", scenario_from(document), seeds, seed, read
-        )
+        completed, found = singly(scenario_from(document), seeds, seed, read)
+        sizes = mean_and_largest(found["past"], 1)
+        yield "force sensor" if sensor else "none", completed, *sizes, f"{sum(found['lost']):.0f}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,13 +150,15 @@ def loads(seeds, seed):
                 error = 1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)
                 last, known = np.searchsorted(log.time, DROP) - 1, np.searchsorted(log.time, LIFT + 1.1)
                 return {
-                    "sag, mm": error[(log.time >= LIFT) & (log.time < CARRY)].max(),
-                    "release, mm": error[log.time >= DROP].max(), "place, mm": error[last],
-                    "mass, %": 100.0 * abs(log.load_mass_found[known] / mass - 1.0),
+                    "lift": error[(log.time >= LIFT) & (log.time < CARRY)].max(),
+                    "before": error[last], "after": error[log.time >= DROP].max(),
+                    "mass": 100.0 * abs(log.load_mass_found[known] / mass - 1.0),
                 }  # fmt: skip
 
             flown = dataclasses.replace(scenario, forces=(*scenario.forces, support))
-            singly(f"load, {name} {1e3 * mass:g} g, noisy", flown, seeds, seed, read)
+            completed, found = singly(flown, seeds, seed, read)
+            sizes = [cell for word in ("lift", "before", "after", "mass") for cell in mean_and_largest(found[word], 1)]
+            yield f"{name}, {1e3 * mass:g} g", completed, *sizes
 
 
 def noisy_task(name):
@@ -157,8 +168,11 @@ def noisy_task(name):
     return dataclasses.replace(scenario, noise=SensorNoise(**NOISE), delays=delays)
 
 
-def together(title, scenario, values, metrics, seeds, seed, read):
-    """Flights of one scenario, all in one batch: every row of ``values`` (path -> numbers) in every seed."""
+def together(scenario, values, metrics, seeds, seed):
+    """Flights of one scenario in one batch, every row of ``values`` (path -> numbers) in every seed.
+
+    How many completed, and the sizes of their metrics.
+    """
     count = max((len(column) for column in values.values()), default=1)
     lanes = {path: np.repeat(column, seeds) for path, column in values.items()}
     path = "plant.vehicle.base.mass"
@@ -167,8 +181,8 @@ def together(title, scenario, values, metrics, seeds, seed, read):
         lanes, seed=seed, episodes=np.tile(np.arange(seeds), count)
     )
     ended = np.asarray(flown.status) == "completed"
-    found = {word: np.abs(column)[ended] for word, column in read(flown.metrics).items()}
-    row(title, found, int(ended.sum()), count * seeds)
+    found = {word: np.abs(column)[ended] for word, column in flown.metrics.items()}
+    return f"{ended.sum()} of {count * seeds}", found
 
 
 def handles(seeds, seed):
@@ -179,16 +193,17 @@ def handles(seeds, seed):
         wrong = np.array([-RADIUS, RADIUS])
         values = {path: number_at(scenario, path) + wrong * length for path, length in paths.items()}
 
-        def read(found):
-            force, largest, behind = (found[f"grip_{word}"] for word in ("force_mean", "force_max", "lag_max"))
-            turned = np.degrees(found["mechanism_furthest"])
-            return {"radial, N": force, "largest, N": largest, "lag, deg": np.degrees(behind), "turned, deg": turned}
-
-        metrics = ("grip_force_mean", "grip_force_max", "grip_lag_max", "mechanism_furthest")
-        together(f"{task} {turns:g} deg, radius 6 % wrong, noisy", scenario, values, metrics, seeds, seed, read)
+        metrics = ("grip_force_mean", "grip_force_max", "mechanism_furthest")
+        completed, found = together(scenario, values, metrics, seeds, seed)
+        sizes = [cell for metric in metrics[:2] for cell in mean_and_largest(found[metric], 2)]
+        turned = mean_and_largest(np.degrees(found[metrics[2]]), 1)[0]
+        yield f"`{task}`, {turns:g} degrees", completed, *sizes, turned
 
 
-PEGS = {"1.5 mm off": "examples/insert_a_peg.toml", "3 mm off, search": "peg_in_hole"}
+PEGS = {
+    "1.5 mm off (`examples/insert_a_peg.toml`)": "examples/insert_a_peg.toml",
+    "3 mm off, with a search (`peg_in_hole`)": "peg_in_hole",
+}
 """Scenarios: the tip is the middle of the peg's lower rim."""
 
 
@@ -199,19 +214,28 @@ def pegs(seeds, seed):
         surface = next(each for each in scenario.world.surfaces if each.shape == "hole")
         mouth = float(surface.position.z)
 
-        def read(found, mouth=mouth):
-            deep = 1e3 * (mouth - found["tip_lowest"])
-            return {"peak, N": found["contact_largest"], "depth, mm": deep, "in": (deep > 27.0).astype(float)}
-
-        metrics = ("contact_largest", "tip_lowest")
-        together(f"peg {title}, noisy", scenario, {}, metrics, seeds, seed, read)
+        _, found = together(scenario, {}, ("contact_largest", "tip_lowest"), seeds, seed)
+        inserted = int((1e3 * (mouth - found["tip_lowest"]) > 27.0).sum())
+        yield title, f"{inserted} of {seeds}", *mean_and_largest(found["contact_largest"], 1)
 
 
-def measure(seeds, seed):
-    """All rows."""
-    for part in (pegs, handles, winds, edges, loads):
-        part(seeds, seed)
-
+FLOWN = ("completed",)
+TABLES = {
+    "winds": (("direction", "state", *FLOWN, "largest error, N", "largest of all", "contact lost"), winds),
+    "edges": (("sensor", *FLOWN, "past the face, mm", "largest", "contact lost before"), edges),
+    "handles": (
+        ("task", *FLOWN, "radial force, N", "largest mean", "largest force, N", "largest of all", "turned, degrees"),
+        handles,
+    ),
+    "pegs": (("case", "inserted", "largest force, N", "largest of all"), pegs),
+    "loads": (
+        (
+            *("case", *FLOWN, "in the lift, mm", "largest", "before the release, mm", "largest"),
+            *("after it, mm", "largest", "mass error, %", "largest"),
+        ),
+        loads,
+    ),
+}
 
 if __name__ == "__main__":
-    measure(*(int(word) for word in [*sys.argv[1:], *("20", "5")[len(sys.argv) - 1 :]]))
+    print_part(__doc__, TABLES, seeds=20, seed=5)

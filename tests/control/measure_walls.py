@@ -1,9 +1,8 @@
 """Measure presses on soft and stiff walls, with weak joints, and with a quarter and half of what the joints can hold.
 
-    python tests/control/measure_walls.py [SEEDS [SEED]]
+    python tests/control/measure_walls.py stiffness|weak_joints|other_arms [--seeds 20] [--seed 5] [--small]
 
-Rows of docs/results_contact.md. Noise is that of ``measure_pressing.py``. Each row prints how many flights came to
-their end, then the mean and the largest of each number.
+Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
 """
 
 import sys
@@ -16,12 +15,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from measure_pressing_scenes import VEHICLES, scene_document
 from measure_tasks import together
 
+import skyarm
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import pushing_efforts
 from support import worlds
+from support.measured_tables import mean_and_largest, print_part
 
-PUSHES = {"H": 1.0, "X": 5.0}
+PUSHES = {"arm2": 1.0, "arm6": 5.0}
 """N."""
 
 POSES = {
@@ -35,17 +36,12 @@ POSES = {
 }
 """Shipped vehicle -> joints, rad or m, in which it presses."""
 
-OPTIONS = {"hexarotor_arm6": {key: VEHICLES["X"][-1][key] for key in ("reach", "damping")}}
+OPTIONS = {"hexarotor_arm6": {key: VEHICLES["arm6"][-1][key] for key in ("reach", "damping")}}
 """Options of the law besides the thresholds."""
 
 
-def shown(found):
-    """Error, ripple and tip error of a batch."""
-    columns = {"error, N": "contact_error_mean", "ripple, N": "contact_ripple"}
-    return {word: found[name] for word, name in columns.items()} | {"tip, mm": 1e3 * found["contact_tip_mean"]}
-
-
-METRICS = ("contact_error_mean", "contact_ripple", "contact_tip_mean")
+METRICS = ("contact_error_mean", "contact_ripple")
+SIZES = ("completed", "mean error, N", "largest", "ripple, N", "largest")
 
 
 def pressed(name):
@@ -55,14 +51,24 @@ def pressed(name):
     return document
 
 
+def cells(scenario, seeds, seed):
+    """Completed flights, then mean and largest of error and ripple."""
+    completed, found = together(scenario, {}, METRICS, seeds, seed)
+    return [completed, *mean_and_largest(found[METRICS[0]], 3), *mean_and_largest(found[METRICS[1]], 3)]
+
+
+def grouped(number):
+    """Digits of a large number by threes."""
+    return f"{number:,.0f}".replace(",", " ") if number >= 1e4 else f"{number:.0f}"
+
+
 def stiffness(seeds, seed):
     """Walls of 500 to 100 000 N/m."""
     for name, force in PUSHES.items():
         for k in (500.0, 5000.0, 20000.0, 100000.0):
             document = pressed(name)
             document["world"]["surfaces"][0]["material"]["stiffness"] = k
-            scenario = scenario_from(document)
-            together(f"{k:g} N/m, {name} {force:g} N", scenario, {}, METRICS, seeds, seed, shown)
+            yield grouped(k), f"{name} {force:g} N", *cells(scenario_from(document), seeds, seed)
 
 
 def weak_joints(seeds, seed):
@@ -74,8 +80,8 @@ def weak_joints(seeds, seed):
             faults = [{"joint": link.joint.name, "effectiveness": 0.9} for link in joints]
             document["environment"] = {"faults": faults}
             document["controller"]["tolerances"] = tolerances
-            title = f"joints 10 % weak, {name} {force:g} N, tolerances {tolerances}"
-            together(title, scenario_from(document), {}, METRICS, seeds, seed, shown)
+            shown = f"`{tolerances}`" if any(tolerances) else "none"
+            yield f"{name} {force:g} N", shown, *cells(scenario_from(document), seeds, seed)[:4]
 
 
 def largest_force(scenario, joints):
@@ -87,23 +93,25 @@ def largest_force(scenario, joints):
         return float(np.min(np.maximum((limits - still) / slope, (-limits - still) / slope)))
 
 
-def parts_of_the_largest(seeds, seed):
+def other_arms(seeds, seed):
     """A quarter and half of the force that the joints can hold."""
     for name, joints in POSES.items():
         most = largest_force(worlds.before_a_wall(name, joints, 1.0), joints)
+        title = f"`{name}`, servos" if skyarm.load_vehicle(name).drives else f"`{name}`"
         for part in (0.25, 0.5):
             force = part * most
             least = min(force, 1.0)
             law = {"interaction": [0.3 * least, 0.1 * least]} | OPTIONS.get(name, {})
             scenario = worlds.before_a_wall(name, joints, force, 10.0, **law)
-            together(f"{part:g} of {most:.3g} N, {name}", scenario, {}, METRICS, seeds, seed, shown)
+            angles = ", ".join(f"{angle:g}" for angle in joints)
+            yield title, angles, f"{most:.3g}", f"{part:g}", *cells(scenario, seeds, seed)
 
 
-def measure(seeds, seed):
-    """All rows."""
-    for rows in (stiffness, weak_joints, parts_of_the_largest):
-        rows(seeds, seed)
-
+TABLES = {
+    "stiffness": (("wall, N/m", "case", *SIZES), stiffness),
+    "weak_joints": (("case", "`tolerances`", *SIZES[:4]), weak_joints),
+    "other_arms": (("vehicle", "joints, rad or m", "largest, N", "part", *SIZES), other_arms),
+}
 
 if __name__ == "__main__":
-    measure(*(int(word) for word in [*sys.argv[1:], *("20", "5")[len(sys.argv) - 1 :]]))
+    print_part(__doc__, TABLES, seeds=20, seed=5)

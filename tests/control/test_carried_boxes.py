@@ -81,7 +81,7 @@ def turned_by(gains, error, rates=(0.0,) * ARM.n, calm=()):
         tip_velocity=ZERO, com_acceleration=ZERO,
     )  # fmt: skip
     links = tuple(pose.R @ turn(error) for pose in link_poses(ARM, joints))
-    goal = TipGoal(tip=(tip, ZERO, ZERO), tip_B=tip, links=links, rates=(ZERO,) * 6, accelerations=(ZERO,) * 6)
+    goal = TipGoal(tip=(tip, ZERO, ZERO), links=links, rates=(ZERO,) * 6, accelerations=(ZERO,) * 6)
     return np.array(joint_accelerations(ARM, gains, goal, now, still, calm), dtype=float)
 
 

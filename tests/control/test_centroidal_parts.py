@@ -359,7 +359,6 @@ def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for
     )
     wanted = TipGoal(
         tip=(tip[0], tip[1], tip[2]),
-        tip_B=tip[0],
         links=tuple(R @ pose.R for pose in link_poses(vehicle, now.joints)),
         rates=tuple(rates),
         accelerations=tuple(accelerations),
@@ -549,7 +548,7 @@ def test_nothing_falls_away_from_a_vehicle_without_joints():
 def test_the_tip_follows_base_errors_longer_than_its_reach(length):
     """A share e^4 / (e^4 + reach^4) of a resting error: at the reach itself a half."""
     zero = Vec3(0.0, 0.0, 0.0)
-    still = TipGoal(tip=(zero, zero, zero), tip_B=zero, links=(), rates=(), accelerations=())
+    still = TipGoal(tip=(zero, zero, zero), links=(), rates=(), accelerations=())
     found = move_goal(still, [Vec3(length, 0.0, 0.0), zero, zero], 0.12).tip
     expected = length**5 / (length**4 + 0.12**4)
     np.testing.assert_allclose(array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15)
@@ -573,7 +572,7 @@ def asked_of_two_arms(gains, pull, preferred):
         com_acceleration=zero,
     )
     links = tuple(pose.R for pose in link_poses(vehicle, still))
-    wanted = TipGoal(tip=(tip, zero, vec(pull)), tip_B=tip, links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
+    wanted = TipGoal(tip=(tip, zero, vec(pull)), links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
     return np.array(joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float)
 
 

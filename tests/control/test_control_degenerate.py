@@ -67,8 +67,14 @@ def test_a_vanishing_force_of_any_direction_keeps_the_present_thrust_axis(size):
     R = Rotation.from_euler("ZYX", [0.4, 0.3, -0.2]).as_matrix()
     R_d = array(desired_attitude(Vec3(size, -size, size), 0.4, mat(R)))
     np.testing.assert_allclose(R_d[:, 2], R[:, 2], atol=1e-15)
-    beyond = array(desired_attitude(Vec3(0.0, 0.0, -2e-6), 0.4, mat(R)))
-    np.testing.assert_allclose(beyond[:, 2], [0.0, 0.0, 1.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_force_is_followed_from_a_millionth_of_a_metre_per_second_squared_on(axis):
+    R, force = Rotation.from_euler("ZYX", [0.4, 0.3, -0.2]).as_matrix(), -np.array(axis)
+    below, above = (array(desired_attitude(vec(size * force), 0.7, mat(R))) for size in (0.999e-6, 1.001e-6))
+    np.testing.assert_allclose(below[:, 2], R[:, 2], atol=1e-15)
+    np.testing.assert_allclose(above[:, 2], axis, atol=1e-15)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])

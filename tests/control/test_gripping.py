@@ -178,6 +178,14 @@ def test_the_table_on_the_page_is_that_of_a_grip():
     assert push.at(1.0)[6:] == (0.5, 0.8, 1.27, 0.0, 0.0, 1.0)
 
 
+def test_the_slide_on_the_page_is_that_of_the_example():
+    root = Path(__file__).resolve().parents[2]
+    (text,) = re.findall(
+        r"```toml\n(\[reference\.base\][^`]*)```", (root / "docs/pressing.md").read_text("utf-8"), re.DOTALL
+    )
+    assert text in (root / "examples/press_and_slide.toml").read_text("utf-8")
+
+
 @pytest.mark.parametrize(
     ("table", "field"),
     [

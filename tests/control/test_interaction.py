@@ -208,7 +208,7 @@ def test_geared_joints_answer_the_slow_wind_alone_along_the_normal():
 
 
 def test_the_tip_keeps_its_goal_across_and_is_only_damped_along_the_normal():
-    goal = TipGoal((Vec3(1.0, 2.0, 3.0), Vec3(0.1, 0.2, 0.3), Vec3(1.0, 1.0, 1.0)), Vec3(0.0, 0.0, 0.0), (), (), ())
+    goal = TipGoal((Vec3(1.0, 2.0, 3.0), Vec3(0.1, 0.2, 0.3), Vec3(1.0, 1.0, 1.0)), (), (), ())
     tip, velocity, kp, kd = Vec3(1.5, 2.5, 3.5), Vec3(0.4, 0.5, 0.6), 700.0, 53.0
 
     def asked(of):

@@ -17,7 +17,7 @@ from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import input_residuals, predict_stage, state_residuals
 from skyarm.control.laws.predictive.law import WEIGHTS, engine_key, make_engine, stage_lengths
 from skyarm.control.laws.predictive.observer import Bandwidths, Estimate, observe, predict
-from skyarm.control.laws.predictive.prediction import StageInputs, command_for, integrate_stage, motors
+from skyarm.control.laws.predictive.prediction import StageInputs, command_for, integrate_stage, motors, speeds_under
 from skyarm.control.laws.predictive.solver import (
     Bounds,
     CompiledStages,
@@ -131,6 +131,14 @@ def test_the_command_brings_a_lagging_rotor_where_the_plan_wants_it(acceleration
     rotor = ARM2.rotors[0]
     (command,) = command_for(motors([rotor], DT), np.array([480.0]), np.array([acceleration]), DT)
     assert speed_after(rotor, 480.0, command, DT) == pytest.approx(480.0 + acceleration * DT, abs=1e-9)
+
+
+@pytest.mark.parametrize("command", [-50.0, 0.0, 300.0, 480.0, 700.0, 1e5])
+def test_a_lagging_rotor_is_foreseen_where_the_plants_goes(command):
+    """Also of a command that no rotor follows: below rest and above the highest speed."""
+    rotor = ARM2.rotors[0]
+    (found,) = speeds_under(motors([rotor], DT), np.array([480.0]), np.array([command]))
+    assert found == pytest.approx(speed_after(rotor, 480.0, min(max(command, 0.0), rotor.max_speed), DT), rel=1e-12)
 
 
 def random_stage(seed):

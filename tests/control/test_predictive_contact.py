@@ -300,6 +300,8 @@ def test_left_out_thresholds_are_those_that_are_written_of():
         ((0.1, 0.3), "interaction"),
         ((0.3,), "must be 2 numbers"),
         ((0.3, -0.1), "interaction"),
+        ((0.3, 0.0), "must be two forces above 0, the second below the first, or twice 0"),
+        ((0.0, 0.1), "must be two forces above 0, the second below the first, or twice 0"),
         ((10001.0, 0.1), "must be at most 10000 N"),
     ],
 )

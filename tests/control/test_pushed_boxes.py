@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from pushed_boxes import worlds
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
@@ -18,8 +19,7 @@ from skyarm.control.blocks.force_control import (
 )
 from skyarm.control.blocks.tip_force import levers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.simulate.batch import Batch
-from support.worlds import START, beside_a_box, by_force, by_place
+from support.worlds import beside_a_box, by_force, by_place
 
 DT, TIP, BOX, WEIGHT = 0.005, 0.076, 0.25, 9.81
 """s; kg, of the tip along the normal and of the box; m/s^2."""
@@ -66,30 +66,6 @@ def test_the_surface_is_looked_for_from_where_it_was_last():
 
     assert rate() == 0.0
     assert rate(reached=-0.2) < 0.0
-
-
-def worlds(scenario, count, seed):
-    """Metrics, statuses and way of the box (m) in worlds of drawn friction and up to 0.3 N of wind."""
-    rng = np.random.default_rng(seed)
-    strength, angle = 0.3 * np.sqrt(rng.uniform(0.0, 1.0, count)), rng.uniform(0.0, 2.0 * np.pi, count)
-    values = {
-        "world.surfaces.table.material.friction": rng.uniform(0.15, 0.28, count),
-        "environment.wind.force_W.0": strength * np.cos(angle),
-        "environment.wind.force_W.1": strength * np.sin(angle),
-    }
-    batch = Moved(scenario, tuple(values), metrics=("contact", "standard"))
-    flown = batch.fly(values, seed=seed, episodes=np.arange(count))
-    box = next(memory for memory in batch.last.components if hasattr(memory, "carried")).carried[0]
-    return np.asarray(flown.status) == "completed", box.position.x - START, values
-
-
-class Moved(Batch):
-    """A batch that keeps the last state of its worlds."""
-
-    def _fly_legs(self, *told):
-        ends, log = super()._fly_legs(*told)
-        self.last = ends[-1][0]
-        return ends, log
 
 
 @pytest.mark.thorough

@@ -106,7 +106,7 @@ def test_tolerances_without_force_control_are_refused():
 
 def weak(tolerances, joints=("joint1", "joint2")):
     """Error of 1 N on a wall with joints 10 % weak, and the log."""
-    document = scene_document("H", noisy=False, duration=5.0)
+    document = scene_document("arm2", noisy=False, duration=5.0)
     document["controller"]["tolerances"] = tolerances
     document["environment"] = {"faults": [{"joint": name, "effectiveness": 0.9} for name in joints]}
     log = skyarm.run(scenario_from(document))

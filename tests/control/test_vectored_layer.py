@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from tilting_flights import NOISE, SWINGING, VOLIRO, across, eased_circle, errors, scenario, tilt
 
 import skyarm
 from skyarm.control.controller import ControllerError
@@ -19,17 +20,12 @@ from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, 
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import TiltedForce, angle_after, speeds_of_pairs
 from skyarm.log.log_columns import columns
-from skyarm.plant.interface import Truth
-from skyarm.reference import Reference, Trajectory
-from skyarm.reference.signals import Constant, Product, Ramp, Sine
-from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.sensing.measurement import SensorNoise, blank_measurement
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.studies.stability.frozen_scenario import nominal
-from skyarm.world import ForceWind
 
-VOLIRO = skyarm.load_vehicle("voliro_like")
 BARE = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")
 WANTED = tuple(
     TiltedForce(push, angle)
@@ -38,7 +34,6 @@ WANTED = tuple(
     )
 )
 LIMITS = {"stiffness": 8.0, "damping": 4.0}
-NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
 
 
 def wrench(angles, squares):
@@ -238,39 +233,6 @@ def test_a_law_is_told_how_its_pairs_push():
     np.testing.assert_allclose(memory.inner[12:], speeds_of_pairs(BARE, (470.0,) * 6, (0.2,) * 6), rtol=1e-12)
 
 
-def across(seconds, joints=(), start=0.5):
-    """A metre along x."""
-    x = Ramp(start=start, duration=seconds, height=1.0, shape="quintic")
-    return Trajectory(x=x, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=joints)
-
-
-def scenario(vehicle, trajectory, duration, *, truth=None, delay=0.0, wind=(0.0, 0.0, 0.0), guarded=False, **options):
-    law = make_centroidal(
-        Model(vehicle=vehicle), mode="tip" if vehicle.n else "joint", delay=delay, **({"sideways": 0.9} | options)
-    )
-    return Scenario(
-        name="vectored",
-        duration=duration,
-        plant=Truth(vehicle=truth or vehicle),
-        controller=with_safety_layer(law) if guarded else law,
-        reference=trajectory,
-        wind=ForceWind(force_W=wind),
-        delays=Delays(measurement=delay),
-        ground=False,
-    )
-
-
-def tilt(log):
-    """Degrees."""
-    q = log.quaternion
-    return np.degrees(np.arccos(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)))
-
-
-def errors(log, name):
-    """Millimetres."""
-    return 1e3 * np.linalg.norm(getattr(log, name) - getattr(log, f"{name}_reference"), axis=1)
-
-
 @cache
 def moved():
     return run(scenario(BARE, across(1.5), 2.2))
@@ -299,9 +261,6 @@ def test_a_linearisation_holds_the_rotors_at_rest_or_says_that_it_cannot():
     assert nominal(plain).plant.vehicle.tilts == ()
     with pytest.raises(skyarm.ScenarioError, match="must be left out of margins"):
         nominal(scenario(BARE, across(1.5), 1.0))
-
-
-SWINGING = tuple(Sine(amplitude=0.3, frequency_hz=0.4, phase=0.6 * i) for i in range(2))
 
 
 @pytest.mark.thorough
@@ -333,14 +292,6 @@ def test_a_safety_layer_goes_around_the_law_of_pairs():
     assert len(guarded.memory.inner.sent.rotor_speeds) == 12
     with pytest.raises(ControllerError, match="has a safety layer already"):
         with_safety_layer(guarded, LIMITS)
-
-
-def eased_circle(speed):
-    """A circle of 1 m that is eased in from 1 s to 4 s."""
-    ease = Ramp(start=1.0, duration=3.0, height=1.0, shape="quintic")
-    hertz = speed / (2.0 * np.pi)
-    x, y = (Product(Sine(amplitude=1.0, frequency_hz=hertz, phase=phase), ease) for phase in (0.5 * np.pi, 0.0))
-    return Trajectory(x=x, y=y, z=Constant(1.5), yaw=Constant(0.0), joints=SWINGING)
 
 
 @pytest.mark.thorough

@@ -71,6 +71,20 @@ def test_parallel_hinges_share_their_axes():
 
 
 @pytest.mark.parametrize("name", TREES)
+def test_a_jacobian_has_the_bits_of_the_poses_of_its_links_unless_told_otherwise(name):
+    """Its angular part is the joint's axis in the pose; hinges summed have other roundings."""
+    vehicle = TREES[name]
+    frame = Frame(name="end", link=vehicle.n - 1, position=Vec3(0.1, -0.2, 0.3))
+    for q in np.random.default_rng(5).normal(size=(4, vehicle.n)).tolist():
+        for summed in (None, False, True):
+            given = {} if summed is None else {"summed": summed}
+            poses, columns = link_poses(vehicle, q, **given), jacobian_columns(vehicle, frame, q, **given)
+            for pose, link, column in zip(poses, vehicle.links, columns, strict=True):
+                if link.joint.turns and any(column.angular):
+                    assert [*column.angular] == [*pose.R.apply(link.joint.axis)]
+
+
+@pytest.mark.parametrize("name", TREES)
 def test_parallel_hinges_may_be_turned_by_the_sums_of_their_angles(name):
     vehicle = TREES[name]
     frame = Frame(name="end", link=vehicle.n - 1, position=Vec3(0.1, -0.2, 0.3))

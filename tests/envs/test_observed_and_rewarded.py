@@ -259,6 +259,12 @@ def test_ends_of_what_is_drawn_are_looked_at_together(paths, lanes):
     assert set(high.sum(axis=1)) == (set(range(7)) if paths == 6 else {0, 1, paths - 1, paths})
 
 
+def test_a_hover_starts_up_to_three_tenths_of_a_metre_around_its_place():
+    drawn, place = NAMED["Hover"].randomise, task_scenario("Hover").reference.at(0.0).position
+    for axis, at in zip("xyz", place, strict=True):
+        assert drawn[f"initial.position.{axis}"]["uniform"] == pytest.approx([at - 0.3, at + 0.3], abs=1e-12)
+
+
 def test_a_thrown_vehicle_has_any_heading():
     drawn = {path.removeprefix("initial."): each["uniform"] for path, each in NAMED["Recover"].randomise.items()}
     assert (drawn["roll"], drawn["yaw"]) == ([-np.pi, np.pi],) * 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import warnings
 
 import numpy as np
@@ -197,6 +198,16 @@ def test_a_single_environment_refuses_calls_at_the_wrong_time_and_names_its_end(
     for _ in range(int(one.lanes.loop.ticks[0])):
         *_, ended, truncated, info = last.step(-np.ones(4))
     assert (ended, truncated, info["status"]) == (True, False, "ground")
+
+
+def test_an_ending_is_told_with_what_was_passed():
+    one = Environment(**bare())
+    one.reset(seed=0)
+    one.lanes.ending[0] = [*one.lanes.statuses].index("ground")
+    one.lanes.state.position.z[0] = -0.25
+    told = one._ending()
+    assert told["status"] == "ground"
+    assert re.fullmatch(r"lowest point at z = -0\.[2-9]\d* m.*", told["cause"])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

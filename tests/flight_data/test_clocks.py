@@ -206,6 +206,18 @@ def test_a_clock_that_jumps_in_flight_is_told_by_the_parts_before_and_behind() -
     assert 0.008 < clock_offset(jumping, "quaternion").wander < 0.013
 
 
+@pytest.mark.parametrize(("part", "wander"), [(0, 25 / 64), (1, 45 / 64), (2, 45 / 64), (3, 25 / 64)])
+def test_a_clock_that_is_late_for_a_quarter_of_the_flight_is_told_whichever_it_is(part: int, wander: float) -> None:
+    """Stamps of one quarter are 20 ms late; a quarter is off by this share of it, or more with outliers left out."""
+    given = flight(1, noise=0.1)
+    time, values = given["quaternion"].time, given["quaternion"].values
+    begin, end = time[0] + np.ptp(time) * np.array([0.25 * part, 0.25 * (part + 1)])
+    late = time + 0.02 * ((time >= begin) & (time < end))
+    rising = np.append(True, np.diff(np.maximum.accumulate(late)) > 1e-6)
+    jumping = given.with_channels({"quaternion": Channel(time=late[rising], values=values[rising], source="")})
+    assert 0.9 * wander < clock_offset(jumping, "quaternion").wander / 0.02 < 1.0
+
+
 @pytest.mark.parametrize("start", [(0.1, 0.0), (0.2, 3e-3)])
 def test_a_turn_of_the_search_moves_no_sample_by_more_than_an_interval_twice(
     start: tuple[float, float], monkeypatch: pytest.MonkeyPatch

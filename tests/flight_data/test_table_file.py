@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skyarm.flight_data.columns_file import columns_from, read_columns
+from skyarm.flight_data.columns_file import QuantitySource, columns_from, read_columns
 from skyarm.flight_data.flight_data import FlightData, load_flight
-from skyarm.flight_data.raw_tables import _ordinal
+from skyarm.flight_data.raw_tables import RawTable, _fastest, _ordinal
 from skyarm.records.files import read_toml
 
 FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
@@ -246,8 +246,8 @@ def test_the_example_of_the_documentation_is_read() -> None:
 def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "identification.md").read_text("utf-8")
     (mapping,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    head = "t,p,q,r,ax,ay,az,qx,qy,qz,qw,vn,ve,vd,m1,m2,m3,m4\n"
-    row = "0,0,90,0,0,1,0,0,0,1,0.1,0.2,0.3,1000,1500,2000,1250\n"
+    head = "t,p,q,r,ax,ay,az,qx,qy,qz,qw,vn,ve,vd,m1,m2,m3,m4,q1,q2,tau1,tau2\n"
+    row = "0,0,90,0,0,1,0,0,0,1,0.1,0.2,0.3,1000,1500,2000,1250,90,0,0.1,-0.2\n"
     rows = f"0,{row}10000,{row}"
     found = flight(tmp_path, head + rows, mapping)
     assert found.unused == ()
@@ -257,6 +257,8 @@ def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
     assert found["quaternion"].values[0] == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert found["velocity"].values[0] == pytest.approx([0.1, -0.2, -0.3])
     assert found["rotor_commands"].values[0] == pytest.approx([0.0, 0.5, 1.0, 0.25])
+    assert found["joint_positions"].values[0] == pytest.approx([np.pi / 2.0, 0.0])
+    assert found["joint_efforts"].values[0] == pytest.approx([0.1, -0.2])
 
 
 QUATERNION = '[quaternion]\ncolumns = ["w", "x", "y", "z"]\n'
@@ -295,3 +297,14 @@ def test_a_minus_belongs_to_a_column_that_bears_it(tmp_path: Path) -> None:
 def test_ordinal_numbers_of_rows() -> None:
     numbers = {2: "2nd", 3: "3rd", 4: "4th", 11: "11th", 12: "12th", 13: "13th", 21: "21st", 111: "111th"}
     assert {count: _ordinal(count) for count in numbers} == numbers
+
+
+def test_a_source_whose_first_column_never_has_a_number_is_passed_over() -> None:
+    full, empty = np.arange(9.0), np.full(9, np.nan)
+    tables = {
+        "fast": RawTable(columns={"a": empty, "b": full}, time=0.01 * full),
+        "slow": RawTable(columns={"a": full, "b": full}, time=0.1 * full),
+    }
+    fast, slow = (QuantitySource(columns=("a", "b"), topic=name) for name in tables)
+    assert _fastest(tables, (fast, slow)) is slow
+    assert _fastest(tables, (fast,)) is None

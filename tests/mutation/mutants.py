@@ -4,6 +4,7 @@
     python tests/mutation/mutants.py reach                         which tests call which functions
     python tests/mutation/mutants.py run                           run the drawn mutants that were not run yet
     python tests/mutation/mutants.py score                         fates into drawn.json, the table into score.md
+    python tests/mutation/mutants.py nightly --share 0.5           slow cases that none of these needs are nightly
 
 What is found on the way lies in ``out/mutants``; remove the folder to begin anew. Needs a system with ``fork``.
 """
@@ -28,6 +29,7 @@ import mutation_draw
 import mutation_processes as processes
 import mutation_reach as reach
 import mutation_record as record
+import nightly_cases
 from mutation_draw import Mutant
 
 HERE = Path(__file__).resolve().parent
@@ -200,10 +202,20 @@ def score() -> int:
     return 1 if alive else 0
 
 
+def leave_to_the_night(share: float) -> None:
+    """Add slow cases that no drawn mutant needs, and whose functions others reach, to the nightly ones."""
+    sys.path.insert(0, str(processes.TESTS))
+    import budget
+
+    killers = {red for stages in fates().values() for red in stages.values() if red}
+    names = nightly_cases.spared(record.traced(OUT / "reach"), killers, share, budget.ALWAYS)
+    print(f"{len(names)} more cases, {nightly_cases.write_nightly(budget.BUDGET, names)} in all: {budget.BUDGET}")
+
+
 def main() -> int:
     """Do what the command line says."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("step", choices=["draw", "reach", "run", "score"])
+    parser.add_argument("step", choices=["draw", "reach", "run", "score", "nightly"])
     parser.add_argument("--seed", type=int, default=9)
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--leave-out", action="append", default=[], metavar="KEY", help="a mutant not to draw")
@@ -212,6 +224,7 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="run those that lived once more, on tests written since")
     parser.add_argument("--room", action="append", default=[], help="run only this room")
     parser.add_argument("--key", action="append", default=[], help="run only this mutant, known or not")
+    parser.add_argument("--share", type=float, default=0.5, help="of the seconds of all cases, that shall stay")
     given = parser.parse_args()
     if given.step == "draw":
         drawn = mutation_draw.draw(SOURCE / "skyarm", given.count, given.seed, given.leave_out)
@@ -220,6 +233,8 @@ def main() -> int:
         trace_all(given.workers)
     elif given.step == "run":
         run_all(given.workers, set(given.stage or ["own", "all"]), given.key, given.room, given.again)
+    elif given.step == "nightly":
+        leave_to_the_night(given.share)
     return score() if given.step == "score" else 0
 
 

@@ -16,7 +16,12 @@ from pathlib import Path
 
 import mutation_operators as operators
 
-LIGHT = ("bench", "cli", "figures", "pages", "paper", "root")  # commands, pictures and timings get half a share
+LIGHT = ("cli", "paper", "root", "studies.paper", "view.figures", "view.film", "view.pages")
+"""Rooms of commands and pictures, which get half a share."""
+BIG = ("control", "links", "studies", "view")
+"""Rooms whose subfolders are rooms of the draw."""
+APART = ("links", "studies", "view")
+"""Those whose tests lie in subfolders of the same names."""
 FEWEST = 3
 
 
@@ -76,14 +81,20 @@ def room(file: str) -> str:
     parts = Path(file).parts[:-1]
     if not parts:
         return "root"
-    if parts[0] == "control":
-        return "control." + (parts[1] if len(parts) > 1 else "other")
-    return parts[1] if len(parts) > 1 and parts[1] == "euler_lagrange" else parts[0]
+    if parts[0] not in BIG:
+        return parts[0]
+    return f"{parts[0]}.{parts[1] if len(parts) > 1 else 'other'}"
 
 
 def tests_of(name: str) -> str:
-    """Return the folder below ``tests`` that is a room's own; the empty text for files beside the rooms."""
-    return {"root": "", "euler_lagrange": "dynamics/euler_lagrange"}.get(name, name.split(".", maxsplit=1)[0])
+    """Return the folder below ``tests`` that is a room's own; the empty text for files beside the rooms.
+
+    Tests of control lie in one folder, those of the other big rooms in subfolders of the same names.
+    """
+    if name == "root":
+        return ""
+    first, _, second = name.partition(".")
+    return f"{first}/{second}" if first in APART and second != "other" else first
 
 
 def all_changes(package: Path) -> dict[str, list[Mutant]]:

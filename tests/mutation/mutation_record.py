@@ -141,6 +141,7 @@ def table(mutants: Sequence[Mutant], fates: dict[str, dict[str, Any]], equivalen
         same = sum(m.key in equivalent for m in group)
         sums = [len(group), own, every, same, len(group) - every - same]
         rows.append(f"| {name} | " + " | ".join(map(str, sums)) + " |")
-    drawn, _, every, same, _ = sums
-    rows.append(f"\nKilled of those not equivalent: {100.0 * every / max(1, drawn - same):.1f} %.")
+    drawn, own, every, same, _ = sums
+    by_all, by_own = (100.0 * killed / max(1, drawn - same) for killed in (every, own))
+    rows.append(f"\nKilled of those not equivalent: {by_all:.1f} %, {by_own:.1f} % by tests of their own room.")
     return "\n".join(rows) + "\n"

@@ -11,7 +11,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.actuators.hover import HoverTrim, hover_trim
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import START, mjcf_text
@@ -128,6 +128,18 @@ def test_a_pair_of_rotors_that_idles_in_hover_leaves_the_others_turning():
     thrusts = loaded(vehicle)[0].key(0).ctrl[:]
     np.testing.assert_allclose(thrusts[:4], 0.25 * 9.8 * float(vehicle.mass), rtol=1e-5)
     np.testing.assert_allclose(thrusts[4:], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("least", "still"), [(0.0, False), (100.0, False), (-1.0, True)])
+def test_a_rotor_that_idles_in_hover_leaves_the_others_their_thrust(least, still, monkeypatch):
+    """One that would have to push backwards does not: then all of the keyframe's rotors stand still."""
+    vehicle, squared = hummingbird_arm(), (least, 4e4, 9e4, 1.6e5)
+    trim = HoverTrim(tuple(max(each, 0.0) ** 0.5 for each in squared), squared, 1.0, (0.0, 0.0))
+    monkeypatch.setattr("skyarm.plant.mujoco_export.hover_trim", lambda *_: trim)
+    shares = [each / 1.6e5 for each in (max(least, 0.0), 4e4, 9e4, 1.6e5)]
+    thrusts = loaded(vehicle)[0].key(0).ctrl[:4]
+    np.testing.assert_allclose(thrusts, [0.0 if still else each * thrusts[3] for each in shares], rtol=1e-5)
+    assert (thrusts[3] == 0.0) == still
 
 
 def test_names_that_collide_still_load():

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -181,3 +182,16 @@ def test_a_sample_names_every_field_of_the_control_laws():
         *("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "yaw_acceleration"),
         *("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps", "tip", "push", "load", "ahead"),
     ]
+
+
+def test_every_name_of_a_circle_leads_to_numbers_of_its_signals():
+    names = CASE3.path_names()["base"]
+    found = {
+        word: [reduce(lambda at, part: at[int(part)] if part.isdigit() else getattr(at, part), place, CASE3)
+               for place in names[word]]
+        for word in ("radius", "frequency_hz", "start", "stop")
+    }  # fmt: skip
+    # of x and y; a beginning twice, as the window's and as the sine's delay
+    assert found == {"radius": [0.3] * 2, "frequency_hz": [0.08] * 2, "start": [6.0] * 4, "stop": [21.0] * 2}
+    centre = [names["center"][axis] for axis in "xyz"]
+    assert [[place[0] for place in places] for places in centre] == [["x"], ["y"], ["z"]]

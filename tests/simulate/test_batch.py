@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 from support.flights import document
@@ -159,3 +159,11 @@ def test_lost_is_measured_from_the_reference_of_the_end_not_from_that_of_the_sta
     assert log.position[-1, 0] > 1000.0
     value = {"plant.vehicle.base.mass": 0.72, "reference.base.x.height": 600.0}[path]
     assert Batch(scenario, (path,)).fly({path: np.array([value, value])}).status.tolist() == ["completed"] * 2
+
+
+def test_a_log_of_lanes_is_alive_to_the_end_and_has_no_estimate_without_an_estimator():
+    scenario = load_scenario("case1", duration=0.05)
+    log = Batch(scenario, ("plant.gravity",), log_every=1).fly({"plant.gravity": np.array([9.81, 9.7])}).log
+    assert log.alive.shape == (2, len(log.time))
+    assert log.alive.all()
+    assert log.estimate is None

@@ -15,6 +15,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state, trimmed_state
 from skyarm.simulate import Delays, Log, Scenario, run
+from skyarm.simulate.command_delay import command_delay
 
 LOW, HIGH, STEP, TAU_UP = 400.0, 500.0, 0.05, 0.0125
 
@@ -76,3 +77,11 @@ def test_before_the_first_command_the_vehicle_hovers_with_its_arm_held() -> None
     assert np.abs(log.joints[:5] - start.joints).max() < 1e-12
     assert np.abs(log.position[:5] - [0.0, 0.0, 50.0]).max() < 1e-12
     assert np.abs(log.joints[8] - start.joints).max() > 1e-6, "then the controller moves it to its reference"
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-15, 1e-13, -1e-13])
+def test_a_delay_of_whole_periods_up_to_rounding_leaves_no_negative_rest(short: float) -> None:
+    scenario = dataclasses.replace(load_scenario("case1"), delays=Delays(command=0.015 - short, longest_command=0.05))
+    whole, rest = command_delay(scenario)
+    assert whole == 3.0
+    assert 0.0 <= float(rest) <= 2e-13

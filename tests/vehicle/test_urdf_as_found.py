@@ -270,3 +270,10 @@ def test_what_no_reading_can_mean_is_refused_in_one_line(tmp_path, case):
     assert str(error.value).startswith(f"{path}: ")
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_products_of_inertia_below_rounding_of_the_moments_are_zero():
+    found = nearest_inertia(Sym3(1e-3, 2e-3, 4e-3, 2e-4, 1e-22, 0.0))
+    entries = [float(each) for each in found.entries]
+    assert entries[4] == entries[5] == 0.0
+    assert entries[3] != 0.0

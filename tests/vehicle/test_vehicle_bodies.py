@@ -181,3 +181,9 @@ def test_lanes_of_a_batch_are_not_checked_for_singularity():
     assert Vehicle(name="v", base=SOLID, links=(link,)).n == 1
     with pytest.raises(VehicleError, match=r"joints\[j\]"):
         Vehicle(name="v", base=SOLID, links=(dataclasses.replace(link, body=Body(mass=0.0)),))
+
+
+@pytest.mark.parametrize(("entry", "is_zero"), [(1e-15, True), (-1e-15, True), (1.1e-15, False)])
+def test_an_entry_of_a_rotation_within_rounding_of_zero_is_zero(entry, is_zero):
+    R = description.rotation(Mat3.from_numbers([[1.0, entry, 0.0], [-entry, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert (float(R.r0.y) == 0.0) is is_zero

@@ -1,21 +1,30 @@
 """The tables of mean errors of docs/results_laws.md, flown as the comparison flies the laws, with perfect state.
 
-python tests/website/law_envelopes.py     flies every law and writes the tables into the page
+python tests/website/law_envelopes.py case3              flies every law and prints the table of a case
+python tests/website/law_envelopes.py case3 --small      flies two laws
 """
 
 from __future__ import annotations
 
+import argparse
 import re
+import sys
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
 
 from skyarm.control.catalogue import tuned_factors
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.flights.fly import fly
+from support.measured_tables import print_table
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "results_laws.md"
 CASES_SHOWN = ("case3", "case3_wind")
+HEADS = ("law", ">base, mm", ">joints, mrad", ">tip, mm", ">rotor jitter, rad/s a period")
 HEAD = "| law | base, mm | joints, mrad | tip, mm | rotor jitter, rad/s a period |\n|-|-:|-:|-:|-:|\n"
 KINDS = ("position", "joint", "ee")
 
@@ -25,7 +34,7 @@ def entrant(name: str) -> Entrant:
     return ENTRANTS.get(name) or Entrant(name=name, group="paper", law=name, tuned=name in tuned_factors())
 
 
-def flown(name: str) -> list[float]:
+def flown(name: str, cases: tuple[str, ...] = CASES_SHOWN) -> list[float]:
     """Mean errors in Case 3 and in the wind: base, mm; joints, mrad; tip, mm; rotor jitter, rad/s.
 
     Raises:
@@ -33,7 +42,7 @@ def flown(name: str) -> list[float]:
     """
     perfect = conditions()["perfect"]
     found = []
-    for case in CASES_SHOWN:
+    for case in cases:
         metrics = fly(CellFlights(entrant=entrant(name), case=CASES[case], condition=perfect).work())
         found += [1e3 * metrics[f"{kind}_error_mean_continuous"][0] for kind in KINDS] + [metrics[JITTER][0]]
         assert metrics[LIMITED][0] == 0.0, f"{name} in {case}: rotors at a limit in {metrics[LIMITED][0]:.2%}"
@@ -62,16 +71,19 @@ def rows() -> dict[str, list[str]]:
     return found
 
 
+def cells(case: str) -> Iterator[list[str]]:
+    """Rows of the table of a case, each as it is flown."""
+    for name in rows():
+        yield [f"`{name}`", *map(shown, flown(name, (case,)))]
+
+
 def main() -> None:
-    """Write the tables."""
-    page, found = PAGE.read_text("utf-8"), {name: [*map(shown, flown(name))] for name in rows()}
-    width = len(KINDS) + 1
-    for k, case in enumerate(CASES_SHOWN):
-        lines = [f"| `{name}` | {' | '.join(each[k * width : (k + 1) * width])} |\n" for name, each in found.items()]
-        table = f"<!-- laws in {case} -->\n{HEAD}{''.join(lines)}<!-- /laws -->"
-        page = marks(case).sub(lambda _, table=table: table, page)
-        print(table)
-    PAGE.write_text(page, "utf-8")
+    """Print the table of a case between its marks."""
+    parser = argparse.ArgumentParser(description="Fly every law of docs/results_laws.md in a case.")
+    parser.add_argument("case", choices=CASES_SHOWN)
+    parser.add_argument("--small", action="store_true", help="two laws")
+    given = parser.parse_args()
+    print_table(HEADS, islice(cells(given.case), 2 if given.small else None))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,8 @@ RESULTS = ("results_", "performance", "the_paper", "mathematics", "centroidal_la
 """Beginnings of the names of pages whose sentences may carry numbers."""
 
 GENERATED = re.compile(r"<!-- generated: .*?<!-- /generated.*?-->", re.S)
+MEASURED = re.compile(r"^skyarm [^`]*?, (?:`[^`]+`|no command)\.\n(?=<!-- /measured -->)", re.M)
+"""Last line of a measured block: version, machine and command."""
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 CODE = re.compile(r"`[^`]*`")
 NUMBER = re.compile(r"(?<![\w.#])[-+±]?\d[\d.,]*(?:e[-+]?\d+)?(?![\w.])")
@@ -79,6 +81,7 @@ class Block:
 def blocks_of(text: str) -> list[Block]:
     """Cut a page into prose, lists, headings, tables and code; what a script writes is emptied first."""
     text = GENERATED.sub(lambda found: "\n" * found[0].count("\n"), text)
+    text = MEASURED.sub(lambda found: "\n" * found[0].count("\n"), text)
     text = re.sub(r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.S)
     found: list[Block] = []
     lines, row = text.splitlines(), 0

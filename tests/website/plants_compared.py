@@ -1,26 +1,33 @@
 """Largest differences between the two plants over the paper's five experiments, as rows of docs/the_paper.md.
 
-python tests/website/plants_compared.py            print the rows; a minute
+python tests/website/plants_compared.py            print the table; a minute
+python tests/website/plants_compared.py --small    one experiment under one integrator
 """
 
 from __future__ import annotations
 
 import dataclasses
+import sys
 import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
+
 import skyarm
+from support.measured_tables import print_table
 
 CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
 LAWS = ("paper_ct", "paper_pd")
 INTEGRATORS = ("rk4", "rk4_staged", "euler")
 
 
-def compared(integrator: str) -> tuple[float, float, float]:
+def compared(integrator: str, cases: Sequence[str] = CASES) -> tuple[float, float, float]:
     """Largest differences of base (m) and joints (rad) between the plants, and processor time of MuJoCo's, s."""
     base = joints = spent = 0.0
-    for case in CASES:
+    for case in cases:
         for law in LAWS:
             logs = []
             for kind in ("rigid_body", "mujoco"):
@@ -39,9 +46,22 @@ def row(integrator: str, base: float, joints: float) -> str:
     return f"| `{integrator}` | {cells[0]} | {cells[1]} |"
 
 
-if __name__ == "__main__":
+def rows(integrators: Sequence[str], cases: Sequence[str]) -> Iterator[list[str]]:
+    """Rows of the page."""
     usual = 0.0
-    for name in INTEGRATORS:
-        found = compared(name)
-        usual = usual or found[2]
-        print(row(name, *found[:2])[:-1] + f"| {found[2] / usual:.1f} |")
+    for name in integrators:
+        base, joints, spent = compared(name, cases)
+        usual = usual or spent
+        yield [*row(name, base, joints).strip("| ").split(" | "), f"{spent / usual:.1f}"]
+
+
+HEADS = (
+    "[integrator](scenario_files.md#integrators)",
+    "base, mm",
+    "joints, mrad",
+    "processor time of MuJoCo's plant over `rk4`",
+)
+
+if __name__ == "__main__":
+    small = "--small" in sys.argv[1:]
+    print_table(HEADS, rows(INTEGRATORS[:1] if small else INTEGRATORS, CASES[2:3] if small else CASES))

@@ -124,7 +124,7 @@ class EnvProgram:
         return state, self._observe(self._stages(numbers), measurement, reference, action)
 
     def trace_start(self) -> Program:
-        """Trace the start of an episode, with all its parameters as program inputs."""
+        """Trace the reset of an episode into a program whose inputs are all the episode's parameters."""
         started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).components)
         return trace(self.start, self.base, self.draws, started)
 

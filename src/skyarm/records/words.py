@@ -22,7 +22,7 @@ EACH = "*"
 
 @immutable(kw_only=False)
 class Word:
-    """Key of a file: path of a field in the file, what entry the file may have there, and when the value may change.
+    """Declared key of a file: path of its field, type of entry allowed there, and when its value may change.
 
     Attributes:
         at: path below the table of the record that holds the field; from the top of the file if it begins with ``/``;

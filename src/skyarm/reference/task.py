@@ -181,7 +181,7 @@ class TaskBuilder:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Begin a phase of the task, after a rest until the start time that the phase may give."""
+        """Begin a phase of the task; a phase with a start time first holds the last pose until then."""
         if phase.take("start", None) is not None:
             start = number_within(phase, "start", low=0.0)
             if start < self.time:

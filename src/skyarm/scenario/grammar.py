@@ -268,8 +268,13 @@ def _of_record(
             held = next((each.__name__ for each in _records_in(annotation)), "")
             meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
             default, effect = text.default or default_in_words(usual[name]), text.effect or unit.effect
+            in_unit, blows = unit.unit, (called or {}).get("peak", "")
+            if blows and name == "peak":
+                in_unit, meaning = PEAKS[blows]
+            elif blows == "force" and name == "shape":
+                entry = _one_of(SHAPES[:1])  # all that a file may state
             yield GrammarRow(
-                f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, meaning, effect, default
+                f"{at}.{word}{lists}", named, entry, in_unit, _bounds(unit), when, False, meaning, effect, default
             )
         for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
@@ -280,6 +285,12 @@ def _of_record(
                     GrammarRow(f"{at}.{word}.{row.path}", named, *row[2:]) for row in MORE.get(each.__name__, ())
                 )
 
+
+PEAKS: Mapping[str, tuple[str, str]] = {
+    "force": ("N", "largest force of the gust, world axes"),
+    "velocity": ("m/s", "largest air velocity of the gust, world axes"),
+}
+"""Word of a gust's peak in a file -> unit and meaning."""
 
 MORE: Mapping[str, tuple[GrammarRow, ...]] = {
     "Reach": (

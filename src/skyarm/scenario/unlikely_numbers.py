@@ -72,7 +72,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings issued by the environment models of a scenario, and about parts without effect on its flight."""
+    """Warnings from a scenario's environment models, and about those that cannot affect its flight."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:

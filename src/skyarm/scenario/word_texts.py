@@ -32,21 +32,24 @@ VEHICLES = "a shipped name, or a path relative to this file"
 PERIODS = "whole control periods"
 STEPS = "whole physics steps"
 RESPONSE = "larger values make the law act on an older state; the loop loses phase"
-WHEN = "changes and sweeps may vary command, rotors and joints up to it"
+LATE = "larger values make commands take effect later; the loop loses phase"
+WHEN = "needed only where changes or sweeps vary one of them"
 
 PATHS: Mapping[str, WordText] = {
     "schema": WordText("version of the file format", "1", "1"),
     "name": WordText("name of the flight and of its files", "", "1 to 100 characters, valid in a file name"),
     "title": WordText("description in one line"),
     "duration": WordText("length of the flight", "", "above 0, whole control periods"),
-    "seed": WordText("first key of all noise", "", "0 to 2^32 - 1"),
-    "episode": WordText("second key of all noise, which counts the flights of a study", "", "0 to 2^32 - 1"),
-    "rates": WordText("[clocks of the loop](#rates)", "those of its rows"),
+    "seed": WordText("seed of all random numbers", "", "0 to 2^32 - 1"),
+    "episode": WordText(
+        "number of the flight in a study; with `seed` it gives all random numbers", "", "0 to 2^32 - 1"
+    ),
+    "rates": WordText("[clocks of the loop](#rates)", "see its table"),
     "rates.physics": WordText(
-        "rate of the integration steps",
+        "rate of the physics steps; delays of commands are whole steps",
         "",
         "1 to 1e6",
-        "higher rates integrate stiff contact and joints more accurately and take longer",
+        "higher rates integrate more exactly and take longer; the default `rk4` of `rigid_body` ignores it",
     ),
     "rates.control": WordText(
         "rate at which the law is called",
@@ -68,22 +71,27 @@ PATHS: Mapping[str, WordText] = {
     "plant.drives.*": WordText("[drive](actuators.md#servos) of this joint", "the vehicle's"),
     "plant.drives.*.kind": WordText("kind of the drive"),
     "plant.payload.frame": WordText("frame that carries the payload", "the tip"),
-    "model": WordText("[the vehicle as the law knows it](#model)", "the plant, without its payload"),
+    "model": WordText("[the vehicle as the law knows it](#model)", "the plant's vehicle and gravity"),
     "model.vehicle": WordText("vehicle that the law assumes", "the plant's", f"{VEHICLES}; a planar model is allowed"),
     "model.gravity": WordText("acceleration of gravity that the law assumes", "the plant's"),
     "model.payload.frame": WordText("frame that carries the payload", "the tip"),
     "controller": WordText("[law with its gains](#controller)"),
     "controller.preset": WordText("controller with published gains, without other options", "none"),
-    "controller.law": WordText("law with options: [cards of the laws](laws.md)", "required without `preset`"),
+    "controller.law": WordText(
+        "law with options: [cards of the laws](laws.md)", "required without `preset`, `autopilot` or a file in `tuned`"
+    ),
     "controller.autopilot": WordText("[autopilot](autopilots.md) that flies the base in place of a law", "none"),
     "controller.tuned": WordText(
-        "gains found for this law: the shipped ones, or a [file of gains](tuning.md) in place of `law`", "false"
+        "true: the shipped gains that were found for `law`; a path: a [file of gains](tuning.md), which names its law",
+        "false",
     ),
     "controller.servos": WordText(
         "torques become [setpoints of the model's drives](actuators.md#torque-laws-on-servos)",
         "true if the model has drives",
     ),
-    "controller.safety": WordText("[safety layer](#safety) around the law: its limits and `stow`", "false"),
+    "controller.safety": WordText(
+        "true: a [safety layer](#safety) around the law; a table: the same with these limits", "false"
+    ),
     "controller.safety.stow": WordText("pose of the arm in recovery", "middle of the range; 0 without limits"),
     "controller.safety.climb": WordText("", "half of gravity"),
     "controller.safety.stiffness": WordText("", "measured on the law; 5.0 for `nmpc`"),
@@ -116,9 +124,7 @@ PATHS: Mapping[str, WordText] = {
     "reference.push": WordText("[commanded contact force](pressing.md) of the tip", "none"),
     "reference.load": WordText("above 0.5 while the tip is commanded to hold a [load](carrying.md)", "none"),
     "reference.governor.joint_speed": WordText("largest speed of the joints", "no limit"),
-    "sensors": WordText(
-        "[standard deviations of white noise of the full state, and named sensors](#sensors)", "no noise"
-    ),
+    "sensors": WordText("[white noise of the measured state, and named sensors](#sensors)", "no noise"),
     "sensors.*": WordText("[sensor](sensors.md) of this name in addition to the full state", "none"),
     "sensors.*.kind": WordText("kind of the sensor"),
     "estimator": WordText(
@@ -128,10 +134,12 @@ PATHS: Mapping[str, WordText] = {
     "estimator.kind": WordText("kind of the estimator"),
     "delays": WordText("[dead times of the loop](#delays)", "none"),
     "delays.measurement": WordText("", "", PERIODS, RESPONSE),
-    "delays.command": WordText("", "", STEPS, RESPONSE),
-    "delays.rotors": WordText("", "", STEPS, RESPONSE),
-    "delays.joints": WordText("", "", STEPS, RESPONSE),
-    "delays.longest_command": WordText(f"largest total delay of a command; {WHEN}", "none"),
+    "delays.command": WordText("", "", STEPS, LATE),
+    "delays.rotors": WordText("", "", STEPS, LATE),
+    "delays.joints": WordText("", "", STEPS, LATE),
+    "delays.longest_command": WordText(
+        f"upper bound of `command` + `rotors` and of `command` + `joints`; {WHEN}", "none"
+    ),
     "initial": WordText("[state at t = 0](#initial)", "hover on the reference"),
     "initial.position": WordText("", "the reference"),
     "initial.velocity": WordText("", "0"),
@@ -159,7 +167,7 @@ PATHS: Mapping[str, WordText] = {
     "payloads[].kind": WordText("kind of the payload"),
     "endings[]": WordText("additional [endings](#endings)", "none"),
     "endings[].kind": WordText("kind of the ending"),
-    "windows": WordText("[intervals over which metrics are taken](#windows)", "those of its rows"),
+    "windows": WordText("[intervals over which metrics are taken](#windows)", "see its table"),
     "windows.steady": WordText("window of means, RMS and extremes", "after the first third"),
     "windows.transient": WordText("window of peaks", "the first third"),
     "windows.gust": WordText("window of the metrics that begin with `gust_`", "after the first third"),
@@ -186,11 +194,13 @@ FIELDS: Mapping[tuple[str, str], WordText] = {
     ("Fault", "start"): WordText("time at which the fault begins"),
     ("Fault", "stuck"): WordText("the joint is locked from `start` on"),
     ("Fault", "effectiveness"): WordText(
-        "fraction of its force that the actuator still gives; several multiply", "required unless `stuck`"
+        "fraction of its force that the actuator still gives; those of several faults of one actuator multiply",
+        "required unless `stuck`",
     ),
-    ("Gust", "start"): WordText("time at which the gust begins"),
-    ("Gust", "duration"): WordText("length of the gust"),
-    ("Gust", "shape"): WordText("course over time: constant, or one minus a cosine"),
+    ("Gust", "peak"): WordText("", "required"),
+    ("Gust", "start"): WordText("time at which the gust begins", "required"),
+    ("Gust", "duration"): WordText("length of the gust", "required"),
+    ("Gust", "shape"): WordText("course over time; a step is constant from start to end"),
     ("GustyWind", "gust"): WordText("gust, or a list of gusts", "none"),
     ("MovingAir", "turbulence"): WordText("Dryden turbulence at low altitude, u axis along the mean wind", "none"),
     ("Ramp", "start"): WordText("time at which the ramp begins"),

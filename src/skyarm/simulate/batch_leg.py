@@ -38,7 +38,7 @@ from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
 FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[MetricGoal, ...]]
-"""Row of a feed: inputs of the loop, flags of the windows, goals of the held and of the continuous reference."""
+"""Inputs of one control period of a batch: of the loop, open metric windows, held and continuous reference."""
 
 
 class Feed:

@@ -154,7 +154,7 @@ class EpisodeCode:
     def _measure(
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Measurement]:
-        """Evaluate a control period up to the measurement of the control law; return the loop state unchanged."""
+        """Run a control period up to the measurement that the law receives; return it with the unchanged loop state."""
         stages, plant, row = self._begin(numbers, fed)
         row = stages.waits.lead(now.agent.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement

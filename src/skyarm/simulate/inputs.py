@@ -125,7 +125,7 @@ class EpisodeInputs:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
     def held_now(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """Reference sample held in a control period by the reference clock of a task whose phases wait."""
+        """Reference sample of a control period, at the clock of a task, which stops while a phase waits."""
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)

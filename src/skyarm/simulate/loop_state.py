@@ -98,7 +98,7 @@ class LoopState:
 
 
 Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
-"""Reference of a row; () until the loop has set it."""
+"""Type of the reference in one row of the log; () until the loop has set it."""
 
 
 @immutable

@@ -23,7 +23,7 @@ FARTHEST = 10.0
 """Largest plausible distance (m) from one part to the next; an arm of 15 mm written in millimetres is longer."""
 
 TURN = 2.0 * math.pi * 1.001, FARTHEST
-"""Usual position of a joint: a turn (rad), with the rounding of files, or a length (m)."""
+"""Largest plausible joint position: one turn (rad), with a margin for rounding in files, or a length (m)."""
 
 NOISE = 1e-15
 """Size (kg m^2) of a negative moment that counts as rounding; a milligram at 30 micrometres has as much."""

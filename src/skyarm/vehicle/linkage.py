@@ -131,7 +131,7 @@ class Joint:
             low=0.0,
             strict=True,
             rule=number,
-            effect="lower values make friction sharper and need smaller physics steps",
+            effect="lower values make friction sharper and need smaller integration steps",
         ),
     ] = 0.01
     armature: Annotated[Scalar, Unit("kg m^2 or kg", "rotor inertia of the drive, reflected to the joint", **SHARE)] = (
@@ -143,14 +143,14 @@ class Joint:
             "N m/rad or N/m",
             "stiffness of the stops at both limits; 0 for none",
             **SHARE,
-            effect="higher values stop the joint in less distance and need smaller physics steps",
+            effect="higher values stop the joint in less distance and need smaller integration steps",
         ),
     ] = field(default=0, metadata=WRITTEN_IF_ANY)
     stop_damping: Annotated[
         Scalar,
         Unit(
             "s/rad or s/m",
-            "relative increase of the stop's force per speed into it",
+            "the stop's force is multiplied by 1 + `stop_damping` * speed into the stop",
             **SHARE,
             effect="higher values let the joint bounce less off its stops",
         ),

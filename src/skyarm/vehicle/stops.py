@@ -85,7 +85,7 @@ WANTED = 2500.0
 """Decay rate (1/s) to which faster friction is reduced."""
 
 SOFTER = 1.5
-"""Factor from one trial to the next."""
+"""Factor by which the speed that smooths Coulomb friction grows from one trial to the next."""
 
 
 NOTE = "dry friction too stiff to integrate, bent by a larger coulomb_rate; state the armature of its drive"

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 import re
 import shutil
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from drawn_inputs import inputs, same_bits, text_of
+from exported_sizes import built, nanoseconds_of, stack_of
 
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
-from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
+from skyarm.control.catalogue import PRESETS, Controller, make_controller
 from skyarm.control.controller import preview_leads
 from skyarm.control.laws.centroidal.law import CentroidalMemory
 from skyarm.control.model import Model, Terms
@@ -28,7 +27,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import units
 from support.cases import sampled
-from support.engines import CAREFUL, CC, LIBM, STRICT, Loaded, fill, needs_cc, object_file, run, undefined
+from support.engines import CAREFUL, CC, LIBM, STRICT, Loaded, needs_cc, object_file, run, undefined
 from support.laws import G, step
 
 PAPER_LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
@@ -40,11 +39,6 @@ FITTING = {
     "hexarotor_arm6": ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque", "rotors_sim_hummingbird"),
 }
 PAIRS = [(vehicle, name) for vehicle in VEHICLES for name in FITTING[vehicle]]
-
-
-def built(vehicle: str, name: str) -> Controller:
-    model = Model(vehicle=skyarm.load_vehicle(vehicle), gravity=G)
-    return preset(name, model) if name in PRESETS else make_controller(name, model)
 
 
 def expected(controller: Controller, measurement, reference) -> list[float]:
@@ -225,15 +219,9 @@ def test_only_libm_is_needed_and_the_stack_is_bounded(tmp_path, vehicle, name, r
     """The bound is a quarter of a microcontroller's usual 16 KiB; the number itself is reported."""
     target = object_file(text_of(built(vehicle, name)), tmp_path, ("-O2",))
     assert undefined(target) <= LIBM
-    usage = tmp_path / "usage"
-    usage.mkdir()
-    try:
-        object_file(text_of(built(vehicle, name)), usage, ("-O2", "-fstack-usage"))
-    except AssertionError:
+    largest = stack_of(text_of(built(vehicle, name)), tmp_path / "usage")
+    if largest is None:
         pytest.skip("this compiler does not report stack use")
-    rows = [line.split() for line in (usage / "program.su").read_text().splitlines()]
-    assert {row[-1] for row in rows} == {"static"}
-    largest = max(int(row[-2]) for row in rows)
     record_property(f"stack bytes of {name} on {vehicle}", largest)
     print(f"stack of {name} on {vehicle}: {largest} bytes")
     # the paper's laws leave room on a microcontroller; a law of thousands of operations asks for a larger stack
@@ -243,25 +231,7 @@ def test_only_libm_is_needed_and_the_stack_is_bounded(tmp_path, vehicle, name, r
 @needs_cc
 def test_latency_is_reported(tmp_path, record_property):
     """A measurement of this machine, not a promise: nothing is asserted on it."""
-    text = text_of(built("hummingbird_arm2", "paper_ct"))
-    text += (
-        "void repeat(int n, const struct law_measurement *m, const struct law_reference *r, struct law_memory *k,\n"
-        "            struct law_command *c);\n"
-        "void repeat(int n, const struct law_measurement *m, const struct law_reference *r, struct law_memory *k,\n"
-        "            struct law_command *c)\n"
-        "{\n    struct law_measurement own = *m;\n    int i;\n    for (i = 0; i < n; ++i) {\n"
-        "        law_step(&own, r, k, c);\n        own.position[0] = c->efforts[0] * 1e-3;\n    }\n}\n"
-    )
-    in_c = Loaded(text, tmp_path)
-    m, r = in_c.kinds["measurement"](), in_c.kinds["reference"]()
-    pair = next(inputs("hummingbird_arm2"))
-    fill(m, pair[0])
-    fill(r, pair[1])
-    command = in_c.kinds["command"]()
-    count = 50_000
-    start = time.perf_counter()
-    in_c.library.repeat(count, *(ctypes.byref(each) for each in (m, r, in_c.memory, command)))
-    nanoseconds = (time.perf_counter() - start) / count * 1e9
+    nanoseconds = nanoseconds_of(built("hummingbird_arm2", "paper_ct"), "hummingbird_arm2", tmp_path)
     record_property("ns per step", nanoseconds)
     print(f"paper_ct on hummingbird_arm2: {nanoseconds:.0f} ns a step")
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyarm.compile import trace
-from skyarm.dynamics.actuators import joint_force
+from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.vehicle.linkage import Joint
 
 JOINT = Joint(name="j", effort_limit=0.5, damping=0.02, coulomb=0.03, coulomb_rate=0.1)
@@ -94,3 +94,11 @@ def test_a_batch_is_a_loop_of_singles():
     singles = [joint_force(JOINT, float(c), float(r)) for c, r in zip(command, rate, strict=True)]
     # NumPy's tanh may differ from the C library's in the last bit
     np.testing.assert_allclose(batch, singles, rtol=1e-15, atol=1e-17)
+
+
+@pytest.mark.parametrize(("position", "sign"), [(0.7, -1.0), (-0.6, 1.0)])
+@pytest.mark.parametrize(("into", "share"), [(0.0, 1.0), (2.0, 1.5), (-2.0, 0.5), (-4.0, 0.0), (-9.0, 0.0)])
+def test_a_stop_pushes_by_hand_at_either_end(position, sign, into, share):
+    """20 N m / rad over 0.1 rad is 2 N m; a quarter more or less for each rad/s into the stop or out of it."""
+    stopped = Joint(name="j", lower=-0.5, upper=0.6, stop_stiffness=20.0, stop_damping=0.25)
+    assert stop_force(stopped, position, -sign * into) == pytest.approx(2.0 * sign * share, rel=1e-12, abs=1e-12)

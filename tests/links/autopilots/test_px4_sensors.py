@@ -88,3 +88,10 @@ def test_velocities_that_the_wire_cannot_carry_are_cut_off() -> None:
     fields = SensorMessages().satellite(READINGS | {"gnss": (0.0, 0.0, 0.0, 1e6, 900.0, -900.0, 1e9)})
     assert fields is not None
     assert (fields["vn"], fields["ve"], fields["vd"], fields["vel"]) == (32767, 32767, -32767, 32767)
+
+
+@pytest.mark.parametrize(("height", "millimetres"), [(3e6, 2147483647), (-3e6, -2147483647), (1e3, 1488000)])
+def test_a_height_that_32_bits_cannot_carry_in_millimetres_is_cut_off(height: float, millimetres: int) -> None:
+    fields = SensorMessages().satellite(READINGS | {"gnss": (0.0, 0.0, 0.0, height, 0.0, 0.0, 0.0)})
+    assert fields is not None
+    assert fields["alt"] == pytest.approx(millimetres, abs=1.0 if abs(height) < 1e6 else 0.0)

@@ -12,7 +12,7 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.control.laws.paper import decoupled_pd
-from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
+from skyarm.records.files.user_code import failure, own_code, own_failure, place_of, place_of_error
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.endings import Divergence
 from skyarm.sensing.measurement import SensorNoise
@@ -133,3 +133,20 @@ def test_an_error_is_told_at_the_innermost_own_line(tmp_path):
     assert failure(caught.value).startswith(f"{__file__}:{line}: JSONDecodeError: Expecting")
     ours = ValueError("never raised")
     assert (place_of_error(ours), failure(ours)) == ("", "")
+
+
+def refusing() -> None:
+    raise ValueError("not today")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (refusing, f"{__file__}:{refusing.__code__.co_firstlineno + 1}: ValueError: not today"),
+        (lambda: load_plugin("gone.py"), ""),
+    ],
+)
+def test_an_error_is_ones_own_where_ones_own_code_raised_it(call, words):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        call()
+    assert own_failure(error.value) == words

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from case3_on_estimates import CASE3, SLOW, tip_errors
 from filter_errors import errors_of
 
 import skyarm
@@ -13,25 +14,6 @@ from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.world import ForceWind
 from support.flights import estimated
-
-CASE3 = {
-    "duration": 20.0,
-    "windows": {"steady": [10.0, 20.0]},
-    "model": {"vehicle": "hummingbird_arm2", "gravity": 9.81},
-    "reference__base__start": 6.0,
-    "reference__base__stop": 21.0,
-    "reference__joints": [
-        {"kind": "sine", "amplitude": 0.2, "frequency_hz": 0.5, "start": 6.0, "stop": 21.0},
-        {"kind": "sine", "amplitude": 0.15, "frequency_hz": 0.5, "phase": np.pi / 2, "start": 6.0, "stop": 21.0},
-    ],
-}
-"""What makes the short flight of the tests the paper's Case 3; its gyroscope and accelerometer are the issue's."""
-
-SLOW = {
-    "sensors__mocap__frequency": 10.0,
-    "sensors__mocap__dropouts": {"share": 0.2, "duration": 0.2},
-}
-"""Pose at 10 Hz, a fifth of it lost in runs of 200 ms on average."""
 
 
 def _along(path: str, axes: str, value: float) -> dict[str, float]:
@@ -86,13 +68,6 @@ def test_a_few_flights_have_errors_as_large_as_the_filter_says():
     found = [*errors_of(estimated(duration=1.52), 64, seed=5, every=0.5)]
     means = np.array([each.nees.mean() for each in found])
     assert np.all(np.abs(means - 15.0) < 4 * np.sqrt(2 * 15 / 64)), means
-
-
-def tip_errors(scenario, seeds: int, seed: int) -> np.ndarray:
-    batch = skyarm.Batch(scenario, ["estimator.gyro"], metrics=["ee_error_mean"])
-    outcome = batch.fly({"estimator.gyro": np.full(seeds, 0.005)}, seed=seed)
-    assert set(outcome.status) == {"completed"}
-    return np.asarray(outcome.metrics["ee_error_mean"])
 
 
 @pytest.mark.thorough

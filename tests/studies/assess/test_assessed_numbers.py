@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
+from skyarm.cli.check_command import check as command
 from skyarm.dynamics.actuators import make_mixer, mix, motion_demand
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
+from skyarm.reference.signals import Ramp
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Change
 from skyarm.studies.assess import along_reference
-from skyarm.studies.assess.arm_poses import arm_poses
+from skyarm.studies.assess.arm_poses import POSES, arm_poses
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin
 from skyarm.studies.assess.finding import Finding
 from skyarm.studies.assess.flight_loads import flight_parts
@@ -218,3 +222,40 @@ def test_a_law_that_cannot_be_linearised_leaves_a_note() -> None:
     scenario = skyarm.load_scenario("case1", controller="nmpc")
     (found,) = delay_margin(scenario)
     assert (found.level, found.text.startswith("not known: ")) == ("note", True)
+
+
+def test_rotors_of_a_centred_quadrotor_carry_the_same_and_of_another_their_fraction():
+    assert answer(assess_vehicle(HUMMINGBIRD), "balance of the rotors").value == pytest.approx(1.0, rel=1e-9)
+    base = dataclasses.replace(HUMMINGBIRD.base, com=Vec3(0.02, 0.0, 0.0))
+    vehicle = dataclasses.replace(HUMMINGBIRD, base=base)
+    # the front rotor of a cross of 0.17 m carries a quarter and x / (2 L) more, the rear one that much less
+    expected = 1.0 - 4.0 * 0.02 / (2.0 * 0.17)
+    assert answer(assess_vehicle(vehicle), "balance of the rotors").value == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_reference_beyond_a_lower_limit_is_told_by_its_farthest_point():
+    scenario = skyarm.load_scenario("case1")
+    joints = tuple(Ramp(start=0.0, duration=2.0, height=-1.0) for _ in range(2))
+    link = scenario.plant.vehicle.links[0]
+    narrow = dataclasses.replace(link, joint=dataclasses.replace(link.joint, lower=-0.5, upper=3.0))
+    vehicle = dataclasses.replace(scenario.plant.vehicle, links=(narrow, *scenario.plant.vehicle.links[1:]))
+    scenario = dataclasses.replace(
+        scenario.with_reference(dataclasses.replace(scenario.reference, joints=joints)), duration=4.0
+    ).with_plant(dataclasses.replace(scenario.plant, vehicle=vehicle))
+    found = next(
+        each for each in along_reference.along_reference(scenario) if each.question == "reference within joint limits"
+    )
+    assert found.value == pytest.approx(-1.0)
+    assert found.limit == -0.5
+
+
+def test_changes_of_the_law_alone_cut_no_part_of_a_flight():
+    hover = skyarm.load_scenario("case3", duration=4.0)
+    changed = dataclasses.replace(hover, changes=(Change(at=2.0, path="model.base.mass", value=1.0),))
+    assert len(flight_parts(changed)) == 1
+    of_the_plant = dataclasses.replace(hover, changes=(Change(at=2.0, path="plant.gravity", value=9.0),))
+    assert [(part.start, part.stop) for part in flight_parts(of_the_plant)] == [(0.0, 2.0), (2.0, 4.0)]
+
+
+def test_the_command_samples_as_many_poses_as_the_function():
+    assert inspect.signature(command).parameters["poses"].default == POSES == 1024

@@ -58,6 +58,18 @@ def test_bench_prints_and_writes_what_it_measured(tmp_path: Path, capsys: pytest
         assert f"  {score['name']:<26} {score['rate']:10.4g}" in out
 
 
+@pytest.mark.usefixtures("instant")
+@pytest.mark.parametrize("name", ["speed", "times"])
+def test_the_tables_of_the_page_have_its_columns(name: str, capsys: pytest.CaptureFixture[str]):
+    measure_engines.main(["--quick", "--table", name])
+    printed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    page = (Path(__file__).resolve().parents[3] / "docs" / "performance.md").read_text("utf-8").splitlines()
+    assert printed[0] in page
+    assert len(printed) >= 4
+    rows = {line.split("|")[1].strip() for line in page if line.startswith("|")}
+    assert {line.split("|")[1].strip() for line in printed[2:]} <= rows
+
+
 @pytest.mark.thorough
 def test_a_quick_bench_measures_everything(tmp_path: Path):
     """Two minutes on two cores, nearly all of them compilers."""

@@ -197,3 +197,10 @@ def test_the_stiffest_world_takes_the_steps_of_the_one_that_needs_the_shortest()
     taken = Material(**{name: case.stiffest(values)[f"{at}.{name}"] for name in material})
     assert taken.largest_step == pytest.approx(min(steps), rel=1e-12)
     assert np.argmin(steps) != np.argmax(material["stiffness"])
+
+
+def test_a_task_that_no_world_allows_is_refused_after_so_many_as_the_limit_needs():
+    """One world, sixteen to spare and twice the worlds that may be discarded of one, rounded up: 19."""
+    slick = dataclasses.replace(TASKS["slide_circle"], friction=(50.0, 60.0))
+    with pytest.raises(ValueError, match="19 of 19 worlds are discarded"):
+        draw_worlds(slick, shipped("slide_circle"), 1, seed=0)

@@ -1,10 +1,10 @@
 """Measure how many true numbers of planted vehicles lie outside their 95 % intervals, and how wide these are.
 
-    python tests/studies/identify/measure_coverage.py OUT.jsonl [--only arm2,low] [--every K] [--workers N]
+    python tests/studies/identify/measure_coverage.py OUT.jsonl [--only arm2,low] [--every K] [--workers N] [--small]
 
 Every vehicle is identified from a flight of a minute at low and at high noise, each with some channels left out. Each
 result is appended to the file as it comes; a run that was stopped goes on with what is missing, and one of which all is
-there prints the table alone.
+there prints the tables alone: those of docs/results_identification.md, and all groups on the standard error.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 from planted_flights import KINDS, LANES, POSES, measured, planted
 
 import skyarm
+from support.measured_tables import print_table, progress
 
 CHANNELS: Mapping[str, tuple[str, ...]] = {
     "all": (),
@@ -127,6 +128,50 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
+GROUPS = {
+    "all": "all",
+    "low noise": "good sensors",
+    "high noise": "poor sensors",
+    "channels: no efforts": "without joint efforts",
+}
+"""Groups of the page, and their words there."""
+
+ACCURACY = {
+    "base.inertia": "inertia, %",
+    "moment_coefficient": "torque coefficient, %",
+    "place.": "place of the inertial unit, mm",
+}
+"""Parts of the names of numbers of a quadrotor, and their words in the page."""
+
+VEHICLES = {"quad": "quadrotor", "arm2": "with two joints", "arm3": "with three joints"}
+
+
+def print_tables(rows: Sequence[Row]) -> None:
+    """Print the tables of the page."""
+    found = groups(rows)
+    lines = []
+    for label, title in GROUPS.items():
+        wrong = outside(found.get(label, ()))
+        lines.append(
+            (f"{title} {len(wrong)}" if label == "all" else title, f"{100 * np.mean(wrong):.1f}" if wrong else "")
+        )
+    print_table(("group", ">values outside of their 95 % interval, %"), lines)
+    good = [each for row in rows if (row["kind"], row["noise"]) == ("quad", "low") for each in row["numbers"]]
+    lines = []
+    for part, title in ACCURACY.items():
+        size = 1e3 if title.endswith("mm") else 100.0
+        errors = [
+            size * abs(value - truth) / (1.0 if title.endswith("mm") else abs(truth))
+            for name, value, _, _, truth in good
+            if part in name and truth
+        ]
+        lines.append((title, f"{np.median(errors):.2g}" if errors else ""))
+    print_table(("a quadrotor with good sensors", ">accuracy"), lines)
+    times = {kind: [row["seconds"] for row in rows if row["kind"] == kind] for kind in VEHICLES}
+    lines = [(title, f"{np.median(times[kind]):.0f}" if times[kind] else "") for kind, title in VEHICLES.items()]
+    print_table(("flight of one minute at 500 Hz", ">time on one core, s"), lines)
+
+
 def run(
     wanted: Sequence[tuple[str, int, str, str]], out: Path, workers: int, tell: Callable[[str], None] = print
 ) -> list[Row]:
@@ -154,10 +199,17 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every so many of the identifications")
     parser.add_argument("--vehicles", type=int, default=LANES, help="of each kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--small", action="store_true", help="one quadrotor, into a new file")
     given = parser.parse_args()
+    if given.small:
+        given.only, given.vehicles, given.workers = "quad,low", 1, 1
+        given.out.unlink(missing_ok=True)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
     words = {word for word in given.only.split(",") if word}
     wanted = [case for case in cases(given.vehicles) if words <= {str(part) for part in case}][:: given.every]
-    print(table(run(wanted, given.out, given.workers)))
+    rows = run(wanted, given.out, given.workers, tell=progress)
+    progress(table(rows))
+    print_tables(rows)
 
 
 if __name__ == "__main__":

@@ -193,7 +193,7 @@ def test_the_table_of_numbers_has_values_intervals_and_starts_with_units_in_line
         "longest.of.names 0.1235           0.9 to 1.1     2 m",
         "b                           not in this data     2 kg m^2",
         "base.com.x              not in this data (*)     2",
-        "(*) shown beside b only: base.com.x",
+        "(*) known only together with b: base.com.x",
         GIVEN,
         "explained beyond noise: rate.x 99%, rate.y 50%",
         "a: file: is cut off.",
@@ -246,8 +246,8 @@ def test_a_heading_names_four_flights_and_how_many_more_there_are():
 def test_numbers_that_show_beside_another_one_stand_in_a_line_of_that_one():
     numbers = [number(name, reason=f"{APART}{of}") for name, of in (("a", "m"), ("b", "n"), ("c", "m"))]
     assert _apart_lines([*numbers, number("m"), number("n", reason=NOT_SHOWN)]) == [
-        "(*) shown beside m only: a, c",
-        "(*) shown beside n only: b",
+        "(*) known only together with m: a, c",
+        "(*) known only together with n: b",
     ]
 
 

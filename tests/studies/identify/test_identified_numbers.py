@@ -22,7 +22,9 @@ from skyarm.studies.identify.identified_numbers import (
     scale_of,
     with_reasons,
 )
+from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.unknowns import Reported, Unknown
+from support.flights import QUAD
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -285,3 +287,12 @@ def test_a_sum_goes_back_beside_a_known_part():
     assert at_starts(plain, scale, [1], ["b", "c"]) == pytest.approx({"a": 1.0, "b": 1.5, "c": -0.5})
     fewer = dataclasses.replace(scale, reported=scale.reported[:1])
     assert at_starts(plain, fewer, [0], ["b", "c"]) == plain
+
+
+def test_a_number_of_the_rotors_is_that_of_the_first_and_the_others_keep_their_ratio():
+    rotors = [
+        dataclasses.replace(each, thrust_coefficient=(1.0 + 0.1 * i) * 1e-5) for i, each in enumerate(QUAD.rotors)
+    ]
+    start = dataclasses.replace(QUAD, rotors=tuple(rotors))
+    found = vehicle_with(start, {"rotors.thrust_coefficient": 2e-5}, checked=True)
+    assert [each.thrust_coefficient for each in found.rotors] == pytest.approx([2e-5, 2.2e-5, 2.4e-5, 2.6e-5])

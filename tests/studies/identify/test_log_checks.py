@@ -427,3 +427,12 @@ def test_the_cure_of_commands_in_percent_is_their_range():
     (fault,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
     assert fault.finding.endswith("it looks like percent")
     assert fault.remedy == "state low and high in columns.toml"
+
+
+@pytest.mark.parametrize("name", ["joint_positions", "joint_commands"])
+def test_angles_beyond_two_turns_look_like_degrees(name):
+    channel = SOUND["joint_positions"]
+    for size, refused in ((4.0 * np.pi - 0.05, False), (4.0 * np.pi + 0.05, True)):
+        values = np.full_like(channel.values, size)
+        flight = SOUND.with_channels({name: dataclasses.replace(channel, values=values)})
+        assert any(f"{name}: is" in each and "degrees" in each for each in told(flight)) is refused

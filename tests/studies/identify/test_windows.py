@@ -11,7 +11,15 @@ import pytest
 from made_up_fits import HOVER, STEP, channel, clocked
 
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.studies.identify.windows import ClockedWindows, SensorSamples, clock_step, held_over, on_clock, samples_on
+from skyarm.studies.identify.windows import (
+    ClockedWindows,
+    SensorSamples,
+    _no_samples,
+    clock_step,
+    held_over,
+    on_clock,
+    samples_on,
+)
 from support.flights import ONE, QUAD
 
 
@@ -432,3 +440,22 @@ def test_a_first_state_takes_samples_of_its_own_flight_only():
     assert not windows.first_states({"position": lonely})["position"][windows.owners > 0].any()
     # one sample shows no speed
     assert not windows.first_states({"position": lonely})["velocity"].any()
+
+
+def test_a_sensor_that_is_missing_has_attitudes_of_unit_length_and_zeros_of_others():
+    level = _no_samples(3, 4)
+    assert level.values.tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
+    assert not level.there.any()
+    assert not _no_samples(2, 3).values.any()
+
+
+def test_commands_at_ten_hertz_are_taken_in_the_middle_of_each_step():
+    """A straight ramp of 1000 rad/s in a second: a hundredth of a step beside the middle is 0.02 rad/s off."""
+    time = np.arange(0.0, 4.0, 0.1)
+    given = flight().with_channels(
+        {"rotor_speed_commands": channel(time, (300.0 + 100.0 * time)[:, None] * np.ones(4))}
+    )
+    found = on_clock(given, QUAD, STEP)
+    at = found.edges[:-1] + 0.5 * STEP
+    inside = (at > 0.5) & (at < 3.4)
+    assert found.speeds.values[inside][:, 0] == pytest.approx(300.0 + 100.0 * at[inside], abs=1e-4)

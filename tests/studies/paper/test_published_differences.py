@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skyarm.studies.paper.published import digits, percent, relative, reversed_orders
+from skyarm.studies.paper.published import PRINTED, digits, percent, relative, reversed_orders, rounding
 from skyarm.studies.paper.report_tables import markdown_tables as markdown
 
 
@@ -78,3 +78,12 @@ def test_an_order_is_reversed_where_the_better_controller_changes() -> None:
         x for x in markdown({"experiments": experiments}).splitlines() if x.startswith("Metrics whose better law")
     )
     assert line.endswith("Case 1, turned, signed.")
+
+
+def test_a_printed_number_is_uncertain_by_half_a_unit_of_its_last_digit() -> None:
+    for case, laws in PRINTED.items():
+        for law, cells in laws.items():
+            for metric, text in cells.items():
+                # the same number with one more digit, a 5
+                more = float(f"{text}5") if "." in text else float(f"{text}.5")
+                assert rounding(case, law, metric) == pytest.approx(abs(more - float(text)), rel=1e-6), (case, metric)

@@ -13,7 +13,7 @@ from scipy import linalg, optimize
 
 from skyarm.studies.stability import margins
 from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
-from skyarm.studies.stability.disk_margins import upper_bound
+from skyarm.studies.stability.disk_margins import frequency_grid, upper_bound
 from skyarm.studies.stability.loop_channels import numbered_channels
 
 T = 1e-3
@@ -196,3 +196,17 @@ def test_the_delay_of_one_rotor_is_where_eigenvalues_leave_the_circle():
     first = int(np.argmax(np.array(radii) > 1.0))
     # a hold within a period is no pure delay, and the crossing lies between two frequencies of the grid
     assert foretold == pytest.approx(steps[first] - 0.5 * step, abs=step)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e12])
+def test_the_bound_of_a_scaled_matrix_is_the_scaled_bound(size):
+    draw = np.random.default_rng(8)
+    M = (draw.normal(size=(1, 4, 4)) + 1j * draw.normal(size=(1, 4, 4))) * np.array([1.0, 1e3, 1e-2, 10.0])
+    assert upper_bound(size * M) == pytest.approx(size * upper_bound(M), rel=1e-6)
+
+
+def test_the_grid_is_finer_around_the_frequency_of_a_lightly_damped_pole():
+    period, pole = 0.005, -0.05 + 12.0j
+    grid = frequency_grid(np.exp(np.array([pole, np.conj(pole)]) * period), period)
+    for share in (-4.0, -1.0, 0.0, 1.0, 4.0):
+        assert np.abs(grid - (12.0 + share * 0.05)).min() < 1e-9

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from matplotlib.patches import Circle
 
 from skyarm.studies.stability.disk_margins import LoopMargin
 from skyarm.studies.stability.flight_margins import Locus
@@ -17,3 +19,13 @@ def test_a_curve_that_comes_from_far_off_begins_where_it_can_be_seen():
         assert np.isnan(line.get_xdata()[:2]).all()
         assert line.get_xdata()[2:].tolist() == [-1.5, -0.2]
         assert line.get_ydata()[2:].tolist() == [-0.5 * sign, -0.1 * sign]
+
+
+def test_the_disk_goes_through_the_points_of_its_two_gains():
+    margin = LoopMargin(name="roll", group="rotors", port="commands", disk=1.0, frequency=2.0)
+    (ax,) = nyquist_figure([Locus(margin, np.array([-0.5 - 0.5j, -0.2 - 0.1j]))]).axes
+    (disk,) = [each for each in ax.patches if isinstance(each, Circle)]
+    low, high = margin.gain
+    ends = [disk.center[0] - disk.radius, disk.center[0] + disk.radius]
+    assert ends == pytest.approx([-1.0 / low, -1.0 / high])
+    assert disk.center[1] == 0.0

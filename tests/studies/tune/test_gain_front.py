@@ -142,3 +142,24 @@ def test_gains_known_before_that_miss_the_margins_too_are_chosen_from_at_equal_e
     # one of more error stays away however little it is short
     front, picked = front_of([dataclasses.replace(near, error=1.1)], [far], REQUIRED)
     assert front[picked] == far
+
+
+def test_a_start_that_meets_the_constraints_is_the_measure_beside_a_better_one():
+    narrow = LoopMargins(delay=0.001, rotors=(0.9, 1.1), joints=(0.0, math.inf))
+    allowed, not_allowed = point(2.0, 1.0), point(1.0, 1.0, margins=narrow)
+    worse = point(3.0, 0.5)
+    front, number = front_of([not_allowed, allowed], [worse], REQUIRED)
+    assert front[number] == allowed
+
+
+def test_the_stiffest_weight_is_three_hundredths():
+    """Of two candidates with activities apart by e^10, one is 10 times the weight of the logarithm of error better."""
+
+    def scores(error, jitter):
+        zeros = np.zeros(2)
+        error = np.array(error)
+        return Scores(error=error, tip=error, jitter=np.array(jitter), effort=np.ones(2), lost=zeros, short=zeros)
+
+    for apart, both in ((0.3015, True), (0.2985, False)):
+        found = finalists([scores([1.0, math.exp(apart)], [math.exp(10.0), 1.0])], count=1)
+        assert (0 in found) is both

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from skyarm.view.figures.comparison_figures import HIGH, LOW, LOWEST, TOP, envelope_figure
+from skyarm.view.figures.comparison_figures import ACROSS, HIGH, LOW, LOWEST, PAGE, PANEL, TOP, envelope_figure
 
 
 def point(error, *, lost=False):
@@ -71,3 +72,10 @@ def test_a_known_law_looks_the_same_beside_any_others():
     alone, beside = color(["centroidal_tip"]), color(["mine", "yours", "nmpc", "centroidal_tip"])
     assert alone["centroidal_tip"] == beside["centroidal_tip"]
     assert len(set(beside.values())) == 4
+
+
+def test_panels_are_as_wide_as_the_page_divided_by_their_number_in_a_row():
+    many = {f"axis{i}": AXES["push_x"] for i in range(ACROSS)}
+    width, height = envelope_figure(many, ["one", "other"]).get_size_inches()
+    assert width == pytest.approx(PAGE.width, rel=0.02)
+    assert PANEL <= height <= PANEL + 1.0

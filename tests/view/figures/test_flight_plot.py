@@ -7,6 +7,7 @@ import re
 from functools import cache
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import matplotlib as mpl
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 import skyarm
-from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels, flights_by_label
+from skyarm.view.figures.flight_facts import LONGEST, applied_force, flight_events, flight_labels, flights_by_label
 from skyarm.view.figures.flight_panels import KINDS, panels_of
 from skyarm.view.figures.flight_plot import MOST, plot
 from skyarm.view.figures.style import PAPER
@@ -412,3 +413,15 @@ def test_flights_of_a_picture_are_logs_and_paths(tmp_path: Path) -> None:
     for given, words in ((3, "3: must be a Log or the path of one's file"), ("absent.npz", "'absent.npz': no such")):
         with pytest.raises(ValueError, match=f"^log = {words}"):
             plot(given)  # type: ignore[arg-type]
+
+
+def test_the_applied_force_is_that_on_surfaces_or_else_that_of_a_grip():
+    def log(**forces):
+        columns = {name: np.array(values, dtype=float) for name, values in forces.items()}
+        return SimpleNamespace(component=lambda name: columns.get(name, np.zeros((2, 0))))
+
+    touches, grips = [[1.0, 2.0], [0.0, 4.0]], [[5.0], [6.0]]
+    assert applied_force(log(contact_force=touches, gripper_force=grips)).tolist() == [3.0, 4.0]
+    assert applied_force(log(contact_force=np.zeros((2, 2)), gripper_force=grips)).tolist() == [5.0, 6.0]
+    assert applied_force(log(contact_force=np.zeros((2, 2)))).tolist() == [0.0, 0.0]
+    assert applied_force(log(gripper_force=grips)) is None

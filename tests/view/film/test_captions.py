@@ -157,3 +157,24 @@ def test_below_the_axis_of_the_plot_there_is_room_for_its_numbers_and_its_name(s
     # two lines of 12.5 points at 100 pixels an inch
     assert height - strip.bottom > 2 * 12.5 * scale / 72.0 * 100.0
     assert (strip.pixels[-1] > 200).all()
+
+
+def plotted(*wanted: bool) -> list[tuple[float, ...]]:
+    """Colours of the curves in the plot of two flights, by whether each has a desired and a measured force."""
+    flights = film_flights([flight(), flight("centroidal_tip")], TIMES)
+    force = np.linspace(0.0, 3.0, len(flights[0].error_time))
+    with_force = [
+        dataclasses.replace(each, wanted_curve=force, contact_curve=force) if has else each
+        for each, has in zip(flights, wanted, strict=True)
+    ]
+    layout = frame_layout(640, 360, 2, "side", plot=True)
+    captions = Captions(with_force, TIMES, layout, "A title")
+    assert layout.plot is not None
+    part = inside(captions.frame(DRAWN, 3), layout.plot)
+    return [tuple(part.reshape(-1, 3).mean(axis=0))]
+
+
+def test_the_plot_shows_forces_where_all_flights_have_them_and_errors_else() -> None:
+    errors = plotted(False, False)
+    assert plotted(True, False) == errors
+    assert plotted(True, True) != errors

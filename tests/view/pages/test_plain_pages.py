@@ -7,6 +7,8 @@ from xml.etree import ElementTree
 import pytest
 
 from skyarm.view.pages import markup as plain
+from skyarm.view.pages import sections
+from skyarm.view.pages.sections import number
 
 
 def parsed(text):
@@ -61,3 +63,20 @@ def test_a_wide_picture_says_so_and_every_text_is_escaped():
         assert figure.find("img").get("alt") == 'a "b"'
         assert figure.find("img").get("src") == "data:image/png;base64,iVBORw=="
         assert figure.find("figcaption").text == "c < d"
+
+
+@pytest.mark.parametrize(("columns", "kind"), [(2, "few"), (3, "few"), (4, None), (9, None), (10, "many")])
+def test_a_table_is_styled_by_the_number_of_its_columns(columns, kind):
+    found = parsed(plain.table([f"c{i}" for i in range(columns)], [["x"] * columns]))
+    assert found.find(".//table").get("class") == kind
+
+
+def test_a_number_is_scaled_and_has_two_or_three_digits():
+    assert [number(0.0123, 1e3), number(0.1234, 1e3), number(1.0), number(None)] == ["12.3", "123", "1.00", "-"]
+
+
+def test_a_table_in_markdown_has_its_caption_unless_its_section_is_called_so():
+    table = sections.Table(head=["law", ">error"], rows=[["a", "1"]], caption="Laws")
+    rows = "| law | error |\n| --- | ---: |\n| a | 1 |"
+    assert table.markdown() == f"Laws:\n\n{rows}"
+    assert table.markdown("Laws") == rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -10,8 +11,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.view.studio.controls import Chart
-from skyarm.view.studio.picture import FleetPicture, StudioStage
+from skyarm.simulate.first_state import first_state
+from skyarm.view.studio import picture
+from skyarm.view.studio.controls import Chart, add_clock
+from skyarm.view.studio.picture import COLORS, LOST, FleetPicture, FlightNodes, StudioStage, tones_of
+from skyarm.view.studio.sights import poses_of
 from support.peers import Scene as Nodes
 
 
@@ -90,3 +94,55 @@ def test_laws_at_one_place_are_a_solid_and_wires_around_it() -> None:
             assert (other >= first).all()
         assert words["color"] != two[name]["color"]
     assert any(two[name]["radius"] > words["radius"] for name, words in one.items() if "height" in words)
+
+
+def test_the_chosen_speed_is_the_number_before_the_x() -> None:
+    used: dict[str, Any] = {}
+
+    def handle(name: str, *args: Any, **words: Any) -> Any:
+        return SimpleNamespace(on_update=lambda work: used.update({name: work}))
+
+    gui = SimpleNamespace(add_button_group=handle, add_dropdown=handle, add_slider=handle)
+    clock = SimpleNamespace(speed=1.0)
+    add_clock(gui, lambda work: work(clock), 10.0)  # type: ignore[arg-type]
+    for text, speed in (("4x", 4.0), ("0.25x", 0.25)):
+        asyncio.run(used["speed"](SimpleNamespace(client_id=1, target=SimpleNamespace(value=text))))
+        assert clock.speed == speed
+    asyncio.run(used["speed"](SimpleNamespace(client_id=None, target=SimpleNamespace(value="2x"))))
+    assert clock.speed == 0.25, "a change by the program is no choice of the user"
+
+
+def test_a_lost_vehicle_turns_red_and_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = skyarm.load_scenario("case2")
+    vehicle, state = scenario.plant.vehicle, first_state(scenario)
+    colors: list[tuple[float, ...]] = []
+    nodes = SimpleNamespace(
+        _vehicle=vehicle,
+        vehicle=SimpleNamespace(place=lambda *_: None, color=lambda paint: colors.append(paint("base"))),
+        _place_scene=lambda *_: None,
+        _attached_mass=lambda *_: (),
+        _around=np.zeros(3),
+        _forces=SimpleNamespace(point=lambda _: None),
+        _trail=SimpleNamespace(points=None),
+        _lost=False,
+        _paint=tones_of(COLORS[0]),
+        _label=SimpleNamespace(text="", position=None),
+        _above=np.zeros(3),
+    )
+    flight = SimpleNamespace(
+        session=SimpleNamespace(state=state, running=True),
+        poses=lambda: poses_of(vehicle, state),
+        scene=lambda _: None,
+        recent=lambda _: (),
+        title="one",
+        lost=False,
+    )
+    monkeypatch.setattr(picture, "force_arrows", lambda *_: ())
+    monkeypatch.setattr(picture, "trail", lambda _: None)
+    texts = []
+    for lost in (False, True, True, False):
+        flight.lost = lost
+        FlightNodes.draw(nodes, flight, slow=True)  # type: ignore[arg-type]
+        texts.append(nodes._label.text)
+    assert colors == [tones_of(LOST)("base"), tones_of(COLORS[0])("base")]
+    assert texts == ["one", "one: lost", "one: lost", "one"]

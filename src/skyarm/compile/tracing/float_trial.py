@@ -78,7 +78,7 @@ def _call_with_floats(
     constants: Tree,
     names: Sequence[str],
 ) -> list[Numbers]:
-    """Results of a function on floats over several periods, up to an arithmetic error."""
+    """Results of a function called with floats for several periods, until an arithmetic error ends the calls."""
     results: list[Numbers] = []
     for k, instant in enumerate(instants):
         given = dict(zip(names, (memory, *instant, constants), strict=False))

@@ -80,7 +80,7 @@ class AccelerometerGains:
 
 @immutable
 class Felt:
-    """Observer estimates of base velocity, accelerometer bias and change of the unknown force in one period.
+    """Estimates of an observer after one period: base velocity, accelerometer bias, increment of the unknown force.
 
     Attributes:
         velocity: velocity of the base origin, world axes, m/s.

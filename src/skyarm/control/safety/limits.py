@@ -131,7 +131,7 @@ class Limits:
         float,
         _limit(
             "m",
-            "position error that is passed to the law unbounded, whatever its stiffness",
+            "position errors below this are never reduced, however high `stiffness` is",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 0.4
@@ -139,7 +139,7 @@ class Limits:
         float,
         _limit(
             "m/s",
-            "velocity error that is passed to the law unbounded, whatever its damping",
+            "velocity errors below this are never reduced, however high `damping` is",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 1.5
@@ -217,14 +217,14 @@ class Limits:
         ),
     ]
     trusted_tilt: Annotated[
-        float, _limit("rad", "tilt beyond which the law is replaced after the time patience", effect=_SOONER)
+        float, _limit("rad", "tilt beyond which the law is replaced after `patience`", effect=_SOONER)
     ] = math.radians(70.0)
     trusted_rate: Annotated[
-        float, _limit("rad/s", "body rate beyond which the law is replaced after the time patience", effect=_SOONER)
+        float, _limit("rad/s", "body rate beyond which the law is replaced after `patience`", effect=_SOONER)
     ] = 12.0
     trusted_joint_error: Annotated[
         tuple[float, ...],
-        _limit("rad or m", "joint error beyond which the law is replaced after the time patience", effect=_SOONER),
+        _limit("rad or m", "joint error beyond which the law is replaced after `patience`", effect=_SOONER),
     ]
     lost_rate: Annotated[
         float, _limit("rad/s", "body rate beyond which the law is replaced at once", effect=_SOONER)

@@ -30,7 +30,7 @@ VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
 """MSP's request for the version, which any Betaflight answers, and the head of an answer."""
 
 TAKEN = re.compile(r" set to (\S+)")
-"""Value in the answer to a setting; fractions and long numbers are truncated there."""
+"""Pattern of the value that Betaflight prints after ``set``, which truncates fractions and long numbers."""
 
 LONGEST_ANSWER = 1 << 16
 """Largest output (bytes) of the command line before its next prompt."""

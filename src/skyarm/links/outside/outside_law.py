@@ -34,7 +34,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @immutable
 class LoopSettings:
-    """Settings of the loop around a control law: its period, the autopilot's rate loop, and its thrust.
+    """Settings of the loop around a control law: its period, the autopilot's rate loop, full thrust and torque centre.
 
     Attributes:
         period: period of the law.

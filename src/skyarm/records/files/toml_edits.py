@@ -34,7 +34,7 @@ class _Statement:
 
 @dataclass(kw_only=True)
 class _Tables:
-    """Tables of lists so far, to resolve a header's keys to a path."""
+    """Counts of the arrays of tables so far, which turn the keys of a TOML header into the path of its table."""
 
     counts: dict[TomlPath, int] = field(default_factory=dict)
 

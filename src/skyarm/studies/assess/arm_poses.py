@@ -182,7 +182,7 @@ class ArmPoses:
         return poses.of(vehicle, held)
 
     def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
-        """Copy of the sampled hovers for another vehicle, with passive joints hanging at rest again."""
+        """Same arm poses in hover for another vehicle, with the equilibrium of its passive joints computed anew."""
         return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
 
     @cached_property

@@ -180,7 +180,7 @@ def _renaming(path: TomlPath, new: str, value: str = "") -> tuple[Change, Edit]:
 
 
 def _replacement(path: TomlPath, now: re.Match[str], former: str, *, is_key: bool) -> Iterator[tuple[Change, Edit]]:
-    """Change of a former word: of a key, or of a value with the options that belong to it."""
+    """Edit that renames a key of an earlier version, or replaces a value and adds the options that belong to it."""
     new = now["now"]
     if is_key or now["value"]:
         value = tomllib.loads(f"x = {now['value']}")["x"] if now["value"] else None

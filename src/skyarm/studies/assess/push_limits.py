@@ -164,7 +164,7 @@ def _error(scenario: Scenario, at: Reference) -> list[Finding]:
         return []
     common, deviation = push_errors(scenario, at, ASSUMED if part.tolerances is None else part.tolerances)
     text = (
-        f"a torque scale of all joints {100.0 * ASSUMED.torques:.2g} % off is {common:.2g} of {float(at.push[0]):.3g} N"
+        f"joint torques all {100.0 * ASSUMED.torques:.2g} % off change it by {common:.2g} of {float(at.push[0]):.3g} N"
     )
     if part.tolerances is not None:
         text = f"standard error {deviation:.2g} of {float(at.push[0]):.3g} N by the tolerances, before any is learned"

@@ -303,7 +303,7 @@ def axis_record(axis: EnvelopeAxis, setting: Setting) -> Document:
 
 
 def within(points: Sequence[Record], level: float) -> int:
-    """Number of difficulty values in a row that a controller completes with an error below a level, m."""
+    """Number of consecutive difficulties, from the easiest, at which a controller's error stays below a level (m)."""
     count = 0
     for point in points:
         if point["lost"] or point["judged"] > level:

@@ -79,7 +79,7 @@ FIGURE_ARM = (0.3, 7.0, 1.1)
 frequency, and phases (rad)."""
 
 POINTS, SPAN = 31, {"x": 0.8, "y": 0.8, "z": 0.3, "joints": 0.6}
-"""Seed of the random curve's points, and their largest distance (m; of the joints rad) from the middle."""
+"""Seed of the random curve's points, and their largest distance from its middle (m; rad for joints)."""
 
 PLANTS, WIDEST = 24, 2.0
 """Perturbed plants of every value, the same ones for every law, further from the model as the value grows; the last

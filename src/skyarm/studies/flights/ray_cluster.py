@@ -258,7 +258,7 @@ def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:
 
 
 _arrived: dict[bytes, list[RegistryError]] = {}
-"""Plugins that this process has loaded for others, with their errors."""
+"""Errors from loading each plugin that another process sent, by the plugin's bytes."""
 
 
 def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:

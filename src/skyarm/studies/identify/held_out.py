@@ -294,7 +294,7 @@ def shares_of(ends: Ends) -> Array:
 
 @immutable(kw_only=False, eq=False)
 class PastWeight:
-    """Settings for the use of a flight's past in its prediction, such as the memory of disturbances.
+    """Settings of a prediction that uses the flight before it, such as how long estimated disturbances last.
 
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.

@@ -232,7 +232,7 @@ def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
     for each in numbers:
         if each.reason.startswith(APART):
             beside.setdefault(each.reason.removeprefix(APART), []).append(each.name)
-    return [f"(*) shown beside {name} only: {', '.join(names)}" for name, names in beside.items()]
+    return [f"(*) known only together with {name}: {', '.join(names)}" for name, names in beside.items()]
 
 
 def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:

@@ -93,7 +93,7 @@ def sentence(results: Record) -> str:
 
 
 def _counts_text(by_plant: Mapping[str, Record]) -> str:
-    """Text of the counts within 25, 10 and 5 %: of the first plant, and in brackets of other plants."""
+    """Text of how many published numbers agree within 25, 10 and 5 %: first plant, in brackets the others."""
     flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
     if not flown:
         return "none were flown"

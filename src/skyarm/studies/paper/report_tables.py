@@ -175,7 +175,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
 
 
 def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
-    """Metrics computed under any varied assumption, by case and controller."""
+    """Metrics of the flights in which one assumption was changed, all changes together, by case and controller."""
     cells: dict[tuple[str, str], dict[str, None]] = {}
     for cases in variants.values():
         for case, controllers in cases.items():

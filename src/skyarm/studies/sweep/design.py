@@ -20,7 +20,7 @@ SHIFT_CHANNEL = 2**17
 """Channel of the digital shift of the first dimension."""
 
 BLOCK = 2**16
-"""Number of episodes drawn at once where only their extremes are kept."""
+"""Number of episodes whose numbers are drawn at once when only the least and greatest values are kept."""
 
 
 def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:

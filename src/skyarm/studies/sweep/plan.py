@@ -168,7 +168,7 @@ def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -
 
 
 def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], derived: Sequence[_Setting]) -> Scenario:
-    """Scenario with the fastest joint friction and the shortest required step of air, forces and drives.
+    """Worst case for the integration step: shortest time constants of joint friction, air, forces and drives.
 
     Each number is at the end that makes friction faster; derived numbers count as they come together in the episodes of
     their ends. One end for each number is exact where friction grows or falls with each of them, as it does with

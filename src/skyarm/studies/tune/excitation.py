@@ -45,7 +45,7 @@ STEPPED = 8.0
 """Time (s) of the step of the base."""
 
 STEP = 0.3
-"""Step (m) of the base at the end, as in the paper's Case 3."""
+"""Position step (m) of the base that ends the excitation flight, as in Case 3 of Barakou et al. (2026)."""
 
 HEIGHT = 10.0
 """Height (m) of the flight, far from the ground."""
@@ -58,7 +58,7 @@ SPEED = (0.2, 0.8)
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
-    """Reference of a tuning flight: the base on a lemniscate, the arm swinging, amplitudes and frequencies as data."""
+    """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and frequencies are program inputs."""
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),

@@ -102,7 +102,7 @@ class FilmedFlight:
 
 
 Flights = Sequence[FilmedFlight]
-"""Flights of one picture."""
+"""Flights shown together in one film."""
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:

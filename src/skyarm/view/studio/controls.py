@@ -134,7 +134,7 @@ class Timed(Protocol):
 
     @property
     def time(self) -> float:
-        """Time of the instant, s."""
+        """Flight time (s) of the instant."""
 
 
 Seen = TypeVar("Seen", bound=Timed)

@@ -152,7 +152,7 @@ class Gripper:
             "stiffness of the grasp",
             low=0.0,
             strict=True,
-            effect="higher values hold the body more rigidly and need smaller physics steps",
+            effect="higher values hold the body more rigidly and need smaller integration steps",
         ),
     ] = 5000.0
     damping_ratio: Annotated[

@@ -85,7 +85,7 @@ class Material:
             "stiffness of the contact, normal force per penetration",
             low=0.0,
             strict=True,
-            effect="higher values penetrate less and need smaller physics steps",
+            effect="higher values penetrate less and need smaller integration steps",
         ),
     ] = 5000.0
     dissipation: Annotated[
@@ -111,7 +111,7 @@ class Material:
             "displacement at which friction reaches its full value",
             low=0.0,
             strict=True,
-            effect="lower values stick more rigidly and need smaller physics steps",
+            effect="lower values stick more rigidly and need smaller integration steps",
         ),
     ] = 2e-4
 

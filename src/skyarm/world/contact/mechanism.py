@@ -93,7 +93,7 @@ class Mechanism(Carrier[MechanismMotion]):
         Scalar,
         Unit(
             "s/rad or s/m",
-            "relative increase of the stop's force per speed into it",
+            "the stop's force is multiplied by 1 + `stop_damping` * speed into the stop",
             low=0.0,
             high=DULLEST,
             effect="higher values bounce less off a stop",

@@ -328,7 +328,7 @@ def bounded_shift(
 
 
 def _later(shift: Shift, rows: Sequence[PreviewInstant], dt: Scalar) -> Shift:
-    """State of the base shift, with its values along the preview interpolated at the present instants."""
+    """State of the base's offset, its values along the preview interpolated at the times of this control period."""
     late = rows[1].time - shift.first + dt
     shares = [divide(late, then.time - now.time) for now, then in pairwise(rows[1:])]
     now, *secants = shift.secants

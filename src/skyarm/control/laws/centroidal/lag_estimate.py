@@ -70,7 +70,7 @@ LEARNING, KNOWN = 0.3, 0.05
 """Filter rate (1/s) of the accelerations' mean products; their initial value."""
 
 SMALLER, SLOW = 1.15, 1.35
-"""Ratios of modelled to measured acceleration up to which a lag is all delay, and from which none of it is."""
+"""Ratios of modelled to measured acceleration: up to the first a lag counts as delay alone, from the second as none."""
 
 LEAST = 1e-6
 """Least mean product of measured and modelled accelerations, as a divisor."""

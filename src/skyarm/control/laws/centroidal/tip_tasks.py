@@ -34,12 +34,11 @@ class TipGoal:
     """Tip and link references for a level base, world axes, with first and second derivatives.
 
     Attributes:
-        tip: position (m), velocity, acceleration. tip_B: position against the base.
+        tip: position (m), velocity, acceleration.
         links: R_WL of every link. rates, accelerations: angular, of every link.
     """
 
     tip: tuple[Vec3, Vec3, Vec3]
-    tip_B: Vec3
     links: tuple[Mat3, ...]
     rates: tuple[Vec3, ...]
     accelerations: tuple[Vec3, ...]
@@ -72,7 +71,6 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
         rates.append(rate)
     return TipGoal(
         tip,
-        derivative(arm, 0),
         tuple(links),
         tuple(derivative(rate, 0) for rate in rates),
         tuple(derivative(rate, 1) for rate in rates),
