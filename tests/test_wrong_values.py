@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra import Motion
+from skyarm.compile.tracing.float_trial import fingerprint
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import first_state
 from support import euler_lagrange
@@ -83,6 +86,40 @@ def test_every_argument_is_refused_by_its_name_where_it_is_not_finite(function: 
             "must be finite numbers",
             functools.partial(getattr(skyarm, function), vehicle(), *given),
         )
+
+
+IN_LAWS = {
+    "mass_matrix": "mass_matrix",
+    "center_of_mass": "center_of_mass",
+    "frame_pose_world": "frame_pose",
+    "frame_jacobian": "kinematics.jacobian_columns",
+    "energy": "kinetic_energy",
+    "momentum": "momentum",
+    "inverse_dynamics": "inverse_dynamics",
+    "forward_dynamics": "forward_dynamics",
+}
+
+
+@pytest.mark.parametrize("function", ARRAYS)
+def test_values_of_a_law_are_refused_with_the_function_for_laws(function: str) -> None:
+    """Records and symbols, which a law has, do not belong into the functions for arrays."""
+    still = skyarm.Vec3(0.0, 0.0, 0.0)
+    whole = skyarm.dynamics
+    for name in IN_LAWS[function].split("."):
+        whole = getattr(whole, name)
+    assert callable(whole)
+    words = f"must be finite numbers, as an array; a law calls skyarm.dynamics.{IN_LAWS[function]}"
+    given = list(ARRAYS[function])
+    given[-1] = Motion(still, still)
+    call = getattr(skyarm, function)
+    name = (*NAMES, "force" if function == "forward_dynamics" else "acceleration")[len(given) - 1]
+    refused(name, given[-1], words, lambda: call(vehicle(), *given))
+
+    def law(x: Any) -> Any:
+        return call(vehicle(), skyarm.Vec3(x, 0.0, 0.0), *ARRAYS[function][1:])
+
+    with pytest.raises(ValueError, match=rf"^position = .*: {re.escape(words)}$"):
+        fingerprint(law, 1.0)
 
 
 def test_numbers_of_any_kind_are_numbers() -> None:

@@ -158,7 +158,8 @@ def test_a_grid_without_its_design_is_told_of_it(folder: Path) -> None:
     assert study_from(tomllib.loads(stated)).design == "random", "and without a word where it is stated"
 
 
-def test_an_extra_is_named_with_what_installs_it() -> None:
+def test_an_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).parents[2])
     checkout = 'python -m pip install -e ".[sweep,logs]" in a checkout'
     assert how_to_install("sweep", "logs") == f'{checkout}, python -m pip install "skyarm[sweep,logs]" from an index'
     assert needs_extra("sweep") == f"needs the extra 'sweep': {how_to_install('sweep')}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import sys
 from collections.abc import Iterable
@@ -130,6 +131,19 @@ def test_the_rate_before_the_filter_is_taken_unless_the_other_is_faster(tmp_path
     fast = load_flight(written(tmp_path, packed(rates(4))))["gyro"]
     assert fast.source.startswith("vehicle_angular_velocity")
     np.testing.assert_allclose(fast.time[:3], [0, 0.001, 0.002], atol=1e-9)  # of the sample, not of the message
+
+
+def test_a_source_without_any_whole_row_is_not_taken(tmp_path: Path) -> None:
+    """Any column may be the empty one."""
+    for empty in range(3):
+        rate = tuple(math.nan if k == empty else 1.0 for k in range(3))
+        rows: list[tuple[str, tuple[float, ...]]] = []
+        for stamp in range(1_000_000, 1_200_000, 4000):
+            rows += [combined(stamp, rate), ("vehicle_angular_velocity", (stamp + 100, stamp, 7, 7, 7))]
+        flight = load_flight(written(tmp_path, packed(rows)))
+        assert flight["gyro"].source.startswith("vehicle_angular_velocity")
+        assert flight["accelerometer"].source.startswith("sensor_combined")
+        assert flight.notes == ()
 
 
 def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) -> None:

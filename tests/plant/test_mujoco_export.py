@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.algebra import Vec3
-from skyarm.dynamics.actuators.hover import HoverTrim
+from skyarm.dynamics.actuators.hover import HoverTrim, hover_trim
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import START, mjcf_text
@@ -111,6 +112,22 @@ def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
     # rotors in one place cannot be mixed: they stand still in the keyframe
     together = tuple(replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors)
     assert tuple(loaded(replace(vehicle, rotors=together))[0].key(0).ctrl) == (0.0,) * 4
+
+
+def test_a_pair_of_rotors_that_idles_in_hover_leaves_the_others_turning():
+    """Squared speeds of a sideways pair are rounded zeros of both signs."""
+    vehicle = load_vehicle("hummingbird")
+    pair = [
+        replace(vehicle.rotors[0], name=name, position=Vec3(0.1, 0.0, 0.013), axis=Vec3(0.0, axis, 0.0))
+        for name, axis in (("port", 1.0), ("starboard", -1.0))
+    ]
+    vehicle = replace(vehicle, rotors=(*vehicle.rotors, *pair))
+    assert min(hover_trim(vehicle, (), 9.8).squared) < 0.0
+    levels = {each.question: each.level for each in skyarm.check(vehicle).findings}
+    assert levels["balance of the rotors"] == "note"
+    thrusts = loaded(vehicle)[0].key(0).ctrl[:]
+    np.testing.assert_allclose(thrusts[:4], 0.25 * 9.8 * float(vehicle.mass), rtol=1e-5)
+    np.testing.assert_allclose(thrusts[4:], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("least", "still"), [(0.0, False), (100.0, False), (-1.0, True)])

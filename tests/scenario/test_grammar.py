@@ -10,6 +10,7 @@ import pytest
 import skyarm
 from shown_commands import ROOT
 from skyarm.records.registry.shipped import SHIPPED
+from skyarm.records.units import units
 from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar, without_links
 from support.components import registry_kept
 
@@ -147,6 +148,11 @@ def test_every_key_that_is_not_a_task_s_has_a_meaning_and_a_default():
     assert [
         each.path for each in ROWS if not each.default and not each.path.endswith(".kind") and states_a_value(each)
     ] == []
+
+
+def test_rows_of_signals_have_the_units_of_the_trajectory():
+    for name in ("yaw", "load"):
+        assert row(f"reference.{name}").unit == units(skyarm.Trajectory)[name].unit
 
 
 def states_a_value(each):

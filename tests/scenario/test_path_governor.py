@@ -311,7 +311,7 @@ def test_tasks_whose_instants_would_come_too_early_are_refused():
 def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
     box = {"name": "box", "mass": 0.05, "pick": 1.0, "believed": True}
     told = scenario_from(DOCUMENT | {"payloads": [box]})
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out where the law is told of"):
+    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out where the law's model"):
         skyarm.govern(told)
     blind = scenario_from(DOCUMENT | {"payloads": [box | {"believed": False}]})
     assert skyarm.govern(blind).payloads == blind.payloads

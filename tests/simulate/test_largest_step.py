@@ -222,7 +222,7 @@ def test_lanes_that_bear_only_shorter_steps_are_refused_or_compiled_for():
     scenario, path = served(STIFF, duration=0.1), "plant.drives.joint1.stiffness"
     values = {path: np.array([20.0, 100.0])}
     with pytest.raises(
-        ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = 100: bears steps of 0.000894"
+        ScenarioError, match=r"values\['plant.drives.joint1.stiffness'\] = 100: requires steps of 0.000894"
     ):
         Batch(scenario, [path]).fly(values)
     stiffest = with_numbers(scenario, {path: 100.0})
@@ -262,7 +262,9 @@ def test_the_numbers_of_a_lane_are_looked_at_together():
     scenario, largest = sprung(), 0.001  # that of k = 4
     # each alone within 1 ms, and together 0.4 ms; neither is the greatest or the least
     mixed = {K: np.array([4.0, 3.0, 0.6, 1.0]), M: np.array([1.0, 0.3, 0.25, 0.9])}
-    words = r"values\['environment.forces.1.k'\] = 3, values\['environment.forces.1.m'\] = 0.3: bears steps of 0.0004 s"
+    words = (
+        r"values\['environment.forces.1.k'\] = 3, values\['environment.forces.1.m'\] = 0.3: requires steps of 0.0004 s"
+    )
     with pytest.raises(ScenarioError, match=words):
         require_short_steps(scenario, mixed, largest)
     with pytest.raises(ScenarioError, match=words):
@@ -270,25 +272,27 @@ def test_the_numbers_of_a_lane_are_looked_at_together():
     fine = {K: mixed[K], M: np.array([1.0, 0.75, 0.25, 0.9])}
     require_short_steps(scenario, fine, largest)
     # one number for all lanes goes with each of them
-    with pytest.raises(ScenarioError, match=r"0\.3: bears steps of 0\.0003 s"):
+    with pytest.raises(ScenarioError, match=r"0\.3: requires steps of 0\.0003 s"):
         require_short_steps(scenario, {K: mixed[K], M: 0.3}, largest)
 
 
 @pytest.mark.parametrize("numbers", [(1.0, 8.0), (8.0, 1.0), (2.0, 8.0, 1.0)])
 def test_the_stiffest_lane_is_found_wherever_it_stands(numbers):
-    with pytest.raises(ScenarioError, match=r"forces\.1\.k'\] = 8: bears steps of 0\.0005 s"):
+    with pytest.raises(ScenarioError, match=r"forces\.1\.k'\] = 8: requires steps of 0\.0005 s"):
         require_short_steps(sprung(), {K: np.array(numbers)}, 0.001)
 
 
 def test_the_lightest_lane_is_found_too():
-    with pytest.raises(ScenarioError, match=r"forces\.1\.m'\] = 0\.1: bears steps of 0\.0004 s"):
+    with pytest.raises(ScenarioError, match=r"forces\.1\.m'\] = 0\.1: requires steps of 0\.0004 s"):
         require_short_steps(sprung(), {M: np.array([0.25, 0.1, 0.9])}, 0.001)
 
 
 def test_a_batch_compiled_for_steps_of_any_length_flies_what_states_none():
     soft = sprung(k=0.1)
     require_short_steps(soft, {K: np.array([0.1, 0.4])}, None)
-    with pytest.raises(ScenarioError, match=r"= 1: bears steps of 0\.004 s, and the batch was .* steps of any length"):
+    with pytest.raises(
+        ScenarioError, match=r"= 1: requires steps of 0\.004 s, and the batch was .* steps of any length"
+    ):
         require_short_steps(soft, {K: np.array([0.1, 1.0])}, None)
     # and where it was compiled for some, a lane that states none bears them
     require_short_steps(soft, {K: np.array([0.1, 0.4])}, 0.001)
@@ -296,7 +300,7 @@ def test_a_batch_compiled_for_steps_of_any_length_flies_what_states_none():
 
 def test_the_step_that_was_compiled_is_borne_up_to_rounding():
     require_short_steps(sprung(), {K: np.array([4.0 * (1.0 + 1e-12)])}, 0.001)
-    with pytest.raises(ScenarioError, match="bears steps"):
+    with pytest.raises(ScenarioError, match="requires steps"):
         require_short_steps(sprung(), {K: np.array([4.0 * (1.0 + 1e-7)])}, 0.001)
 
 

@@ -113,7 +113,7 @@ def test_the_layer_stays_when_the_law_changes():
         with_actuators(changed.controller, changed.controller.par.model, 0.005)
     bare = load_vehicle("hummingbird_arm2_rotors")
     model = dataclasses.replace(changed.controller.par.model, vehicle=bare)
-    with pytest.raises(ControllerError, match=r"^servos = true: the believed vehicle must carry drives"):
+    with pytest.raises(ControllerError, match=r"^servos = true: the nominal vehicle must have drives"):
         with_actuators(make_controller("decoupled_pd", model), model, 0.005)
 
 

@@ -99,9 +99,19 @@ class ReadingOnly(Sensor):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Satellites(Estimator):
+    def step(self, memory: Any, readings: Any, command: Any, dt: float) -> Any:
+        read = readings["gps"]  # here reads
+        return memory, read
+
+
+@dataclass(frozen=True, kw_only=True)
 class MeasurementOnly(Estimator):
     def step(self, memory: Any, readings: Any, command: Any, dt: float) -> Any:
         return readings["state"]
+
+
+FIX = Fix(rate=50.0, sigma=0.01)
 
 
 def with_(**fields: Any) -> Any:
@@ -138,6 +148,11 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
                 "returns a tuple of 3: must return (memory, reading)", ReadingOnly.measure),
     "measurement": (with_(estimator=MeasurementOnly()), "estimator (MeasurementOnly) returns a Measurement: must "
                     "return (memory, Measurement)", MeasurementOnly.step),
+    "no sensors": (with_(estimator=Satellites()), "estimator (Satellites) reads sensor 'gps', which the scenario "
+                   "lacks: there is state", "# here reads"),
+    "other sensors": (with_(estimator=Satellites(), sensors=(NamedSensor(name="fix", sensor=FIX),)),
+                      "estimator (Satellites) reads sensor 'gps', which the scenario lacks: there are state, fix",
+                      "# here reads"),
 }  # fmt: skip
 
 

@@ -614,7 +614,7 @@ WITHOUT_FLIGHT = {
     ),
     "no_model": Mistake(
         returning(f"memory, {FLY}"),
-        "has constants without a Model: Sum.model must be the believed one",
+        "has constants without a Model: Sum.model must be the nominal one",
         make=MAKE.replace("Par(model=model)", "Sum()"),
     ),
     "constants_in_a_dict": Mistake(

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.studies.compare.envelope import LOST
+from skyarm.studies.compare.envelope_axes import axis_words
 from skyarm.view.pages import number
 
 FLAGSHIP = "centroidal_tip"
@@ -64,7 +65,7 @@ def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     rows = []
     for each in found:
         count = f" ({each['plants']} of the plants)" if "plants" in each else ""
-        trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}{count}"
+        trial = f"{axis_words(each['axis'])} {each['value']:g} {each['unit']}{count}"
         lost = f"lost; not lost: {', '.join(each['kept_by'])}"
         rule = lost if each["rule"] == LOST else f"worse than {each['kept_by'][0]}"
         rows.append([trial, rule, number(each["own"], 1e3), number(each["other"], 1e3)])

@@ -47,4 +47,9 @@ def test_every_plant_is_a_trial_of_the_rules():
         ("lost", 2, ["nmpc", "paper_ct"]),
         ("worse", 1, ["paper_ct"]),
     ]
-    assert violation_rows(found)[1] == ["wrong plants 1 times (1 of the plants)", "worse than paper_ct", "120", "100"]
+    assert violation_rows(found)[1] == [
+        "perturbed plants 1 times (1 of the plants)",
+        "worse than paper_ct",
+        "120",
+        "100",
+    ]

@@ -154,9 +154,9 @@ def _fly_one(
         written, earlier = save_logs(log, files, replace=force)
     values = facts(log)
     if planned.worlds:
-        from skyarm.studies.assess.pressing_flights import lost_force
+        from skyarm.studies.assess.pressing_flights import lost_force, missed_contact
 
-        say_unlikely(planned.name, lost_force(planned, log))
+        say_unlikely(planned.name, [*lost_force(planned, log), *missed_contact(planned, log)])
     tell(
         *summary(log, values),
         *lines,

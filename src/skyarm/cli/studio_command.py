@@ -64,7 +64,7 @@ def studio(
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The address that is printed bears a token. A flight is saved as a log that 'skyarm run' flies again. With --vehicle
+    The printed address contains a token. A flight is saved as a log that 'skyarm run' flies again. With --vehicle
     a measured flight is a ghost next to the flight of the vehicle's model under the same commands.
     """
     if not 0 <= port <= 65535:

@@ -53,7 +53,7 @@ def tune(
     laws: Laws = None,
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
     candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
-    plants: Annotated[int, typer.Option(help="perturbed plants that each of them flies")] = 24,
+    plants: Annotated[int, typer.Option(help="perturbed plants that each candidate flies")] = 24,
     knobs: Annotated[
         list[str] | None, typer.Option(metavar="PATH", help="gain of the law that may change; all if left out; repeat")
     ] = None,

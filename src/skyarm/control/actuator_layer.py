@@ -144,7 +144,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     if not hasattr(controller.par, "mixer"):
         raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law on real actuators")
     if servos and not model.vehicle.drives:
-        raise ControllerError("servos = true: the believed vehicle must carry drives ([drives.JOINT] of its file)")
+        raise ControllerError("servos = true: the nominal vehicle must have drives ([drives.JOINT] of its file)")
     drives = believed_drives(model) if servos else ()
     law = partial(actuator_law, inner=checked_law(controller), servos=servos)
     return dataclasses.replace(

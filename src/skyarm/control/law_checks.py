@@ -94,7 +94,7 @@ def check_controller(controller: Controller) -> None:
     if not is_record(par):
         raise wrong(controller, f"has the constants {shown(par)}: par must be a frozen dataclass with a field 'model'")
     if not isinstance(getattr(par, "model", None), Model):
-        raise wrong(controller, f"has constants without a Model: {type(par).__name__}.model must be the believed one")
+        raise wrong(controller, f"has constants without a Model: {type(par).__name__}.model must be the nominal one")
     if controller.compiled and (words := memory_mistake(controller.memory, "memory")):
         raise wrong(controller, f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words)
 

@@ -8,7 +8,7 @@ torque about, the base origin, then joint torques. Rigid body only: no rotors, d
 from __future__ import annotations
 
 import numbers
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -21,28 +21,53 @@ from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_colu
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
+from skyarm.records.leaves import is_record
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def _read(
-    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, **rows: ArrayLike
+    in_law: str,
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    **rows: ArrayLike,
 ) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
-    """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the default velocity is zero."""
+    """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the default velocity is zero.
+
+    ``in_law`` names the function of :mod:`skyarm.dynamics` for the scalars and records of a control law.
+    """
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
     n = vehicle.n
-    vectors = {name: components(name, row, 6 + n) for name, row in rows.items()}
-    v = vectors.get("velocity", (0.0,) * (6 + n))
-    state = State(
-        position=Vec3(*components("position", position, 3)),
-        quaternion=unit_quaternion(quaternion_wxyz),
-        velocity=Vec3(*v[:3]),
-        rate=Vec3(*v[3:6]),
-        joints=components("joints", joints, n),
-        joint_rates=v[6:],
-    )
+    try:
+        vectors = {name: components(name, row, 6 + n) for name, row in rows.items()}
+        v = vectors.get("velocity", (0.0,) * (6 + n))
+        state = State(
+            position=Vec3(*components("position", position, 3)),
+            quaternion=unit_quaternion(quaternion_wxyz),
+            velocity=Vec3(*v[:3]),
+            rate=Vec3(*v[3:6]),
+            joints=components("joints", joints, n),
+            joint_rates=v[6:],
+        )
+    except ValueError as error:
+        if any(map(_of_a_law, (position, quaternion_wxyz, joints, *rows.values()))):
+            raise ValueError(f"{error}, as an array; a law calls skyarm.dynamics.{in_law}") from error
+        raise
     return state, vectors, leading_axes(position, quaternion_wxyz, joints, *rows.values())
+
+
+def _of_a_law(value: object) -> bool:
+    """True for a record that is no vector, as a Motion, and for values with symbols of a trace."""
+    if isinstance(value, (np.ndarray, str)):
+        return False
+    if is_record(value) and not isinstance(value, Iterable):
+        return True
+    if isinstance(value, (list, tuple)) or is_record(value):
+        return any(map(_of_a_law, value))  # type: ignore[call-overload]
+    return getattr(type(value), "__array_ufunc__", 0) is None
 
 
 def inverse_dynamics(
@@ -70,7 +95,9 @@ def inverse_dynamics(
         ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a quaternion off unit length by more than
             1e-6. As everywhere in this module, the message names the argument.
     """
-    at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, acceleration=acceleration)
+    at, rows, lead = _read(
+        "inverse_dynamics", vehicle, position, quaternion_wxyz, joints, velocity=velocity, acceleration=acceleration
+    )
     R, a = at.quaternion.rotation(), rows["acceleration"]
     base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
     force, torques = dynamics.inverse_dynamics(vehicle, at.joints, at.rate, at.joint_rates, base, a[6:])
@@ -88,7 +115,9 @@ def forward_dynamics(
     gravity: float = 9.81,
 ) -> Array:
     """Acceleration (..., 6+n) under a generalised force (..., 6+n)."""
-    at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force)
+    at, rows, lead = _read(
+        "forward_dynamics", vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force
+    )
     R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:])
@@ -101,7 +130,7 @@ def mass_matrix(
 ) -> Array:
     """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on ``gravity``."""
     one_number("gravity", gravity)
-    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    at, _, lead = _read("mass_matrix", vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
 
 
@@ -109,7 +138,7 @@ def frame_pose_world(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> tuple[Array, Array]:
     """World position (..., 3) and rotation matrix R_WF (..., 3, 3) of a frame, the tip by default."""
-    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    at, _, lead = _read("frame_pose", vehicle, position, quaternion_wxyz, joints)
     pose = Pose(at.quaternion.rotation(), at.position) @ frame_pose(vehicle, vehicle.frame(frame), at.joints)
     return stack_leaves(list(pose.p), lead), stack_leaves([list(row) for row in pose.R.rows], lead)
 
@@ -118,7 +147,7 @@ def frame_jacobian(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> Array:
     """Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world angular velocity."""
-    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    at, _, lead = _read("kinematics.jacobian_columns", vehicle, position, quaternion_wxyz, joints)
     R, named = at.quaternion.rotation(), vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
     columns = jacobian_columns(vehicle, named, at.joints)
@@ -139,7 +168,7 @@ def energy(
     gravity: float = 9.81,
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
-    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
+    state, _, lead = _read("kinetic_energy", vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     g = one_number("gravity", gravity)
     total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
     return stack_leaves(total, lead)
@@ -147,7 +176,7 @@ def energy(
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Centre of mass in the world (..., 3), m."""
-    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    state, _, lead = _read("center_of_mass", vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
@@ -155,7 +184,7 @@ def momentum(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> Array:
     """Linear and angular momentum about the centre of mass (..., 6), world axes."""
-    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
+    state, _, lead = _read("momentum", vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     total = dynamics.momentum(vehicle, state)
     return stack_leaves([*total.linear, *total.angular], lead)
 

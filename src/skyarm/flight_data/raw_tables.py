@@ -113,7 +113,9 @@ def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) 
     for signal in signals:
         table = _holding(tables, signal)
         needed = (*signal.columns, *filter(None, [signal.time]))
-        if table is None or not table.has(*needed) or not np.isfinite(table.numbers(signal.columns[0])).any():
+        if table is None or not table.has(*needed):
+            continue
+        if not np.isfinite([table.numbers(each) for each in signal.columns]).all(axis=0).any():
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
         own = table.time.size / span if span > 0.0 else 0.0

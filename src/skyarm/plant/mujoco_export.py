@@ -167,4 +167,4 @@ def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -
         trim = hover_trim(vehicle, joints, gravity)
     except AllocationError:
         return still
-    return [float(speed) for speed in trim.speeds] if all(float(each) >= 0.0 for each in trim.squared) else still
+    return [float(speed) for speed in trim.speeds] if trim.needs_no_pull else still

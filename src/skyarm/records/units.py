@@ -41,6 +41,8 @@ class Unit:
         rule: coercion in place of that of the field's type.
         fixed: equal in all episodes and throughout a flight: it shapes the program.
         usual: size beyond which a number is allowed and probably in another unit; two for a unit "rad or m".
+        bound: the number limits a quantity, or is the rate of a slow adaptation; it is no gain, and no search of gains
+            scales it.
         effect: consequence of a higher or lower value, for those who tune it; empty for a field that nobody tunes.
     """
 
@@ -55,6 +57,7 @@ class Unit:
     fixed: bool = False
     usual: float | tuple[float, float] = math.inf
     effect: str = ""
+    bound: bool = False
 
     @property
     def largest(self) -> float:

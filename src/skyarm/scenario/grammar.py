@@ -402,7 +402,7 @@ def _of_reference() -> Iterator[GrammarRow]:
     )
     yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
     yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
-    yield GrammarRow("reference.load", "", SIGNAL, "kg", meaning="mass that the task carries")
+    yield GrammarRow("reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load")
 
 
 def _of_start() -> Iterator[GrammarRow]:

@@ -121,7 +121,7 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
         if each.closed.signal.switch_times():
             yield f"where gripper {each.name!r} closes or opens at an instant"
     if scenario.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
-        yield "where the law is told of payloads (believed = true)"
+        yield "where the law's model takes up payloads (believed = true)"
     if scenario.reference.guards:
         yield "of a reference whose phases wait (until)"
 

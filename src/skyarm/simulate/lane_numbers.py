@@ -292,8 +292,8 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], lar
             compiled = "steps of any length" if largest is None else f"steps of up to {largest:g} s"
             these = "this number" if len(stiffest) == 1 else "these numbers"
             raise ScenarioError(
-                f"{_list_values(stiffest)}: bears steps of {shortest:g} s, and the batch was compiled for {compiled}; "
-                f"compile it from a scenario with {these}, or give it as stiffest"
+                f"{_list_values(stiffest)}: requires steps of {shortest:g} s, and the batch was compiled for "
+                f"{compiled}; compile it from a scenario with {these}, or give it as stiffest"
             )
 
 

@@ -142,7 +142,8 @@ class CommandReplay:
             return (after, memories), tuple(sensed(numbers, before, after))
 
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
-        self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
+        # contracted, its bits would depend on the effort of the compiler: a search and a design decide by them
+        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
         """Make flights simulated side by side, all at rest at the origin, with the default vehicle parameters."""

@@ -411,7 +411,14 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         readings = readings_at(scenario, state, time)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
-        result = call("step", memory, readings, command, period)
+        try:
+            result = call("step", memory, readings, command, period)
+        except KeyError as error:
+            name = error.args[0] if error.args else None
+            if not isinstance(name, str) or name in readings:
+                raise
+            words = f"reads sensor {name!r}, which the scenario lacks: there {'are' if len(readings) > 1 else 'is'}"
+            raise part.refusal(f"{words} {comma_list(readings)}", place_of_error(error)) from error
         following, measured = part.pair(result, "Measurement", Measurement)
         for name in ("joints", "joint_rates"):
             given = getattr(measured, name)

@@ -109,6 +109,25 @@ def test_the_bounds_of_a_lost_force_are_those_of_a_check(monkeypatch, error, lim
     assert [line.partition(", with")[0] == begins.partition(", with")[0] for line in lines] == [True] * bool(begins)
 
 
+def test_a_press_that_touched_nothing_is_said_after_the_flight():
+    """A wall 1 m away: the press phase ends by its timeout, and the flight completes."""
+    scenario = skyarm.load_scenario("press_and_hold")
+    guards = tuple(dataclasses.replace(each, fails=False, timeout=2.0) for each in scenario.reference.guards)
+    scenario = dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=guards))
+    away = with_numbers(scenario, {"world.surfaces.0.position.x": 1.342})
+    log = skyarm.run(away)
+    assert log.status == "completed"
+    (line,) = flights.missed_contact(away, log)
+    assert re.match(
+        r"reference: phase 1 'press': ended at [\d.]+ s without any contact; the tip missed the surface", line
+    )
+    assert flights.missed_contact(scenario, skyarm.run(scenario)) == []
+    pushed = before_a_wall("pelican_arm2", (-0.45, -0.9), 2.0)
+    away = with_numbers(pushed, {"world.surfaces.0.position.x": 9.0})
+    (line,) = flights.missed_contact(away, skyarm.run(away))
+    assert line.startswith("reference.push.force: the flight ended without any contact; ")
+
+
 @pytest.mark.thorough
 def test_the_largest_push_is_that_of_its_instant():
     scenario = skyarm.load_scenario("push_button")

@@ -7,10 +7,17 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from skyarm.flight_data.own_log import measured_flight
 from skyarm.records.units import units
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate import run
+from skyarm.studies.identify import window_errors
 from skyarm.studies.identify.design import DesignLimits
+from skyarm.studies.identify.identify_windows import search_of
+from skyarm.vehicle.vehicle_files import load_vehicle
 from support.commands import refused, skyarm
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -52,7 +59,21 @@ def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
     assert skyarm("run", "excite.toml").code == 0
 
 
-NUMBER = re.compile(r"(?<![\w.])\d[\d.]*(?:e-?\d+)?(?![\w.])")
+def test_bits_of_windows_do_not_depend_on_the_compiler_s_effort_or_on_threads(tmp_path, monkeypatch):
+    """A design decides by them: contractions, which LLVM makes by its effort, led to another one."""
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    log = run(load_scenario("hover_swing", duration=6.0))
+    search = search_of([measured_flight(log, Path("hover.npz"))], load_vehicle("hummingbird_arm2_rotors"))
+    found = []
+    for effort, threads in (("0", 1), ("1", 1), ("1", 3)):
+        monkeypatch.setenv("SKYARM_EFFORT", effort)
+        monkeypatch.setattr(window_errors, "cores", lambda threads=threads: threads)
+        errors = search.errors(search.first, 8)
+        errors.take_samples(search.begin)
+        found.append(errors.errors_at(search.begin, errors.first_states())[0])
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+    assert np.ptp(found[0]) > 0.1
 
 
 @pytest.mark.thorough
@@ -64,9 +85,6 @@ def test_the_design_of_the_page_prints_what_it_shows(tmp_path, monkeypatch):
     ((command, shown),) = re.findall(block, page, re.S)
     done = skyarm(*command.split()[1:])
     assert done.code == 0
-    # the last digits of a design depend on how its search is spread over the cores
-    printed = {NUMBER.sub("#", " ".join(line.split())): line for line in done.out.splitlines()}
+    printed = [" ".join(line.split()) for line in done.out.splitlines()]
     for line in filter(None, shown.splitlines()):
-        same = printed[NUMBER.sub("#", " ".join(line.split()))]
-        pairs = zip(NUMBER.findall(line), NUMBER.findall(same), strict=True)
-        assert all(float(a) == pytest.approx(float(b), rel=0.2) for a, b in pairs), (line, same)
+        assert line == "..." or " ".join(line.split()) in printed, line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,13 +10,13 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.control.catalogue import LAWS, make_named, tuned_factors
+from skyarm.control.catalogue import LAWS, make_controller, make_named, tuned_factors
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
-from skyarm.records.leaves import is_leaf, part, walk
-from skyarm.records.units import Unit
-from skyarm.studies.tune.law_knobs import KnobError, find_knobs
+from skyarm.records.leaves import is_leaf, is_record, part, parts, walk
+from skyarm.records.units import NUMBER, Unit, declared_fields
+from skyarm.studies.tune.law_knobs import GAIN, NOT_GAINS, KnobError, find_knobs, inner_place
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 MODEL = Model(vehicle=load_vehicle("hummingbird_arm2"))
@@ -32,7 +33,8 @@ class Constants:
     pair: tuple[float, float] = (16.0, 8.0)
     arm: tuple[float, ...] = (200.0, 100.0)
     pull: Annotated[Vec3, Unit("1/s^2")] = Vec3(3.0, 3.0, 0.0)
-    longest: Annotated[Scalar, Unit("m/s", "largest speed")] = 2.0
+    longest: Annotated[Scalar, Unit("m/s", "speed of the way back", bound=True)] = 2.0
+    pace: Annotated[Scalar, Unit("1/s", "gain that reaches the largest speed")] = 0.7
     reach: Annotated[Scalar, Unit("m", "of the arm")] = 0.3
     off: float = 0.0
     count: int = 3
@@ -67,7 +69,34 @@ def test_knobs_of_an_unknown_law_are_numbers_with_the_unit_of_a_gain_or_without_
         "pair.1": {("pair", "1"): 8.0},
         "arm": {("arm", "0"): 200.0, ("arm", "1"): 100.0},
         "pull": {("pull", "x"): 3.0, ("pull", "y"): 3.0},
+        "pace": {("pace",): 0.7},
     }
+
+
+LIMIT = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
+OPTIONS = {
+    "centroidal": ({"mode": "tip", "interaction": (0.3, 0.1)}, {"mode": "tip", "load": 0.6}, {"adaptation": 0.0}),
+}
+
+
+def declared(record, place=()):
+    """Place, unit and declaration of each number of constants that may be a gain by its unit."""
+    units = declared_fields(type(record)) if is_record(record) else {}
+    for name, value in parts(record).items() if is_record(record) or isinstance(record, tuple) else ():
+        if place or name not in NOT_GAINS:
+            unit = units.get(name, (None, NUMBER))[1]
+            if GAIN.search(unit.unit):
+                yield (*place, name), unit
+            yield from declared(value, (*place, name))
+
+
+@pytest.mark.parametrize("law", TRACED)
+def test_a_limit_of_a_law_is_declared_as_a_bound(law):
+    """The words of its meaning decided before; who writes them declares it now."""
+    for options in ({}, *OPTIONS.get(law, ())):
+        made = make_controller(law, MODEL, **options)
+        found = dict(declared(part(made.par, inner_place(made))))
+        assert [place for place, unit in found.items() if unit.bound != bool(LIMIT.search(unit.meaning))] == []
 
 
 def test_chosen_knobs_are_named_by_their_path_or_its_beginning():

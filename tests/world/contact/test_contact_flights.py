@@ -101,7 +101,7 @@ def test_python_floats_and_every_lane_of_a_batch_fly_the_same_bits(press, presse
 
 def test_a_lane_that_is_too_stiff_for_the_steps_is_refused(press):
     path = "world.surfaces.wall.material.stiffness"
-    words = r"stiffness.* = 50000: bears steps of .* compile it from a scenario"
+    words = r"stiffness.* = 50000: requires steps of .* compile it from a scenario"
     batch = skyarm.Batch(scenario_from({**press, "duration": 0.01}), [path], effort=0)
     with pytest.raises(ValueError, match=words):
         batch.fly({path: np.array([5000.0, 5e4])})

@@ -433,7 +433,7 @@ class InteractionGains:
             effect="higher values follow a curved surface better and pass more noise of the force",
         ),
     ] = 1.0
-    again: Annotated[Scalar, Unit("m/s", "highest speed of the tip on its return to a lost surface")] = 0.1
+    again: Annotated[Scalar, Unit("m/s", "highest speed of the tip on its return to a lost surface", bound=True)] = 0.1
     sensing: (
         Annotated[
             Scalar,

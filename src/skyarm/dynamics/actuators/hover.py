@@ -10,6 +10,9 @@ from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
+ROUNDING = 1e-9
+"""Magnitude of a negative squared speed, over the largest, up to which it is a rounded zero."""
+
 
 @immutable(kw_only=False)
 class HoverTrim:
@@ -24,6 +27,12 @@ class HoverTrim:
     squared: tuple[Scalar, ...]
     thrust: Scalar
     efforts: tuple[Scalar, ...]
+
+    @property
+    def needs_no_pull(self) -> bool:
+        """True if no rotor has to push downwards; a rotor that idles in hover has a squared speed of rounding only."""
+        squared = [float(each) for each in self.squared]
+        return all(each >= -ROUNDING * max(squared) for each in squared)
 
 
 def hover_trim(vehicle: Vehicle, joints: tuple[Scalar, ...], gravity: Scalar) -> HoverTrim:

@@ -132,7 +132,9 @@ class Mixer:
             "squared rotor speeds per torque about x, y, z and thrust, a row for each rotor; by the rotors",
         ),
     ]
-    highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
+    highest: Annotated[
+        tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True, bound=True)
+    ]
     policy: str = "clip"
     yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque that may be given up to keep the thrust")] = 0.0
     across: Annotated[

@@ -41,7 +41,7 @@ class AngleGains:
     reach: Annotated[float, Unit("m", "largest position error that is corrected; longer ones are shortened to it")] = (
         0.5
     )
-    drift: Annotated[float, Unit("m/s^2", "largest acceleration of the integral part")] = 3.0
+    drift: Annotated[float, Unit("m/s^2", "largest acceleration of the integral part", bound=True)] = 3.0
 
     def slow_down(self, factor: float) -> AngleGains:
         """Gains of a position controller whose bandwidth is reduced by a factor below 1; the yaw gain is unchanged."""

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable
 from functools import lru_cache
 from importlib import metadata
+from pathlib import Path
 
 FLOORS = {
     "jinja2": "3.1",
@@ -99,11 +100,30 @@ def _version(package: str) -> str:
 
 PACKAGE = "skyarm"
 
+SOURCE = Path(__file__).resolve().parents[4]
+"""Folder of a checkout, if the running source lies in one."""
+
 
 def how_to_install(*extras: str) -> str:
-    """Commands that install extras of this package, in a checkout and from an index."""
+    """Commands that install extras of this package, from a checkout and from an index.
+
+    The checkout is the current folder, or else that of the running source; without one its folder is left to the user.
+    """
     pip, names = "python -m pip install", ",".join(extras)
-    return f'{pip} -e ".[{names}]" in a checkout, {pip} "{PACKAGE}[{names}]" from an index'
+    folder, where = ".", "in a checkout"
+    if not is_checkout(Path()) and is_checkout(SOURCE):
+        folder, where = str(SOURCE), "of this checkout"
+    elif not is_checkout(Path()):
+        where = "in the folder of a checkout"
+    return f'{pip} -e "{folder}[{names}]" {where}, {pip} "{PACKAGE}[{names}]" from an index'
+
+
+def is_checkout(folder: Path) -> bool:
+    """True if a folder holds the source of this package with its build file."""
+    try:
+        return f'name = "{PACKAGE}"' in (folder / "pyproject.toml").read_text("utf-8").splitlines()
+    except (OSError, ValueError):
+        return False
 
 
 def needs_extra(extra: str) -> str:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators.hover import ROUNDING
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import immutable
@@ -57,7 +58,8 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     demand, vehicle = followed.demand, scenario.plant.vehicle
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
-    findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
+    pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
+    findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, pulls))
     if vehicle.n:
         fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
         findings.append(_saturation("joints along the reference", demand, followed.joints, fields))

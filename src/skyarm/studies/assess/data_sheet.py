@@ -82,7 +82,7 @@ def _plain(value: Any) -> Plain:
 
 def _hover(vehicle: Vehicle, gravity: float) -> Facts:
     trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
-    level = all(float(square) >= 0.0 for square in trim.squared)
+    level = trim.needs_no_pull
     return {
         "possible": level and all(w <= r.max_speed for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
         "rotor_speeds_rad_s": [float(speed) for speed in trim.speeds] if level else None,

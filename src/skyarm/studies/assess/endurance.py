@@ -53,7 +53,7 @@ def _hovers(vehicle: Vehicle, gravity: float) -> bool:
         trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     except AllocationError:
         return False
-    if any(float(squared) < 0.0 for squared in trim.squared):
+    if not trim.needs_no_pull:
         return False
     return all(float(w) <= float(rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
 
@@ -104,7 +104,7 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
 
     start = float(battery.charge)
     voltage = voltage_at(start)
-    if min(trim.squared) < 0.0 or voltage is None:
+    if not trim.needs_no_pull or voltage is None:
         raise VehicleError(f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for a level hover")
     seconds, charge, width = 0.0, start, start / STEPS
     for i in range(STEPS):

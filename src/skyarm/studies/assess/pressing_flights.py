@@ -47,6 +47,9 @@ bear."""
 SLUGGISH = 5.0
 """Acceleration (m/s^2) of the tip by the force below which a bounce takes tenths of a second."""
 
+PRESS = "press"
+"""Kind of the phases of a task that begin a contact."""
+
 VALUE = "reference.push.force.value"
 
 
@@ -97,6 +100,24 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
         f"{FORCE}: {force:.3g} N are {share}, with a rotor at its limit {100.0 * limited:.2g} % of the time: "
         f"{cause}; {remedy}"
     ]
+
+
+def missed_contact(scenario: Scenario, log: Log) -> list[str]:
+    """Warning that a completed flight was to press and touched nothing, for each press phase; empty if it touched."""
+    if log.status != "completed" or largest_push(scenario) is None:
+        return []
+    touches = [(each.start, math.inf if each.end is None else each.end) for each in log.contact_periods]
+    remedy = "the tip missed the surface: check world.surfaces, the path of the tip and the normal"
+    ends = log.phase_ends
+    if not ends:
+        return [] if touches else [f"{FORCE}: the flight ended without any contact; {remedy}"]
+    lines, begin = list[str](), 0.0
+    for number, (kind, end) in enumerate(ends):
+        stop = float(log.time[-1]) if end is None else end
+        if kind == PRESS and not any(start < stop and begin < last for start, last in touches):
+            lines.append(f"reference: phase {number} '{kind}': ended at {stop:.3g} s without any contact; {remedy}")
+        begin = stop
+    return lines
 
 
 def _constant_push(scenario: Scenario) -> Reference | None:

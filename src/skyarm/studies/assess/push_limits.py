@@ -63,7 +63,7 @@ def largest_push(scenario: Scenario) -> Reference | None:
 def _law(scenario: Scenario) -> list[Finding]:
     if presses(scenario.controller.par):
         return []
-    text = f"law {scenario.controller.name} knows nothing of reference.push and follows positions against the surface"
+    text = f"law {scenario.controller.name} has no force control: it ignores reference.push and tracks positions"
     remedy = 'law = "centroidal" with mode = "tip" and interaction'
     return [Finding("pressing", WARNING, text, "controller", remedy)]
 

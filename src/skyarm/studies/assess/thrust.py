@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.hover import ROUNDING, highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.records.arrays import Array
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
@@ -32,6 +32,7 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
         return np.stack([-busiest, idlest])
 
     (busiest, share), at = poses.worst(quantities)
+    share = 0.0 if abs(share) <= ROUNDING else share  # a rotor that idles in hover
     text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
     if share < 0.0:
         text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"

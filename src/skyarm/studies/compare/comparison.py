@@ -16,7 +16,7 @@ from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
 SUITE = "paper-suite"
-SHARE = "flights with the tip within 20 mm in the last 5 s\nnoisy wrong plants, Case 3 in wind"
+SHARE = "flights with the tip within 20 mm in the last 5 s\nperturbed plants with noise, Case 3 in wind"
 
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
 """Groups of entrants that meet perturbed plants in one case only; their tables show the effect of a part of a law."""
@@ -144,21 +144,20 @@ COST = (
 )
 """Columns of control activity: rotor jitter and saturation next to the tip error."""
 
-COST_WORDS = "What they were bought with (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
+COST_WORDS = "Control activity (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
 
 CAPTION = (
-    "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right: share of noisy wrong plants "
-    "(condition plants_noisy) on which the flight succeeds, with its interval (95 %)"
+    "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right: fraction of perturbed "
+    "plants with noise (condition plants_noisy) on which the flight succeeds, with its interval (95 %)"
 )
 
 FEW = 10
 """Number of flights below which a fraction states its number of flights, as where others flew more."""
 
 WRONG_NOTE = (
-    "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "
+    "A success completes and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "
     "Laws that keep the joints on their references carry the tip away with every tilt and cannot succeed in strong "
-    "wind, however exact their base. Tip: mean over 10 to 20 s; of the flights that came to their end mean and 95th "
-    "percentile."
+    "wind, however exact their base. Tip: mean over 10 to 20 s; of completed flights mean and 95th percentile."
 )
 
 TRUTH_NOTE = "Means over 10 to 20 s against the continuous reference; the gust: peaks from its start on."

@@ -258,15 +258,15 @@ MEANING = (
 
 HOW = (
     "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
-    "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half "
+    "sideways), the nominal normal off by up to 10 degrees, a hinge that is up to 6 % nearer or further, half "
     "to twice the friction, damping and closer behind a handle, half to twice the mass, thrust up to 10 % less, "
-    "wind of up to 2 N and never more than half the push, commands up to 10 ms late. No law is told of any of it. "
-    "A law that follows positions is led 1 cm behind the believed surface."
+    "wind of up to 2 N and never more than half the push, commands up to 10 ms late. No model of a law contains any of "
+    "it. The reference of a law that follows positions lies 1 cm behind the nominal surface."
 )
 
 MEDIANS = (
-    "Medians over the flights that came to their end; the force error by its size. Of a handle the force along its "
-    "true radius, and by how much it was behind the angle that was asked for."
+    "Medians over completed flights; the force error by its size. Of a handle the force along its "
+    "true radius, and its lag behind the commanded angle."
 )
 
 
@@ -287,7 +287,7 @@ def contact_report(found: Record) -> Report:
         table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
         numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
     return Report(
-        title=f"Tasks in contact, {found['worlds']} wrong worlds each, on {found['plant']}",
+        title=f"Tasks in contact, {found['worlds']} perturbed worlds each, on {found['plant']}",
         facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
         sections=[*flown, *numbers],
     )

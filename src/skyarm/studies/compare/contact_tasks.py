@@ -1,7 +1,7 @@
 """Tasks of the contact benchmark: bounds of their perturbations, and their scenario for each controller.
 
 A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
-behind the believed surface, and its press waits for no force; all else is the same.
+behind the nominal surface, and its press waits for no force; all else is the same.
 """
 
 from __future__ import annotations

@@ -20,7 +20,17 @@ from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
-from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, EnvelopeAxis, plants_at
+from skyarm.studies.compare.envelope_axes import (
+    AXES,
+    OUTSIDE,
+    OVERSHOOT,
+    PLANTS,
+    TIP,
+    TIP_MAX,
+    EnvelopeAxis,
+    axis_words,
+    plants_at,
+)
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
@@ -412,7 +422,7 @@ def command_text(point: Record) -> str:
 
 def axis_title(name: str, axis: Record) -> str:
     """Section title of a difficulty axis: its name, its trial, whether sensors are noisy, and the error metric."""
-    return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
+    return f"{axis_words(name)}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
 def reach_text(axis: Record, points: Sequence[Record]) -> str:
@@ -440,7 +450,7 @@ def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
         values, unit = axis["values"], axis["unit"]
         span = f"{values[0]:g} to {values[-1]:g} {unit}"
         cells = [reach_text(axis, axis["laws"][law]) if law in axis["laws"] else DASH for law in laws]
-        rows.append([f"{name.replace('_', ' ')}, {span}", *cells])
+        rows.append([f"{axis_words(name)}, {span}", *cells])
     return rows
 
 

@@ -1,8 +1,7 @@
 """Design of an excitation flight as a scenario, checked in the closed loop and compared with an undesigned flight.
 
 The scenario's sensors have the noise of the comparison suite and the default inertial unit; expected intervals are
-those of :func:`skyarm.studies.identify.information.expected_numbers`, from simulated flights of the vehicle as it is
-believed to be.
+those of :func:`skyarm.studies.identify.information.expected_numbers`, from simulated flights of the nominal vehicle.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance
+from skyarm.studies.identify.window_fit import one_thread
 from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -90,6 +90,7 @@ class DesignedFlight:
         return scenario_text(self.document)
 
 
+@one_thread()
 def design_flight(
     vehicle: Vehicle,
     name: str,

@@ -195,13 +195,16 @@ def fit_windows(
         progress: called with one line a turn of the search.
     """
     student_quantile()  # whose absence is no news for after the search
-    with _one_thread():
+    with one_thread():
         return _search(errors, begin, noise, spread, block, turns, lasting, progress)
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """Context that limits BLAS to one thread, since for small matrices further threads only wait."""
+def one_thread() -> Iterator[None]:
+    """Context or decorator that limits BLAS to one thread.
+
+    For small matrices further threads only wait, and the bits of a product may depend on their number.
+    """
     try:
         from threadpoolctl import threadpool_limits
     except ImportError as error:  # pragma: no cover  (the library is there when this is tested)

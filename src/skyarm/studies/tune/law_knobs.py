@@ -2,9 +2,9 @@
 
 A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
 gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
-among them, they are found: every positive number of its constants whose field states the unit of a gain (per second,
-per metre, per radian), or no unit at all. A vector and a tuple of any length are one knob; each item of a tuple of
-fixed length, as ``tuple[float, float]``, is one.
+among them, they are found: every positive number of its constants whose field states no unit, or the unit of a gain
+(per second, per metre, per radian) and not that it is a bound. A vector and a tuple of any length are one knob; each
+item of a tuple of fixed length, as ``tuple[float, float]``, is one.
 
 A search goes about the gains of the catalogue: gains that are off by three or by ten lead to the same candidates. The
 given ones are flown next to them, so that good ones are not lost either.
@@ -38,9 +38,6 @@ NOT_GAINS = ("model", "mixer", "network", "limits", "terms")
 
 GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
 """Units of gains and bandwidths."""
-
-BOUNDED = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
-"""Words of a meaning that mark a limit or the rate of a slow adaptation, in contrast to a gain."""
 
 LARGEST_FACTOR = 30.0
 """Largest factor on a knob, and its reciprocal; good gains stay in reach of gains detuned tenfold."""
@@ -153,7 +150,7 @@ def _fixed_length(kind: object) -> bool:
 def _is_gain(unit: Unit) -> bool:
     if unit is NUMBER:
         return True
-    return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
+    return bool(GAIN.search(unit.unit)) and not unit.bound
 
 
 def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:

@@ -142,8 +142,8 @@ def tune_page(found: Tuning) -> str:
     """HTML page of a tuning's results, in one self-contained file."""
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     facts = (
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants; the front on {plan.unseen} plants "
-        f"that the search has not seen; seed {plan.seed}"
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants; the front on {plan.unseen} "
+        f"plants that the search did not use; seed {plan.seed}"
     )
     body = render_template(
         "studies/tune/tune.html",
@@ -186,9 +186,9 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
     return [
         f"{plan.label} for {vehicle.name}, from calm to stiff",
         *aligned_lines(rows),
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
-        f"{seconds:.0f} s",
-        f"on {ASIDE} plants and a path by which nothing was chosen:",
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants, the front on {plan.unseen} "
+        f"others: {seconds:.0f} s",
+        f"on {ASIDE} plants and a path that chose nothing:",
         *aligned_lines([("", error, "jitter", "lost", "meets all"), *aside]),
     ]
 

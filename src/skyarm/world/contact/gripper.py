@@ -224,9 +224,9 @@ class Gripper:
         if self.kind == "ball" and level < half_width:
             torque, off = float(self.socket_torque), 1e3 * float(level)
             yield (
-                f"grippers.{self.name}.radius = {float(self.radius):g}: this ball bears {torque:.2g} N m and holds "
-                f"{name!r} level up to {off:.2g} mm beside its centre of mass; further off it hangs tilted and lands "
-                "on an edge"
+                f"grippers.{self.name}.radius = {float(self.radius):g}: friction of this ball gives {torque:.2g} N m "
+                f"and holds {name!r} level up to {off:.2g} mm beside its centre of mass; further off it hangs tilted "
+                "and lands on an edge"
             )
 
     def start(self) -> Grip:

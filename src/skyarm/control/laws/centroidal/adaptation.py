@@ -164,6 +164,7 @@ class AdaptationGains(OptionalPart):
             Unit(
                 "1/s",
                 "rate of the adapted tip mass",
+                bound=True,
                 effect="higher values find a load sooner and follow noise and wind more",
             ),
         ]
@@ -171,11 +172,12 @@ class AdaptationGains(OptionalPart):
     )
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
     damping_limits: Annotated[
-        tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
+        tuple[tuple[Scalar, Scalar], ...],
+        Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint", bound=True),
     ]
     modelled: Annotated[
         tuple[Scalar, ...],
-        Unit("N m s/rad or N s/m", "most of the adapted damping that the joints of the model receive"),
+        Unit("N m s/rad or N s/m", "most of the adapted damping that the joints of the model receive", bound=True),
     ]
     slow: Annotated[
         tuple[Scalar, ...],

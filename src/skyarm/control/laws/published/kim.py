@@ -79,7 +79,7 @@ class SlidingParameters(Parameters):
             effect="higher values find disturbances faster and oscillate more with delay",
         ),
     ] = (2.0, 20.0, 50.0)
-    limit: Annotated[Triple, Unit(ACCELERATION, "largest adapted acceleration", low=0.0, strict=True)] = (
+    limit: Annotated[Triple, Unit(ACCELERATION, "largest adapted acceleration", low=0.0, strict=True, bound=True)] = (
         5.0,
         40.0,
         60.0,
