@@ -255,13 +255,11 @@ def tip_errors(law, plants=200):
 
 
 def row(name, law):
-    """A line of the table: more flights than a quantile allows are lost where it is infinite."""
+    """A line of the table; a quantile is lost where more flights than it allows are."""
     own, wrong = tip_errors(law)
-    flown = np.isfinite(wrong)
-    mean = wrong[flown].mean() if flown.any() else np.inf
-    numbers = (own, mean, *np.percentile(wrong, [50, 95], method="nearest"))
-    cells = [f"{each:.2f}" if np.isfinite(each) else "lost" for each in numbers]
-    print(f"| {name} | {' | '.join(cells)} | {flown.sum()} |", flush=True)
+    flown = wrong[np.isfinite(wrong)]
+    numbers = (own, flown.mean() if flown.size else np.inf, *np.percentile(wrong, [50, 95], method="nearest"))
+    print("|", name, *(f"| {each:.2f}".replace("inf", "lost") for each in numbers), f"| {flown.size} |", flush=True)
 
 
 def main():
