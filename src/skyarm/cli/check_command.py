@@ -45,10 +45,12 @@ def check(
         _write_upgrade(Path(what))
         if kind_of_file(what) not in ("vehicle", "scenario"):
             return
-    else:
+    try:
+        with bar(f"{what}: checking"):
+            assessment = assess(what, payload=payload, poses=poses, gravity=gravity)
+    except ValueError:
         _tell_former_words(what)
-    with bar(f"{what}: checking"):
-        assessment = assess(what, payload=payload, poses=poses, gravity=gravity)
+        raise
     give(assessment.plain())
     tell(*sheet(assessment))
     if not assessment.flies:

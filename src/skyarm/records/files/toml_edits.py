@@ -78,7 +78,7 @@ def rename_key(text: str, path: TomlPath, new: str) -> str:
     old = path[-1]
 
     def change(document: Any) -> None:
-        table = _inside(document, path[:-1])
+        table = value_at(document, path[:-1])
         table[new] = table.pop(old)
 
     def lines(statement: _Statement, text: str) -> str | None:
@@ -107,7 +107,7 @@ def set_value(text: str, path: TomlPath, value: object) -> str:
     """
 
     def change(document: Any) -> None:
-        _inside(document, path[:-1])[path[-1]] = value
+        value_at(document, path[:-1])[path[-1]] = value
 
     def lines(statement: _Statement, text: str) -> str | None:
         return _with_value(text, value) if statement.path == path and not statement.header else None
@@ -123,7 +123,7 @@ def leave_out(text: str, path: TomlPath) -> str:
     """
 
     def change(document: Any) -> None:
-        del _inside(document, path[:-1])[path[-1]]
+        del value_at(document, path[:-1])[path[-1]]
 
     def lines(statement: _Statement, text: str) -> str | None:
         return "" if statement.path == path and not statement.header else None
@@ -139,7 +139,7 @@ def add_key(text: str, beside: TomlPath, key: str, value: object) -> str:
     """
 
     def change(document: Any) -> None:
-        _inside(document, beside[:-1])[key] = value
+        value_at(document, beside[:-1])[key] = value
 
     def lines(statement: _Statement, text: str) -> str | None:
         if statement.path != beside or statement.header:
@@ -167,14 +167,14 @@ def _edit(
     try:
         change(wanted)
     except (KeyError, IndexError, TypeError, AttributeError):
-        raise ValueError(f"{shown(_path_text(path))}: is not in the file") from None
+        raise ValueError(f"{shown(path_text(path))}: is not in the file") from None
     rows = text.splitlines(keepends=True)
     for statement in reversed([*_statements(text)]):
         own = "".join(rows[statement.lines])
         new = lines(statement, own)
         inside = statement.path == path[: len(statement.path)] and not statement.header
         if new is None and inside and len(path) > len(statement.path):
-            new = _with_value(own, _inside(wanted, statement.path))
+            new = _with_value(own, value_at(wanted, statement.path))
         if new is not None:
             rows[statement.lines] = [new]
     found = "".join(rows)
@@ -183,15 +183,16 @@ def _edit(
     except tomllib.TOMLDecodeError:
         right = False
     if not right:
-        raise ValueError(f"{shown(_path_text(path))}: is written in a form that only a person can change")
+        raise ValueError(f"{shown(path_text(path))}: is written in a form that only a person can change")
     return found
 
 
-def _path_text(path: TomlPath) -> str:
+def path_text(path: TomlPath) -> str:
+    """Path as messages name it, ``phases[0].kind``."""
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
 
 
-def _inside(document: Any, path: TomlPath) -> Any:
+def value_at(document: Any, path: TomlPath) -> Any:
     """Table, list or value at a path."""
     for key in path:
         document = document[key]

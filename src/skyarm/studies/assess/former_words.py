@@ -15,7 +15,16 @@ from skyarm.control.controller import FormerNameWarning
 from skyarm.records.files import read_toml, unreadable
 from skyarm.records.files.messages import errors_as, one_line, present_names, shown
 from skyarm.records.files.names import kind_of
-from skyarm.records.files.toml_edits import TomlPath, add_key, leave_out, path_of, rename_key, set_value
+from skyarm.records.files.toml_edits import (
+    TomlPath,
+    add_key,
+    leave_out,
+    path_of,
+    path_text,
+    rename_key,
+    set_value,
+    value_at,
+)
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.sweep.study_file import study_from
 from skyarm.vehicle.vehicle_files import vehicle_of_text
@@ -112,7 +121,7 @@ def _loader(document: Mapping[str, Any], path: Path) -> Callable[[str], object]:
 
 
 def _faults(load: Callable[[str], object], text: str) -> tuple[str, list[str]]:
-    """Error and warnings of a text that is read."""
+    """Error that reading a text raises, empty for none, and its warnings of words of earlier versions."""
     with warnings.catch_warnings(record=True) as noted:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", FormerNameWarning)
@@ -125,7 +134,7 @@ def _faults(load: Callable[[str], object], text: str) -> tuple[str, list[str]]:
 
 
 Edit = Callable[[str], str]
-"""New text of a file from its text."""
+"""Function from the text of a file to its edited text."""
 
 
 def _edits(fault: str, noted: list[str], document: Mapping[str, Any]) -> Iterator[tuple[Change, Edit]]:
@@ -145,7 +154,7 @@ def _edit_of(message: str, document: Mapping[str, Any]) -> Iterator[tuple[Change
     path = path_of(named["path"], document) if named else None
     if named is None or path is None:
         return
-    field, key, value = named["path"], str(path[-1]), _value(document, path)
+    field, key, value = named["path"], str(path[-1]), value_at(document, path)
     if now := _NOW.search(message):
         is_key = key in present_names("word") and value not in (*present_names("word"),)
         yield from _replacement(path, now, shown(value), is_key=is_key)
@@ -167,14 +176,14 @@ def _edit_of(message: str, document: Mapping[str, Any]) -> Iterator[tuple[Change
         disabled = key == "shift_bandwidth" and value == 0.0
         now_is = "preview = 0.0" if disabled else f"left out: {reason}"
         change = Change(field=field, before=shown(value), now=now_is)
-        if disabled and "preview" not in _value(document, path[:-1]):
+        if disabled and "preview" not in value_at(document, path[:-1]):
             yield change, lambda text: set_value(rename_key(text, path, "preview"), (*path[:-1], "preview"), 0.0)
         else:
             yield change, lambda text: leave_out(text, path)
 
 
 def _renaming(path: TomlPath, new: str, value: str = "") -> tuple[Change, Edit]:
-    field = _field(path)
+    field = path_text(path)
     now = f"{new} = {shown(value)}" if value else new
     return Change(field=field, before=str(path[-1]), now=now), lambda text: rename_key(text, path, new)
 
@@ -190,7 +199,7 @@ def _replacement(path: TomlPath, now: re.Match[str], former: str, *, is_key: boo
             return named if value is None else set_value(named, (*path[:-1], new), value)
 
         told = new if value is None else f"{new} = {now['value']}"
-        yield Change(field=_field(path), before=str(path[-1]), now=told), edit_key
+        yield Change(field=path_text(path), before=str(path[-1]), now=told), edit_key
         return
     options = tomllib.loads(now["options"].replace(" and ", "\n")) if now["options"] else {}
 
@@ -200,17 +209,7 @@ def _replacement(path: TomlPath, now: re.Match[str], former: str, *, is_key: boo
             text = add_key(text, path, option, value)
         return text
 
-    yield Change(field=_field(path), before=former, now=now[0].removeprefix("is now ").rstrip(";")), edit
-
-
-def _field(path: TomlPath) -> str:
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
-
-
-def _value(document: Any, path: TomlPath) -> Any:
-    for key in path:
-        document = document[key]
-    return document
+    yield Change(field=path_text(path), before=former, now=now[0].removeprefix("is now ").rstrip(";")), edit
 
 
 def _upgrade_python(path: Path, text: str) -> Upgrade:
