@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -112,6 +113,8 @@ def run(
 
         plot([log for log, *_ in flown] if len(flown) > 1 else flown[0][0], drawn)
         tell(f"picture: {drawn}")
+    elif whole := [file for each in documents for file in each["logs"] if file.suffix == ".npz"]:
+        tell(f"picture: skyarm plot {shlex.join(map(str, whole))} -o {shlex.quote(str(whole[0].with_suffix('.png')))}")
     give(documents[0] if len(names) < 2 else {"flights": documents})
     for log, each, interrupted in flown:
         if interrupted is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import zipfile
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -54,7 +55,11 @@ def npz_content(log: Log) -> bytes:
     """Content of a log's npz file as bytes."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(log_info(log)))}
-    np.savez_compressed(buffer, **arrays)
+    # as np.savez_compressed, in half its time: of noise and flight a higher level makes files one percent smaller
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
     return buffer.getvalue()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from importlib import import_module
 
 PAGE = "skyarm.cli.notebook"
@@ -11,6 +10,8 @@ PAGE = "skyarm.cli.notebook"
 
 def notebook_html(record: object) -> str:
     """HTML of a record for a notebook; only the record's text if nothing more can be displayed."""
+    import html  # at a cell, not at each command
+
     try:
         words, picture = import_module(PAGE).words_and_picture(record)
     except Exception:  # a cell shows what there is: a damaged log, a plugin that is not loaded

@@ -321,7 +321,7 @@ MORE: Mapping[str, tuple[GrammarRow, ...]] = {
             "number",
             "m/s",
             "at least 0.001",
-            meaning="least speed at which the field passes",
+            meaning="least airspeed at which the frozen turbulence passes the vehicle",
             default="1",
         ),
     ),

@@ -128,7 +128,7 @@ PATHS: Mapping[str, WordText] = {
     "sensors.*": WordText("[sensor](sensors.md) of this name in addition to the full state", "none"),
     "sensors.*.kind": WordText("kind of the sensor"),
     "estimator": WordText(
-        "[estimator](sensors.md) from readings to the measurement of the law: its kind, or a table",
+        "[estimator](sensors.md) that turns sensor readings into what the law receives: a kind, or a table",
         "the full state",
     ),
     "estimator.kind": WordText("kind of the estimator"),
@@ -171,7 +171,7 @@ PATHS: Mapping[str, WordText] = {
     "windows.steady": WordText("window of means, RMS and extremes", "after the first third"),
     "windows.transient": WordText("window of peaks", "the first third"),
     "windows.gust": WordText("window of the metrics that begin with `gust_`", "after the first third"),
-    "windows.hover": WordText("window before the motion, for `hover_offset`", "after the first third"),
+    "windows.hover": WordText("window of `hover_offset`; state one before the motion", "after the first third"),
     "windows.holds": WordText("windows in which the arm is held", "after the first third"),
     "windows.last": WordText("length of the window before the planned end", "5"),
     "changes[]": WordText("[scheduled changes](#changes-in-flight)", "none"),

@@ -131,7 +131,7 @@ class Limits:
         float,
         _limit(
             "m",
-            "position errors below this are never reduced, however high `stiffness` is",
+            "position errors up to this size reach the law in full, however high `stiffness` is",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 0.4
@@ -139,7 +139,7 @@ class Limits:
         float,
         _limit(
             "m/s",
-            "velocity errors below this are never reduced, however high `damping` is",
+            "velocity errors up to this size reach the law in full, however high `damping` is",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 1.5

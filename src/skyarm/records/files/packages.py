@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import platform
 import re
 import sys
 from collections.abc import Iterable
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 
 FLOORS = {
@@ -83,7 +81,7 @@ ABSENT = "not installed"
 
 def versions(*packages: str) -> dict[str, str]:
     """Versions of Python, skyarm and the given packages."""
-    return {"python": platform.python_version(), **{name: _version(name) for name in ("skyarm", *packages)}}
+    return {"python": sys.version.split()[0], **{name: _version(name) for name in ("skyarm", *packages)}}
 
 
 @lru_cache(maxsize=32)
@@ -92,6 +90,13 @@ def _version(package: str) -> str:
         # what an editable installation noted once is not the version of the source that runs; not imported, because
         # the package's front reaches every room
         return str(sys.modules["skyarm"].__version__)
+    found = installed_versions([package]).get(package)
+    if found is not None:
+        return found
+    from importlib import (
+        metadata,
+    )  # a package that is no folder on the path; loading this takes as long as NumPy's half
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -100,7 +99,7 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    temporary = file.with_name(f".{file.name}.{secrets.token_hex(6)}.part")
+    temporary = file.with_name(f".{file.name}.{os.urandom(6).hex()}.part")
     try:
         with os.fdopen(os.open(temporary, _NEW, 0o600), "wb") as stream:
             stream.write(content)

@@ -6,7 +6,6 @@ import contextlib
 import errno
 import os
 import re
-import secrets
 import stat
 import sys
 import tempfile
@@ -104,7 +103,7 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
                     _remove_unlocked(path)
     while True:
         # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
-        path = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+        path = target.with_name(f".{target.name}.{os.urandom(6).hex()}.part")
         stream = path.open("xb")
         try:
             if os.name != "nt":

@@ -186,11 +186,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         ),
         "admittance_pd": (
             f"{_LAWS}.pressing:make_admittance_pd",
-            "the paper's baseline on a reference that a virtual mass moves until the wanted force acts",
+            "a virtual mass shifts the reference until the wanted force acts; the paper's baseline tracks it",
         ),
         "hybrid_ct": (
             f"{_LAWS}.pressing:make_hybrid_ct",
-            "the paper's law across a surface's normal, a force along it",
+            "the paper's law tangential to a surface, a force along its normal",
         ),
         "centroidal": (
             f"{_LAWS}.centroidal.make:make_centroidal",
