@@ -113,8 +113,8 @@ def run(
 
         plot([log for log, *_ in flown] if len(flown) > 1 else flown[0][0], drawn)
         tell(f"picture: {drawn}")
-    elif whole := [file for each in documents for file in each["logs"] if file.suffix == ".npz"]:
-        tell(f"picture: skyarm plot {shlex.join(map(str, whole))} -o {shlex.quote(str(whole[0].with_suffix('.png')))}")
+    else:
+        tell(*_how_to_draw([file for each in documents for file in each["logs"]]))
     give(documents[0] if len(names) < 2 else {"flights": documents})
     for log, each, interrupted in flown:
         if interrupted is not None:
@@ -123,6 +123,14 @@ def run(
             say_cause(headline(log, each))
     if any(log.status != "completed" for log, *_ in flown):
         raise typer.Exit(NOT_COMPLETED)
+
+
+def _how_to_draw(logs: Sequence[Path]) -> list[str]:
+    """Line with the command that draws flights; none if their logs cannot be read back."""
+    whole = [file for file in logs if file.suffix == ".npz"]
+    if not whole:
+        return []
+    return [f"picture: skyarm plot {shlex.join(map(str, whole))} -o {shlex.quote(str(whole[0].with_suffix('.png')))}"]
 
 
 def _files_by_law(folder: Path, flights: Sequence[Scenario], names: Sequence[str]) -> list[list[Path]]:
