@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import pytest
@@ -98,3 +99,24 @@ def test_a_sweep_is_drawn_over_an_expression(folder: Path) -> None:
     assert done.code == 0, done.err
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     refused(skyarm(*drawn, f"{WIND}("), "over = ", "must not be called")
+
+
+@pytest.mark.parametrize("laws", ["paper_ct", "paper_ct,paper_pd"])
+def test_the_command_that_a_flight_names_draws_it(laws: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = skyarm("run", "case2", "--laws", laws, "--duration", "0.1", "-o", "my logs")
+    (line,) = (each for each in done.out.splitlines() if each.startswith("picture: "))
+    program, *words = shlex.split(line.removeprefix("picture: "))
+    assert program == "skyarm"
+    drawn = skyarm(*words)
+    assert drawn.code == 0, drawn.err
+    assert Path(words[-1]).is_file()
+    assert Path(words[-1]).parent.name == "my logs"
+
+
+def test_no_command_is_named_for_a_flight_that_is_drawn_or_that_no_command_reads(tmp_path: Path) -> None:
+    words = ["run", "case2", "--duration", "0.1", "--log", str(tmp_path / "a.csv")]
+    assert "skyarm plot" not in skyarm(*words).out
+    drawn = skyarm(*words[:-2], "--log", str(tmp_path / "a.npz"), "--plot", str(tmp_path / "a.png"))
+    assert f"picture: {tmp_path / 'a.png'}" in drawn.out
+    assert "skyarm plot" not in drawn.out

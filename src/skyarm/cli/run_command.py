@@ -108,13 +108,7 @@ def run(
         if flown[-1][2] is not None:
             break
     documents = [each | {"picture": drawn} for _, each, _ in flown]
-    if drawn is not None:
-        from skyarm.view.figures.flight_plot import plot
-
-        plot([log for log, *_ in flown] if len(flown) > 1 else flown[0][0], drawn)
-        tell(f"picture: {drawn}")
-    else:
-        tell(*_how_to_draw([file for each in documents for file in each["logs"]]))
+    tell(*_picture_of([log for log, *_ in flown], [file for each in documents for file in each["logs"]], drawn))
     give(documents[0] if len(names) < 2 else {"flights": documents})
     for log, each, interrupted in flown:
         if interrupted is not None:
@@ -125,9 +119,14 @@ def run(
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _how_to_draw(logs: Sequence[Path]) -> list[str]:
-    """Line with the command that draws flights; none if their logs cannot be read back."""
-    whole = [file for file in logs if file.suffix == ".npz"]
+def _picture_of(flown: Sequence[Log], files: Sequence[Path], drawn: str | Path | None) -> list[str]:
+    """Draw flights into a picture; returns the line that names it, or the command that would draw their logs."""
+    if drawn is not None:
+        from skyarm.view.figures.flight_plot import plot
+
+        plot(flown if len(flown) > 1 else flown[0], drawn)
+        return [f"picture: {drawn}"]
+    whole = [file for file in files if file.suffix == ".npz"]
     if not whole:
         return []
     return [f"picture: skyarm plot {shlex.join(map(str, whole))} -o {shlex.quote(str(whole[0].with_suffix('.png')))}"]

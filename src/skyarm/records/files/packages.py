@@ -93,9 +93,8 @@ def _version(package: str) -> str:
     found = installed_versions([package]).get(package)
     if found is not None:
         return found
-    from importlib import (
-        metadata,
-    )  # a package that is no folder on the path; loading this takes as long as NumPy's half
+    # a package that is no folder on the path; imported here, since the import takes a fifth of NumPy's
+    from importlib import metadata
 
     try:
         return metadata.version(package)
