@@ -69,7 +69,7 @@ def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind:
 
 
 def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
-    rows = rows_of("sensors.md", "| kind | channels; other names in the log | fields of its own | frequency |")
+    rows = rows_of("sensors.md", "| kind | channels | names in the log | fields of its own | frequency |")
     assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
     text = " ".join(each for row in rows for each in row)
     shared = set(fields_of(sensor_kinds.ChannelSensor))

@@ -78,7 +78,7 @@ PATHS: Mapping[str, WordText] = {
     "controller": WordText("[law with its gains](#controller)"),
     "controller.preset": WordText("controller with published gains, without other options", "none"),
     "controller.law": WordText(
-        "law with options: [cards of the laws](laws.md)", "required without `preset`, `autopilot` or a file in `tuned`"
+        "law with options: [cards of the laws](laws.md)", "required, unless `preset`, `autopilot` or a file of gains is stated"
     ),
     "controller.autopilot": WordText("[autopilot](autopilots.md) that flies the base in place of a law", "none"),
     "controller.tuned": WordText(
@@ -171,7 +171,7 @@ PATHS: Mapping[str, WordText] = {
     "windows.steady": WordText("window of means, RMS and extremes", "after the first third"),
     "windows.transient": WordText("window of peaks", "the first third"),
     "windows.gust": WordText("window of the metrics that begin with `gust_`", "after the first third"),
-    "windows.hover": WordText("window of `hover_offset`; state one before the motion", "after the first third"),
+    "windows.hover": WordText("window of the metric `hover_offset`; choose one before the motion begins", "after the first third"),
     "windows.holds": WordText("windows in which the arm is held", "after the first third"),
     "windows.last": WordText("length of the window before the planned end", "5"),
     "changes[]": WordText("[scheduled changes](#changes-in-flight)", "none"),

@@ -188,7 +188,7 @@ class Limits:
         float,
         _finite(
             "1/s",
-            "rate at which a joint may approach a limit of position or speed",
+            "largest speed towards a position limit, over the distance left; likewise of acceleration and speed",
             effect="higher values brake later and harder",
         ),
     ] = 25.0
