@@ -1,6 +1,6 @@
 """What must hold before a version is published, for the workflows and by hand; needs nothing but Python and pip.
 
-python tests/release.py tag v0.3.0    the tag is the version of the source, of the citation and of the changelog
+python tests/release.py tag v0.4.0    the tag is the version of the source, of the citation and of the changelog
 python tests/release.py build         source and wheel into dist/, both whole
 python tests/release.py install       the wheel alone in a new environment: its weight, the commands shown
 """
@@ -65,6 +65,22 @@ def wrong_with_contents(held: Iterable[str], wanted: set[str]) -> str | None:
     return None
 
 
+def wrong_with_page(metadata: str, repository: str) -> str | None:
+    """One line on what the index page of a wheel lacks; None if it is whole.
+
+    Args:
+        metadata: of the wheel. repository: OWNER/NAME whose workflow builds it; empty elsewhere, where links stay as
+            they are.
+    """
+    head, _, text = metadata.partition("\n\n")
+    if "# skyarm" not in text:
+        return "the wheel's metadata lacks README"
+    if repository and f"/{repository}\n" not in f"{head}\n":
+        return f"the wheel's metadata lacks the address of {repository}"
+    left = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", text) if repository else []
+    return f"README of the wheel's metadata has links that lead nowhere: {', '.join(left[:3])}" if left else None
+
+
 def megabytes(folder: Path) -> float:
     """What a folder takes on disk, in MB of 2^20 bytes."""
     stats = (path.lstat() for path in folder.rglob("*"))
@@ -93,10 +109,13 @@ def build() -> str | None:
         run(python, "-m", "hatchling", "build", "-d", DIST)
     (wheel,), (archive,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as file:
+        (metadata,) = (name for name in file.namelist() if name.endswith(".dist-info/METADATA"))
         wrong = wrong_with_contents(file.namelist(), sources())
+        wrong = wrong or wrong_with_page(file.read(metadata).decode(), os.environ.get("GITHUB_REPOSITORY", ""))
     with tarfile.open(archive) as file:
         inside = {name.partition("/")[2] for name in file.getnames()}
-    kept = {f"src/{name}" for name in sources()} | {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md"}
+    built_by = {"pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "CHANGELOG.md"}
+    kept = {f"src/{name}" for name in sources()} | built_by
     lacking = sorted(kept - inside)
     return wrong or (f"the source archive lacks {', '.join(lacking[:5])}" if lacking else None)
 

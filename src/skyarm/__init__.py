@@ -9,7 +9,7 @@ import sys
 from functools import cache
 from importlib import import_module
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 
 @cache

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -69,3 +73,54 @@ def test_the_steps_are_commands_and_another_is_refused() -> None:
         refused = command(*words)
         assert refused.returncode == 1
         assert "python tests/release.py install" in refused.stderr
+
+
+PAGE = "Name: skyarm\nProject-URL: Repository, https://x.org/we/arms\n\n# skyarm\n\n![a](https://x.org/a.png) [b](#b)\n"
+
+
+def test_the_page_of_an_index_leads_to_the_repository_that_built_it() -> None:
+    assert release.wrong_with_page(PAGE, "we/arms") is None
+    assert release.wrong_with_page(PAGE.replace("https://x.org/a", "docs/a"), "") is None
+    assert "docs/a.png" in (release.wrong_with_page(PAGE.replace("https://x.org/a", "docs/a"), "we/arms") or "")
+    assert "lacks the address of they/arms" in (release.wrong_with_page(PAGE, "they/arms") or "")
+    assert "lacks README" in (release.wrong_with_page(PAGE.replace("# skyarm", "# other"), "we/arms") or "")
+
+
+@pytest.fixture
+def hook(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The file that makes the index page, without the builder that calls it."""
+    interface = ModuleType("hatchling.metadata.plugin.interface")
+    interface.MetadataHookInterface = type("MetadataHookInterface", (), {"root": str(release.ROOT)})  # type: ignore[attr-defined]
+    for name in ("hatchling", "hatchling.metadata", "hatchling.metadata.plugin"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setitem(sys.modules, interface.__name__, interface)
+    for name in ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_REF_NAME"):
+        monkeypatch.delenv(name, raising=False)
+    loader = SourceFileLoader("hatch_build", str(release.ROOT / "hatch_build.py"))
+    module = module_from_spec(spec_from_loader("hatch_build", loader))  # type: ignore[arg-type]
+    loader.exec_module(module)
+    return module
+
+
+def test_readme_stays_as_it_is_where_no_repository_builds(hook: ModuleType) -> None:
+    made: dict[str, Any] = {}
+    hook.IndexPage().update(made)
+    assert made == {
+        "readme": {"content-type": "text/markdown", "text": (release.ROOT / "README.md").read_text("utf-8")}
+    }
+
+
+def test_pictures_and_pages_of_readme_are_those_of_the_tag_that_is_built(
+    hook: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GITHUB_SERVER_URL", "https://x.org")
+    monkeypatch.setenv("GITHUB_REPOSITORY", "we/arms")
+    monkeypatch.setenv("GITHUB_REF_NAME", "v9.0.0")
+    made: dict[str, Any] = {}
+    hook.IndexPage().update(made)
+    text = made["readme"]["text"]
+    assert "](https://x.org/we/arms/raw/v9.0.0/docs/images/laws_in_wind.webp)" in text
+    assert "](https://x.org/we/arms/blob/v9.0.0/docs/first_flight.md)" in text
+    assert made["urls"]["Changelog"] == "https://x.org/we/arms/blob/v9.0.0/CHANGELOG.md"
+    lines = [f"Project-URL: {name}, {address}" for name, address in made["urls"].items()]
+    assert release.wrong_with_page("\n".join([*lines, "", text]), "we/arms") is None

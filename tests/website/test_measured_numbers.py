@@ -44,6 +44,7 @@ UNMEASURED = {
     "condition": "what was flown, and how",
     "name": "vehicles of the rows, spelled out",
     "axis": "trials of the suite, described",
+    "table": "what a dash means in which table",
     "settings": "what the two columns of the paper's tables assume",
     "scenario": "the paper's experiments, described",
     "what": "assumptions of the reproduction",

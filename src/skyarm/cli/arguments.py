@@ -82,11 +82,11 @@ EVERY: Mapping[str, Any] = {
 }
 """Options that every command has, by parameter."""
 
-Flying = Annotated[int, typer.Option("--workers", help="threads or processes that fly; 0 takes every core")]
+Flying = Annotated[int, typer.Option("--workers", help="threads or processes that fly; 0: one for each core")]
 
 On = Annotated[
     str | None,
-    typer.Option("--on", metavar="PLACE", help="where it flies: local, processes, ray or ray:HOST:PORT"),
+    typer.Option("--on", metavar="PLACE", help="where flights are computed: local, processes, ray or ray:HOST:PORT"),
 ]
 
 Scenario = Annotated[
@@ -99,7 +99,7 @@ Flown = Annotated[
     typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
 ]
 
-Duration = Annotated[float | None, typer.Option(help="seconds, in place of the file's")]
+Duration = Annotated[float | None, typer.Option(help="duration in s, in place of the file's")]
 
 Laws = Annotated[
     list[str] | None,
@@ -107,7 +107,7 @@ Laws = Annotated[
         "--laws",
         "--controller",
         metavar="LAW,...",
-        help="in place of its own: presets, laws, files of gains or FILE.py:make",
+        help="laws instead of the file's: presets, laws, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]

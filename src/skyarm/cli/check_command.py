@@ -27,11 +27,15 @@ def check(
             autocompletion=name_completion("vehicle", "scenario"),
         ),
     ],
-    payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
-    poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses")] = 1024,
-    gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
+    payload: Annotated[float, typer.Option(help="mass held at the tip, kg")] = 0.0,
+    poses: Annotated[int, typer.Option("--arm-poses", help="number of sampled arm poses")] = 1024,
+    gravity: Annotated[float | None, typer.Option(help="with a vehicle: gravity, m/s^2; 9.81 if left out")] = None,
     upgrade: Annotated[
-        bool, typer.Option("--upgrade", help="write a file of an earlier version anew, comments kept; also FILE.py")
+        bool,
+        typer.Option(
+            "--upgrade",
+            help="rewrite a file of an earlier version in the present words, with its comments; also FILE.py",
+        ),
     ] = False,
 ) -> None:
     """Check whether a vehicle can fly, and why not.

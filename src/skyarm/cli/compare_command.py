@@ -64,14 +64,21 @@ def compare(
     ] = SUITE,
     out: Annotated[str | None, out_option("folder of the results")] = None,
     laws: Laws = None,
-    only: Annotated[str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas")] = None,
+    only: Annotated[
+        str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas; all if left out")
+    ] = None,
     vehicle: Annotated[
-        str, typer.Option(help="of envelope-suite: a vehicle with an arm", autocompletion=name_completion("vehicle"))
+        str, typer.Option(help="with envelope-suite: a vehicle with an arm", autocompletion=name_completion("vehicle"))
     ] = PAPER,
-    plants: Annotated[int | None, typer.Option(help=f"perturbed plants, {PLANTS}; worlds in contact, {WORLDS}")] = None,
+    plants: Annotated[
+        int | None, typer.Option(help=f"perturbed plants, {PLANTS} if left out; with contact-suite: worlds, {WORLDS}")
+    ] = None,
     seeds: Annotated[int, typer.Option(help="noisy flights on the unperturbed plant")] = SEEDS,
-    seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
-    quick: Annotated[bool, typer.Option("--quick", help=f"two values of each axis; {QUICK} worlds in contact")] = False,
+    seed: Annotated[int, typer.Option(help="seed of plants and noise")] = 0,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help=f"fewer flights: two values of each axis, or {QUICK} worlds of contact-suite"),
+    ] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     flying: Flying = 0,
     on: On = None,

@@ -29,7 +29,9 @@ SHORT = (
 
 def diff(
     flight: Annotated[str, typer.Argument(help="the log of a flight")],
-    other: Annotated[str | None, typer.Argument(help="another log; left out: the flight is flown again")] = None,
+    other: Annotated[
+        str | None, typer.Argument(help="another log; left out: the flight is flown again and compared")
+    ] = None,
     tolerance: Annotated[
         float, typer.Option(help="largest difference that counts as none, in the SI unit of each quantity")
     ] = 0.0,

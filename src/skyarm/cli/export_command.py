@@ -50,14 +50,20 @@ def export(
     what: Annotated[
         str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or a scenario")
     ],
-    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c; mjcf")] = None,
-    file: Annotated[str | None, out_option("file to write; for a log beside it if left out")] = None,
-    vehicle: Annotated[str | None, typer.Option(help="of c: the vehicle of a preset's or law's model")] = None,
-    gravity: Annotated[float | None, typer.Option(help="of c, mjcf: m/s^2; 9.81, or the scenario's")] = None,
-    rate: Annotated[float | None, typer.Option(help="of c: Hz of the control; 200, or the scenario's")] = None,
-    name: Annotated[str | None, typer.Option(help="of c: begins the names in the file")] = None,
-    single: Annotated[bool, typer.Option("--float32", help="of c: float in place of double")] = False,
-    timestep: Annotated[float, typer.Option(help="of mjcf: s, of MuJoCo")] = 0.001,
+    to: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle")
+    ] = None,
+    file: Annotated[str | None, out_option("file to write; for a log next to it if left out")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="with c: vehicle in the model of a preset or law")] = None,
+    gravity: Annotated[
+        float | None, typer.Option(help="with c and mjcf: gravity, m/s^2; if left out the scenario's, or 9.81")
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(help="with c: control rate, Hz; if left out the scenario's, or 200")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
+    single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
+    timestep: Annotated[float, typer.Option(help="with mjcf: time step of MuJoCo, s")] = 0.001,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF.
 

@@ -31,22 +31,31 @@ PARTS = ("ghost", "plot")
 def film(
     context: typer.Context,
     flights: Annotated[
-        list[str],
-        typer.Argument(metavar="FLIGHT...", help="logs, or scenarios that are flown first; then FILE, or -o"),
+        list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios to fly first; then the file, unless -o")
     ],
-    out: Annotated[str | None, out_option(".mp4, .webp; .viser or .html: a recording", metavar="FILE")] = None,
-    laws: Laws = None,
-    label: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="name of each flight in turn; repeat")] = None,
-    layout: Annotated[str, typer.Option(help="flights beside (side) or on each other (over)")] = "side",
-    camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp 800x450]")] = None,
-    fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp 15]")] = None,
-    speed: Annotated[float, typer.Option(help="seconds of flight a second of film")] = 1.0,
-    window: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="START STOP", help="s of flight; the whole if left out")
+    out: Annotated[
+        str | None, out_option("the film's file: .mp4 or .webp; .viser or .html for a 3-D recording", metavar="FILE")
     ] = None,
-    without: Annotated[str | None, typer.Option(metavar="PARTS", help="ghost: the desired pose; plot: errors")] = None,
-    fine: Annotated[bool, typer.Option("--fine", help="shadows and smooth edges: four times as long")] = False,
+    laws: Laws = None,
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="TEXT", help="label of a flight; repeat for each flight, in order")
+    ] = None,
+    layout: Annotated[str, typer.Option(help="side: each flight in its own panel; over: all in one panel")] = "side",
+    camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp")
+    ] = None,
+    fps: Annotated[int | None, typer.Option(help="frames per second; 30 if left out, 15 for .webp")] = None,
+    speed: Annotated[float, typer.Option(help="seconds of flight per second of film")] = 1.0,
+    window: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="START STOP", help="the times that are filmed, s; the whole flight if left out"),
+    ] = None,
+    without: Annotated[
+        str | None,
+        typer.Option(metavar="PARTS", help="leave out ghost (the desired pose), plot (the tip error), or ghost,plot"),
+    ] = None,
+    fine: Annotated[bool, typer.Option("--fine", help="shadows and smooth edges; takes four times as long")] = False,
 ) -> None:
     """Film flights; MP4, WebP, or a 3-D recording.
 

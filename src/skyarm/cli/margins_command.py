@@ -23,17 +23,19 @@ DPI = 150
 MOST_INSTANTS = 10_000
 """Largest number of instants along a flight; each takes about half a second."""
 
-Safety = Annotated[bool, typer.Option("--safety", help="with the safety layer")]
+Safety = Annotated[bool, typer.Option("--safety", help="add the safety layer to the law")]
 
 
 def margins(
     scenario: Scenario,
     laws: Laws = None,
-    instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
+    instants: Annotated[
+        int, typer.Option(help="number of instants along the flight at which margins are computed, next to hover")
+    ] = 4,
     safety: Safety = False,
-    file: Annotated[str | None, out_option("write eigenvalues and margins there, as JSON")] = None,
+    file: Annotated[str | None, out_option("JSON file for eigenvalues and margins")] = None,
     page: Annotated[
-        str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
+        str | None, typer.Option("--html", metavar="PAGE", help="page with Nyquist diagrams (.html)")
     ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.

@@ -51,7 +51,7 @@ def new(
             autocompletion=lambda incomplete: [each for each in KINDS if each.startswith(incomplete)],
         ),
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="of the files and of what they describe")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="name of the files and of what they describe")],
     out: Out = ".",
 ) -> None:
     """Write starter files of a vehicle, scenario, law or study.

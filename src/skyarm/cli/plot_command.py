@@ -21,20 +21,29 @@ from skyarm.view.figures.flight_plot import plot as draw
 
 
 def plot(
-    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs, NAME=FILE for a name; or a sweep")],
+    flights: Annotated[
+        list[str],
+        typer.Argument(metavar="FLIGHT...", help="logs, with a label as NAME=FILE; or the folder of one sweep"),
+    ],
     file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf")],
     kind: Annotated[
         str | None,
         typer.Option(
-            help="of flights: tracking, attitude, tip, contact, efforts, rotors, parts, path or all; all if left out"
+            help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, path or all; all if left out"
         ),
     ] = None,
     window: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="START STOP", help="of flights: s; the whole if left out")
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="START STOP", help="with flights: the times that are drawn, s; the whole flight if left out"
+        ),
     ] = None,
-    metric: Annotated[list[str] | None, typer.Option(help="of a sweep; repeat")] = None,
+    metric: Annotated[list[str] | None, typer.Option(help="with a sweep: the metric that is drawn; repeat")] = None,
     over: Annotated[
-        str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or an expression")
+        str | None,
+        typer.Option(
+            metavar="NUMBER", help="with a sweep: the horizontal axis, a varied number or an expression of them"
+        ),
     ] = None,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.

@@ -56,29 +56,33 @@ def run(
     context: typer.Context,
     scenario: Flown,
     out: Out = "out/run",
-    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco for the file's")] = None,
+    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
     laws: Laws = None,
     autopilot: Annotated[
         str | None,
         typer.Option(
-            help="flies the base: px4, ...; px4:outside for 'skyarm fly'; px4:instance=3",
+            help="autopilot of the base: px4, px4:instance=3; px4:outside for 'skyarm fly'",
             autocompletion=name_completion("autopilot"),
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Duration = None,
-    force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="replace an earlier log; without it, the earlier log gets a number")
+    ] = False,
     logs: Annotated[
         list[str] | None,
-        typer.Option("--log", metavar="FILE", help="file of the log, its format by its suffix; repeat"),
+        typer.Option(
+            "--log", metavar="FILE", help="file of the log, in place of --out; its suffix chooses the format; repeat"
+        ),
     ] = None,
     picture: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
+        str | None, typer.Option("--plot", metavar="FILE", help="draw the flight into this file (.png, .svg or .pdf)")
     ] = None,
     ros: Annotated[
-        int | None, typer.Option(metavar="1|2", help="live topics of ROS 1 or 2, and commands from it; at real time")
+        int | None, typer.Option(metavar="1|2", help="publish topics of ROS 1 or 2 and take commands, at real time")
     ] = None,
-    pace: Annotated[float, typer.Option(help="of --ros: flight time over wall time; 0 waits for nothing")] = 1.0,
+    pace: Annotated[float, typer.Option(help="with --ros: flight over wall time; 0: as fast as possible")] = 1.0,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 

@@ -30,18 +30,26 @@ def show(
         str | None,
         typer.Argument(
             metavar="[VEHICLE|FLIGHT|words]",
-            help="a vehicle's file or name, or a log; words: the keys of a scenario file; left out: what ships",
+            help="file or name of a vehicle, or a log; words: keys of a scenario file; left out: what ships",
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
-    gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
+    gravity: Annotated[float, typer.Option(help="m/s^2, for hover and static efforts")] = 9.81,
     drawing: Annotated[
-        str | None, out_option("draw it there (.png, .svg, .pdf) instead, all labelled", "--drawing", metavar="FILE")
+        str | None,
+        out_option(
+            "draw the vehicle into this file (.png, .svg, .pdf) with all labels; print no numbers",
+            "--drawing",
+            metavar="FILE",
+        ),
     ] = None,
     vehicle: Annotated[
-        str | None, typer.Option(help="of a flight: the start of an identification, whose numbers it may excite")
+        str | None,
+        typer.Option(help="with a flight: name or file of a vehicle; tells which of its numbers the flight excites"),
     ] = None,
-    columns: Annotated[str | None, typer.Option(metavar="FILE", help="of a flight: what its columns mean")] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="FILE", help="with a flight: file that says what its columns mean")
+    ] = None,
 ) -> None:
     """List what ships, or show a vehicle or a flight.
 

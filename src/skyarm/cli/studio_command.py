@@ -46,8 +46,8 @@ def studio(
         ),
     ] = "case2",
     laws: Laws = None,
-    port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
+    port: Annotated[int, typer.Option(help="port of the page; 0 takes a free one")] = 8080,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address and open no browser")] = False,
     out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[
         str | None,
@@ -56,10 +56,16 @@ def studio(
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
-    horizon: Annotated[float, typer.Option(help="s, after which the model is set back to the measured state")] = 1.0,
-    delay: Annotated[float | None, typer.Option(help="s, of the commands [as identified with the vehicle]")] = None,
+    horizon: Annotated[float, typer.Option(help="with --vehicle: time between resets to the measured state, s")] = 1.0,
+    delay: Annotated[
+        float | None, typer.Option(help="with --vehicle: delay of the commands, s; the identified one if left out")
+    ] = None,
     columns: Annotated[
-        str | None, typer.Option(metavar="FILE", help="columns of the flight's file [columns.toml beside it]")
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="with --vehicle: meaning of its columns; if left out columns.toml next to it",
+        ),
     ] = None,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.

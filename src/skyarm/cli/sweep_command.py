@@ -53,22 +53,24 @@ def sweep(
     ],
     laws: Laws = None,
     out: Annotated[
-        str | None, out_option("folder of the results; out/NAME for a study, FOLDER/stats for a folder")
+        str | None, out_option("folder of results; if left out: out/NAME, with a folder FOLDER/stats")
     ] = None,
     flying: Flying = 0,
     on: On = None,
     part: Annotated[
-        str | None, typer.Option(metavar="K/N", help="this is the K-th of N machines that share the folder")
+        str | None, typer.Option(metavar="K/N", help="fly the K-th of N parts, each on a machine with the same folder")
     ] = None,
     save: Annotated[
         list[str] | None,
-        typer.Option(metavar="EPISODE", help="of a study: a flight as a scenario: a number, failed, a metric; repeat"),
+        typer.Option(metavar="EPISODE", help="with a study: save as a scenario: a number, failed or a metric; repeat"),
     ] = None,
     success: Annotated[
-        list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a folder: limit of a success; repeat")
+        list[str] | None,
+        typer.Option(metavar="METRIC=LARGEST", help="with a folder: largest value of a metric in a success; repeat"),
     ] = None,
     paths: Annotated[
-        tuple[str, str] | None, typer.Option("--map", help="of a folder: two varied numbers, across and upward")
+        tuple[str, str] | None,
+        typer.Option("--map", help="with a folder: two varied numbers, the horizontal and vertical axis"),
     ] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.

@@ -55,9 +55,10 @@ def tune(
     candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
     plants: Annotated[int, typer.Option(help="perturbed plants that each candidate flies")] = 24,
     knobs: Annotated[
-        list[str] | None, typer.Option(metavar="PATH", help="gain of the law that may change; all if left out; repeat")
+        list[str] | None,
+        typer.Option(metavar="PATH", help="gain of the law that may change; repeat; all gains if left out"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
+    seed: Annotated[int, typer.Option(help="seed of plants, noise and search")] = 0,
     flying: Flying = 0,
     on: On = None,
 ) -> None:

@@ -84,14 +84,14 @@ SHARED: Mapping[str, OptionText] = {
     "gains": _text(
         "gains of the base on position, velocity, attitude and body rate",
         entry="table",
-        usual="RotorS's Hummingbird's, scaled to mass and inertia of the model",
+        usual="those of RotorS for the Hummingbird, scaled to mass and inertia of the model",
         allowed="`position`, `velocity`, `attitude`, `rate`",
         effect="higher values respond faster and amplify noise",
     ),
     "joint_gains": _text(
         "gains of the joints on position and rate",
         entry="table",
-        usual="150 and 17 on acceleration",
+        usual="150 1/s^2 and 17 1/s",
         allowed="`stiffness`, `damping`",
         effect="higher values respond faster and amplify noise",
     ),
@@ -118,7 +118,7 @@ SHARED: Mapping[str, OptionText] = {
         effect="1 compensates all friction of the model; more than the true friction destabilizes the joint",
     ),
     "rate_weights": OptionText(
-        Unit("", "weight of each joint's desired rate in the difference of rates", low=0.0),
+        Unit("", "factor on each joint's desired rate before the measured rate is subtracted", low=0.0),
         "one number for each joint",
         usual="1",
         effect="lower values overshoot less and lag behind the reference more",

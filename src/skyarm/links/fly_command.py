@@ -23,18 +23,23 @@ from skyarm.view.pages import Facts
 def fly(
     scenario: Flown,
     link: Annotated[
-        str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN")
+        str,
+        typer.Option(
+            metavar="URL", help="the autopilot: mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN"
+        ),
     ],
     joints: Annotated[
-        str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2, FILE.py:make")
+        str | None,
+        typer.Option(metavar="URL", help="joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make"),
     ] = None,
     laws: Laws = None,
     rate_bandwidth: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot other than PX4")
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="bandwidth of the rate loop of an autopilot other than PX4, rad/s"),
     ] = None,
     world: Annotated[str, typer.Option(help="here (begin at the vehicle), or local")] = "here",
-    leash: Annotated[float, typer.Option(help="m off the reference at which the flight ends")] = 1.5,
-    patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
+    leash: Annotated[float, typer.Option(help="distance from the reference at which the flight ends, m")] = 1.5,
+    patience: Annotated[float, typer.Option(help="longest wait for a vehicle that hovers, s")] = 60.0,
     duration: Duration = None,
     out: Out = "out/fly",
 ) -> None:

@@ -78,7 +78,8 @@ PATHS: Mapping[str, WordText] = {
     "controller": WordText("[law with its gains](#controller)"),
     "controller.preset": WordText("controller with published gains, without other options", "none"),
     "controller.law": WordText(
-        "law with options: [cards of the laws](laws.md)", "required, unless `preset`, `autopilot` or a file of gains is stated"
+        "law with options: [cards of the laws](laws.md)",
+        "required, unless `preset`, `autopilot` or a file of gains is stated",
     ),
     "controller.autopilot": WordText("[autopilot](autopilots.md) that flies the base in place of a law", "none"),
     "controller.tuned": WordText(
@@ -171,7 +172,9 @@ PATHS: Mapping[str, WordText] = {
     "windows.steady": WordText("window of means, RMS and extremes", "after the first third"),
     "windows.transient": WordText("window of peaks", "the first third"),
     "windows.gust": WordText("window of the metrics that begin with `gust_`", "after the first third"),
-    "windows.hover": WordText("window of the metric `hover_offset`; choose one before the motion begins", "after the first third"),
+    "windows.hover": WordText(
+        "window of the metric `hover_offset`; choose one before the motion begins", "after the first third"
+    ),
     "windows.holds": WordText("windows in which the arm is held", "after the first third"),
     "windows.last": WordText("length of the window before the planned end", "5"),
     "changes[]": WordText("[scheduled changes](#changes-in-flight)", "none"),
@@ -463,7 +466,7 @@ VEHICLE: tuple[HandWord, ...] = (
     *_pose("attach"),
     HandWord("attach", "prefix", "text", "", "none", "text before every name of the arm"),
     HandWord(
-        "attach", "mimic", "text", "", "as the file says", "the same for the joints of this arm", '"lock" or "couple"'
+        "attach", "mimic", "text", "", "`mimic` of the vehicle", "`mimic` for joints of this arm", '"lock" or "couple"'
     ),
     HandWord("frames", "name", "text", "", "", "name of the frame", "unique"),
     HandWord("frames", "link", "text", "", '"base"', "body that carries the frame", '"base" or a link'),

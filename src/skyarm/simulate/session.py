@@ -235,7 +235,7 @@ class Session:
         return self._engine.reference()
 
     def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
-        """Simulate one control period.
+        """Simulate one control period; a command, or rotor speeds (rad/s) alone, may take the place of the law's.
 
         Args:
             command: command in place of the law's; the law is not evaluated then, and its memory stays.

@@ -109,7 +109,7 @@ def normal_pair(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
-    """Standard normal numbers from an even count of uniform ones."""
+    """Convert an even number of uniform random numbers in (0, 1) to as many standard normal ones (Box and Muller)."""
     numbers: list[Scalar] = []
     for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
         numbers += normal_pair(a, b)

@@ -285,7 +285,7 @@ class PositionServo(Servo):
         Scalar,
         Unit(
             "rad or m",
-            "resolution of goal and measured position; an int 0 disables rounding",
+            "step to which goal and measured position are rounded; 0 disables rounding",
             low=0.0,
             effect="coarser steps make the joint chatter within one step",
         ),

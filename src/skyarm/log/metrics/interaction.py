@@ -213,11 +213,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 mechanism, height of the tip (m)."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
-    "contact_last": ("last", "contact", "contact force at the end", "N"),
+    "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),
     "contact_largest": ("largest", "contact", "largest contact force", "N"),
     **{f"object_last_{a}": ("last", f"object_{a}", f"{a} of the first object at the end", "m") for a in "xyz"},
-    "mechanism_last": ("last", "mechanism", "coordinate of the first mechanism at the end", ""),
-    "mechanism_furthest": ("largest", "mechanism", "largest coordinate of the first mechanism", ""),
+    "mechanism_last": ("last", "mechanism", "position of the first mechanism at the end, rad or m", ""),
+    "mechanism_furthest": ("largest", "mechanism", "largest position of the first mechanism, rad or m", ""),
     "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
 }
 """Metric -> its form, quantity, description and unit."""
@@ -247,17 +247,17 @@ def _if_gripped(memory: GripMemory, number: Scalar) -> AnyArray:
 HELD = "fraction of the time with the contact force within 30 % of the commanded one"
 
 TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
-    "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean error of the contact force", "N"),
+    "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean signed error of contact force", "N"),
     "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
     "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
     "contact_peak": ("push", lambda of: _if_met(of, of.peak), "largest contact force while contact is commanded", "N"),
-    "contact_losses": ("push", lambda of: _if_met(of, of.losses), "losses of contact", "losses"),
-    "contact_first": ("push", lambda of: _if_met(of, of.first), "first touch", "s"),
+    "contact_losses": ("push", lambda of: _if_met(of, of.losses), "number of losses of contact", "losses"),
+    "contact_first": ("push", lambda of: _if_met(of, of.first), "time of the first touch", "s"),
     "contact_tip_mean": (
-        "push", lambda of: _share(of.apart, of.near), "mean tip error across the normal in contact", "m"
+        "push", lambda of: _share(of.apart, of.near), "mean tip error along the surface in contact", "m"
     ),
     "contact_tip_max": (
-        "push", lambda of: _if_met(of, of.farthest), "largest tip error across the normal in contact", "m"
+        "push", lambda of: _if_met(of, of.farthest), "largest tip error along the surface in contact", "m"
     ),
     "phases_time": ("phases", lambda of: np.asarray(of.when), "time at which the last phase ended", "s"),
     "grip_force_mean": (
@@ -267,6 +267,6 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "grip_force_max": (
         "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the gripped handle", "N"
     ),
-    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag of the gripped handle", "rad"),
+    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag angle of the gripped handle", "rad"),
 }  # fmt: skip
 """Metric -> its totals, function from them to its value, description and unit."""

@@ -87,7 +87,7 @@ TRACKING = _tracking("", "steady") | {
     "position_min": _measure("min", "steady", "position", "smallest position error", "m"),
     "position_max": _measure("max", "steady", "position", "largest position error", "m"),
     "position_ripple": _measure("half_range", "steady", "position", "ripple of the position error", "m"),
-    "peak_position": _measure("max", "transient", "position", "largest position error of the transient", "m"),
+    "peak_position": _measure("max", "transient", "position", "largest position error in the transient", "m"),
     "iae_position": _measure("integral", "whole", "position", "integral of the position error", "m s"),
     "iae_joint": _measure("integral", "whole", "joint", "integral of the joint error", "rad s"),
     "altitude_error_max": _measure("max", "whole", "altitude", "largest height error", "m"),
@@ -98,8 +98,8 @@ TRACKING = _tracking("", "steady") | {
 }
 
 GUST = _tracking("gust_", "gust", " in the gust") | {
-    "gust_peak_x": _measure("peak", "gust", "x", "peak position error along x in the gust", "m"),
-    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "peak tip error along x in the gust", "m"),
+    "gust_peak_x": _measure("peak", "gust", "x", "largest position error along x in the gust, signed", "m"),
+    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "largest tip error along x in the gust, signed", "m"),
     "gust_iae_position": _measure("integral", "gust", "position", "integral of the position error in the gust", "m s"),
     "gust_iae_joint": _measure("integral", "gust", "joint", "integral of the joint error in the gust", "rad s"),
 }
@@ -115,15 +115,17 @@ FREE = {
     "pitch_rms": _measure("rms", "steady", "pitch", "RMS pitch", "rad"),
     "pitch_ripple": _measure("half_range", "steady", "pitch", "ripple of pitch", "rad"),
     "roll_rms": _measure("rms", "steady", "roll", "RMS roll", "rad"),
-    "peak_pitch": _measure("max", "transient", "pitch_size", "peak pitch of the transient", "rad"),
+    "peak_pitch": _measure("max", "transient", "pitch_size", "largest pitch in the transient, without sign", "rad"),
     "gust_pitch_rms": _measure("rms", "gust", "pitch", "RMS pitch in the gust", "rad"),
-    "gust_peak_pitch": _measure("peak", "gust", "pitch", "peak pitch in the gust", "rad"),
+    "gust_peak_pitch": _measure("peak", "gust", "pitch", "largest pitch in the gust, signed", "rad"),
     "tilt_rms": _measure("rms", "steady", "tilt", "RMS tilt", "rad"),
     "tilt_max": _measure("max", "whole", "tilt", "largest tilt", "rad"),
     "rate_rms": _measure("root", "steady", "rate_square", "RMS body rate", "rad/s"),
-    "rotor_jitter": _measure("root", "steady", "jitter_square", "RMS change of a rotor command per period", "rad/s"),
+    "rotor_jitter": _measure(
+        "root", "steady", "jitter_square", "RMS change of a rotor command between periods", "rad/s"
+    ),
     "rotor_jitter_mean": _measure(
-        "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
+        "mean", "steady", "jitter_size", "mean size of the change of a rotor command between periods", "rad/s"
     ),
     "rotor_saturation": _measure(
         "mean", "steady", "rotor_limited", "fraction of periods with a rotor at its limit", ""
@@ -133,9 +135,9 @@ FREE = {
     ),
     "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the reference", "s"),
     "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the reference", "s"),
-    "phases_done": _measure("max", "whole", "phase", "completed phases", "phases"),
+    "phases_done": _measure("max", "whole", "phase", "number of completed phases", "phases"),
     # against the continuous reference always, as a mean height before the motion
-    "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),
+    "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "mean desired minus actual height in hover", "m"),
 }
 """Metrics without a counterpart for the continuous reference."""
 

@@ -63,33 +63,42 @@ of a battery."""
 
 USUAL = DesignLimits()
 
-Moment = Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")]
+Moment = Annotated[float | None, typer.Option(help="only the part of each flight between --begin and --end is used, s")]
 
 Gravity = Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)]
 
 
-Out = Annotated[str | None, out_option("folder of the vehicle file and all numbers; of lags and design a .toml file")]
+Out = Annotated[str | None, out_option("folder for vehicle file and numbers; with lags or design a .toml file")]
 
 
 def flights(
-    files: Annotated[list[str], typer.Argument(metavar="FLIGHT", help="logs of any format that is read")],
-    vehicle: Annotated[str | None, typer.Option(help="start: a file or name, as data sheet and drawing say")] = None,
-    columns: Annotated[str | None, typer.Option(metavar="FILE", help="what the columns of the flights mean")] = None,
+    files: Annotated[list[str], typer.Argument(metavar="FLIGHT", help="logs of any format that skyarm reads")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="required: file or name of the vehicle as data sheet and drawing describe it")
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="FILE", help="file that says what the columns of the flights mean")
+    ] = None,
     known: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="mass=0.034, voltage=4.2, a number of the table; repeat"),
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="known number: mass=0.034, voltage=4.2, or one of the printed table; repeat",
+        ),
     ] = None,
-    curve: Annotated[bool, typer.Option("--curve", help="a thrust curve in place of one coefficient")] = False,
+    curve: Annotated[bool, typer.Option("--curve", help="estimate a thrust curve in place of one coefficient")] = False,
     held_out: Annotated[
-        list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
+        list[str] | None, typer.Option(metavar="FLIGHT", help="flight that is predicted and not fitted; repeat")
     ] = None,
     join: Annotated[
-        str | None, typer.Option(metavar="FILE", help="log of the same flight by a computer of another clock")
+        str | None, typer.Option(metavar="FILE", help="log of the same flight from a computer with another clock")
     ] = None,
     despite_faults: Annotated[
-        bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
+        bool, typer.Option("--despite-faults", help="only warn of faults in a log that would be refused")
     ] = False,
-    drag_height: Annotated[bool, typer.Option("--drag-height", help="hub drag acts at a height of its own")] = False,
+    drag_height: Annotated[
+        bool, typer.Option("--drag-height", help="estimate the height at which the hub drag acts")
+    ] = False,
     begin: Moment = None,
     end: Moment = None,
     gravity: Gravity = None,
@@ -149,8 +158,10 @@ def flights(
 
 
 def lags(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="log of one flight by skyarm")],
-    vehicle: Annotated[str | None, typer.Option(help="name or file; the model of the log's law if left out")] = None,
+    log: Annotated[str, typer.Argument(metavar="LOG", help="log of one flight in skyarm")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="name or file of a vehicle; if left out the model of the log's law")
+    ] = None,
     begin: Moment = None,
     end: Moment = None,
     gravity: Gravity = None,
@@ -191,7 +202,8 @@ def _limit(name: str) -> Any:
 
 def design(
     model: Annotated[
-        str, typer.Argument(metavar="VEHICLE", help="name or file", autocompletion=name_completion("vehicle"))
+        str,
+        typer.Argument(metavar="VEHICLE", help="name or file of a vehicle", autocompletion=name_completion("vehicle")),
     ],
     box: Annotated[float, _limit("box")] = USUAL.box,
     tilt: Annotated[float, _limit("tilt")] = math.degrees(USUAL.tilt),
