@@ -36,16 +36,10 @@ def show(
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2, for hover and static efforts")] = 9.81,
     drawing: Annotated[
-        str | None,
-        out_option(
-            "draw the vehicle into this file (.png, .svg, .pdf) with all labels; print no numbers",
-            "--drawing",
-            metavar="FILE",
-        ),
+        str | None, out_option("labelled drawing (.png, .svg, .pdf) in place of numbers", "--drawing", metavar="FILE")
     ] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(help="with a flight: name or file of a vehicle; tells which of its numbers the flight excites"),
+        str | None, typer.Option(help="with a flight: a vehicle; tells which of its numbers the flight excites")
     ] = None,
     columns: Annotated[
         str | None, typer.Option(metavar="FILE", help="with a flight: file that says what its columns mean")
