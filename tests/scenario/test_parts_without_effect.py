@@ -228,7 +228,7 @@ def test_a_sensor_that_only_the_log_reads_is_said():
     both = dataclasses.replace(CASE, sensors=(compass, satellites))
     assert [line.partition(":")[0] for line in without_effect(both)] == ["sensors.compass", "sensors.satellites"]
     (line,) = without_effect(dataclasses.replace(both, estimator=HeadingsOnly()))
-    assert line == "sensors.satellites: only the log reads it, no law, estimator or phase; an [estimator] for it?"
+    assert line == "sensors.satellites: only the log has its readings, the law does not; an [estimator] for it?"
 
 
 def test_loading_a_file_warns_once_and_a_calm_one_does_not(tmp_path):

@@ -256,7 +256,7 @@ def test_a_log_is_no_base_and_a_long_title_is_no_path(case3, tmp_path):
     ],
     ids=lambda fields: next(iter(fields)),
 )
-@pytest.mark.filterwarnings("ignore:.*only the log reads it")
+@pytest.mark.filterwarnings("ignore:.*only the log has its readings")
 def test_records_whose_tables_have_words_of_their_own_are_written(case3, tmp_path, fields):
     saved(dataclasses.replace(case3, **fields), tmp_path)
 

@@ -46,7 +46,7 @@ class ArrayLike:
 
 @dataclass(frozen=True, slots=True)
 class Vec3(ArrayLike):
-    """Vector of three scalars; int components are compile-time constants that fold away."""
+    """Vector of three scalars; a component that is an int, such as an exact 0, is a constant of compiled code."""
 
     x: Scalar
     y: Scalar

@@ -95,7 +95,7 @@ class JointGains:
         tuple[float, ...],
         Unit(
             "1/s^2",
-            "acceleration (or torque, by the law) per position error of each joint",
+            "desired acceleration of each joint per error of its position",
             low=0.0,
             effect="higher values hold the joints more tightly, amplify noise and tolerate less delay",
         ),
@@ -104,7 +104,7 @@ class JointGains:
         tuple[float, ...],
         Unit(
             "1/s",
-            "acceleration (or torque, by the law) per rate error of each joint",
+            "desired acceleration of each joint per error of its rate",
             low=0.0,
             effect="higher values damp the joints more and amplify noise of the rates",
         ),

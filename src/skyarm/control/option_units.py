@@ -248,7 +248,7 @@ CENTROIDAL: Mapping[str, OptionText] = {
     "lag": _row(
         "two",
         "s",
-        "estimated lags that halve the bandwidth of rotors and joints; twice 0 estimates none",
+        "lags of rotors and of joints at which the law halves their bandwidth; twice 0 disables the estimate",
         "lower values reduce the gains more for the same lag",
         allowed="both above 0 or both 0",
     ),
@@ -266,7 +266,7 @@ CENTROIDAL: Mapping[str, OptionText] = {
     "tolerances": _row(
         "two",
         "",
-        "relative deviations of the torque scales and of the model's weights, with `interaction`",
+        "relative standard deviations of the actual joint torques and of the arm's weight, with `interaction`",
         allowed="0 to 1",
     ),
     "force_sensor": _text(
@@ -281,7 +281,7 @@ CENTROIDAL: Mapping[str, OptionText] = {
     "sideways": OptionText(
         Unit(
             "",
-            "fraction of the rotors' range for sideways force, of rotors that span all directions",
+            "fraction of the rotors' range used to push sideways, by rotors that give any force without a tilt",
         ),
         effect="higher values push harder sideways without tilt",
     ),

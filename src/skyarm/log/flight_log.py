@@ -103,8 +103,8 @@ class Log:
     joints_reference: Annotated[Array, Unit("rad or m", CONTINUOUS)]
     yaw_reference: Annotated[Array, Unit("rad", CONTINUOUS)]
     tool: Annotated[Array, Unit("m", "position of the tip, world axes")]
-    tool_held: Annotated[Array, Unit("m", f"tip position of a level base at the {HELD}, world axes")]
-    tool_reference: Annotated[Array, Unit("m", f"tip position of a level base at the {CONTINUOUS}, world axes")]
+    tool_held: Annotated[Array, Unit("m", f"tip position if a level base were on the {HELD}, world axes")]
+    tool_reference: Annotated[Array, Unit("m", f"tip position if a level base were on the {CONTINUOUS}, world axes")]
     wind_force: Annotated[Array, Unit("N", "force of wind and disturbances on the base, world axes")]
     air_velocity: Annotated[Array, Unit("m/s", "velocity of the air at the base origin, world axes")]
     measured_position: Annotated[Array, Unit("m", "measured position of the base origin, world axes")] = _if_any()
@@ -199,7 +199,7 @@ class Log:
 
     @property
     def shortfall(self) -> Any:
-        """Summary of actuator saturation and references that the flight missed."""
+        """Actuators at their limits and references that the flight did not reach; ``lines`` are sentences on both."""
         return import_module(SHORTFALL).shortfall(self)
 
     @property

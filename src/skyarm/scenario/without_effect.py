@@ -189,4 +189,4 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
         used.add(tip[0])
     for name, _ in sensors:
         if name not in used:
-            yield f"sensors.{name}: only the log reads it, no law, estimator or phase; an [estimator] for it?"
+            yield f"sensors.{name}: only the log has its readings, the law does not; an [estimator] for it?"

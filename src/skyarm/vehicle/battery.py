@@ -85,7 +85,7 @@ class Battery:
     open_circuit: CellCurve
     reference_voltage: Annotated[
         Scalar,
-        Unit("V", "voltage of the whole pack at which rotor speeds and thrust tables hold", low=0.0, strict=True),
+        Unit("V", "voltage of the pack for which highest speeds and thrust tables are stated", low=0.0, strict=True),
     ]
     charge: Annotated[Scalar, Unit("", "charge at the start, as a fraction of the capacity", low=0.0, high=1.0)] = 1.0
     standing_power: Annotated[Scalar, Unit("W", "power of all consumers except the rotors", low=0.0)] = 0.0

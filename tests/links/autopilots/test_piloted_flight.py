@@ -169,7 +169,9 @@ class Plain(Session):
 def test_a_session_of_an_autopilot_is_one_that_starts_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("SKYARM_PX4", raising=False)
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(ScenarioError, match=r"^controller.program: is missing; must be the path of PX4's program"):
+    with pytest.raises(
+        ScenarioError, match=r"^autopilot: PX4's program is missing; build it .* SKYARM_PX4 to its path$"
+    ):
         Session(load_scenario("case3", controller="px4"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -177,3 +178,21 @@ def test_steps_of_a_contact_are_stable_up_to_twice_the_inverse_frequency(monkeyp
     for phase, faults in ((1.99, 0), (2.01, 1)):
         monkeypatch.setattr(flights, "tip_mass", lambda *told, phase=phase: mass * (fault.value / phase) ** 2)
         assert len(contact_steps(scenario, at)) == faults
+
+
+def test_a_rotor_that_touches_the_wall_is_the_cause_and_an_arm_of_one_link_has_no_length_left() -> None:
+    short = before_a_wall("crazyflie_arm1", (-0.6,), 0.023)
+    at = largest_push(short)
+    assert flights.reach_left(short.plant.vehicle, (-0.6,)) == math.inf
+    assert "recoil" not in flights.cause_of(short, at)[0]
+    cause, remedy = flights.cause_of(short, at, {"completed", "rotor_contact"})
+    assert cause == "a rotor touches a surface"
+    assert "ahead of the rotors" in remedy
+
+
+def test_the_warning_of_a_flight_that_a_rotor_ended_says_so() -> None:
+    scenario = before_a_wall("crazyflie_arm1", (-0.6,), 0.023, duration=1.5)
+    flown = skyarm.run(scenario)
+    log = dataclasses.replace(flown, info=flown.info | {"status": "rotor_contact"})
+    (line,) = flights.lost_force(scenario, log)
+    assert "a rotor touches a surface; a pose with the tip further ahead of the rotors" in line

@@ -75,11 +75,12 @@ def test_a_reversed_order_of_the_laws_is_the_example() -> None:
     cell["rigid_body"], other["rigid_body"] = 9.0, 8.0
     _, second, _ = verdict(table)
     assert second.endswith(
-        ": in Case 1, mean joint error, the paper's law CT is better in the paper, its baseline PD here."
+        ": by mean joint error in Case 1, the paper's law CT is better in the paper, "
+        "and its baseline PD is better here."
     )
     cell["paper"], other["paper"] = other["paper"], cell["paper"]
     cell["rigid_body"], other["rigid_body"] = 8.0, 9.0
-    assert verdict(table)[1].endswith("its baseline PD is better in the paper, the paper's law CT here.")
+    assert verdict(table)[1].endswith("its baseline PD is better in the paper, and the paper's law CT is better here.")
 
 
 def test_a_search_that_gains_nothing_is_no_reason() -> None:

@@ -61,8 +61,8 @@ def program_of(record: Autopilot) -> Path:
     usual = usual_program()
     if not (record.program or os.environ.get(record.variable) or usual):
         raise ScenarioError(
-            "controller.program: is missing; must be the path of Betaflight's program, here or in the environment "
-            f"variable {record.variable}, or installed: {how_to_install('betaflight')}"
+            f"autopilot: Betaflight's program is missing; {how_to_install('betaflight')}; or set the environment "
+            f"variable {record.variable} to its path"
         )
     return find_program(record, usual)
 

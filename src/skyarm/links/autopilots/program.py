@@ -38,8 +38,8 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
         installed = shutil.which(usual) if usual else None
         if installed is None:
             raise ScenarioError(
-                f"controller.program: is missing; must be the path of {autopilot.title}'s program, here or in the "
-                f"environment variable {autopilot.variable}"
+                f"autopilot: {autopilot.title}'s program is missing; build it (docs/autopilots.md says how) and set "
+                f"the environment variable {autopilot.variable} to its path"
             )
         return Path(installed).absolute()
     path = Path(stated).expanduser().absolute()

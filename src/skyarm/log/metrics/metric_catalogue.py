@@ -91,15 +91,15 @@ TRACKING = _tracking("", "steady") | {
     "iae_position": _measure("integral", "whole", "position", "integral of the position error", "m s"),
     "iae_joint": _measure("integral", "whole", "joint", "integral of the joint error", "rad s"),
     "altitude_error_max": _measure("max", "whole", "altitude", "largest height error", "m"),
-    "x_error_max": _measure("max", "steady", "x", "largest position error along x, with its sign", "m"),
+    "x_error_max": _measure("max", "steady", "x", "actual minus desired x of the base, largest value", "m"),
     "ee_time_outside": _measure(
         "integral", "steady", "ee_outside", "time with the tip over 5 cm from its reference", "s"
     ),
 }
 
 GUST = _tracking("gust_", "gust", " in the gust") | {
-    "gust_peak_x": _measure("peak", "gust", "x", "largest position error along x in the gust, signed", "m"),
-    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "largest tip error along x in the gust, signed", "m"),
+    "gust_peak_x": _measure("peak", "gust", "x", "x error of the base in the gust, value of largest size", "m"),
+    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "x error of the tip in the gust, value of largest size", "m"),
     "gust_iae_position": _measure("integral", "gust", "position", "integral of the position error in the gust", "m s"),
     "gust_iae_joint": _measure("integral", "gust", "joint", "integral of the joint error in the gust", "rad s"),
 }
@@ -117,7 +117,7 @@ FREE = {
     "roll_rms": _measure("rms", "steady", "roll", "RMS roll", "rad"),
     "peak_pitch": _measure("max", "transient", "pitch_size", "largest pitch in the transient, without sign", "rad"),
     "gust_pitch_rms": _measure("rms", "gust", "pitch", "RMS pitch in the gust", "rad"),
-    "gust_peak_pitch": _measure("peak", "gust", "pitch", "largest pitch in the gust, signed", "rad"),
+    "gust_peak_pitch": _measure("peak", "gust", "pitch", "pitch in the gust, value of largest size", "rad"),
     "tilt_rms": _measure("rms", "steady", "tilt", "RMS tilt", "rad"),
     "tilt_max": _measure("max", "whole", "tilt", "largest tilt", "rad"),
     "rate_rms": _measure("root", "steady", "rate_square", "RMS body rate", "rad/s"),

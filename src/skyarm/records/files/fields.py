@@ -125,7 +125,8 @@ class Fields:
 def list_of_tables(value: object, where: str, named: bool = False) -> list[Fields]:
     """Make a reader for each table in a list of tables, in order."""
     if not isinstance(value, list):
-        raise ValueError(f"{where} = {shown(value)}: must be a list of tables")
+        hint = f", each below [[{where}]]" if isinstance(value, dict) else ""
+        raise ValueError(f"{where} = {shown(value)}: must be a list of tables{hint}")
     names = [table.get("name") if named and isinstance(table, dict) else None for table in value]
     called = [name if isinstance(name, str) and name else i for i, name in enumerate(names)]
     return [Fields(table, f"{where}[{name}]", named) for table, name in zip(value, called, strict=True)]

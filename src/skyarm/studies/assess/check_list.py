@@ -86,8 +86,8 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "senses of rotation",
         "ok, warning, fault",
-        f"relative deviation of hover thrusts; fault from {UNEVEN:g} if one reversed rotor evens them, "
-        "warning if senses are unbalanced",
+        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one rotor evens them, "
+        "warning if senses differ by 2 rotors",
         "turn one rotor round",
     ),
     Check(
@@ -142,10 +142,16 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         PLAN,
         "warning",
-        "limits of the vehicle that the motion of the tip exceeds",
-        "a slower or smaller motion",
+        "whether the motion of the tip reaches joint limits or a near singularity, or needs too much thrust or tilt",
+        "another `posture`, or a slower motion",
     ),
-    Check(SCENARIO, LAW, "warning", "joints without a drive whose torques the law commands", "another law"),
+    Check(
+        SCENARIO,
+        LAW,
+        "warning",
+        "whether the law relies on the torque of a joint that no drive moves",
+        "a law that leaves passive joints alone",
+    ),
     Check(
         SCENARIO,
         PARTS,
@@ -223,7 +229,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "force of a guard",
         "warning",
-        "speed at which the awaited force drives an object away; warning above that of the approach",
+        "speed that an object gains if the guard's force pushes it for `hold`; warning above the speed of the approach",
         "less force, a shorter hold, or a guard that awaits a distance",
     ),
     Check(

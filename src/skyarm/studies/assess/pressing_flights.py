@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from skyarm.log.metrics.score import score
 from skyarm.plant.largest_step import divisions
 from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
+from skyarm.scenario.endings import RotorContact
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
@@ -80,7 +82,7 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     if not fails[-1]:
         return [Finding(QUESTION, OK, said, FORCE, "", 100.0 * worst, 100.0 * ALLOWED, "%")]
     achieved = [share * force for share, failing in zip(SHARES, fails, strict=True) if not failing]
-    cause, remedy = cause_of(scenario, at)
+    cause, remedy = cause_of(scenario, at, set(status[-1]))
     said = f"{said}: {cause}; " + (f"{max(achieved):.3g} N are held" if achieved else "nor is a quarter of it")
     return [Finding(QUESTION, FAULT, said, FORCE, remedy, 100.0 * worst, 100.0 * ALLOWED, "%", at.joints)]
 
@@ -92,7 +94,7 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
         return []
     force = float(at.push[0])
     error, limited = score(log, ("contact_error_mean", "rotor_saturation")).values()
-    off, (cause, remedy) = abs(error) / force, cause_of(scenario, at)
+    off, (cause, remedy) = abs(error) / force, cause_of(scenario, at, {log.status})
     if log.status == "completed" and not (off > ALLOWED or limited > LIMITED):
         return []
     share = f"{100.0 * off:.2g} % off" if math.isfinite(off) else "not held"
@@ -176,10 +178,18 @@ def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
     return error, status, limited
 
 
-def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:
-    """Likeliest cause of a force that is not held, and a remedy: yaw torque, reach of the arm, inertia of the tip."""
+def cause_of(scenario: Scenario, at: Reference, statuses: Collection[str] = ()) -> tuple[str, str]:
+    """Likeliest cause of a force that is not held, and a remedy: a rotor, yaw torque, reach, inertia of the tip.
+
+    Args:
+        scenario: with a contact force.
+        at: reference at the largest force.
+        statuses: how flights with this force ended.
+    """
     vehicle, joints = scenario.plant.vehicle, tuple(map(float, at.joints))
     push, force = push_on_level_base(at), float(at.push[0])
+    if RotorContact.status in statuses:
+        return "a rotor touches a surface", "a pose with the tip further ahead of the rotors, or a longer arm"
     room, (turning, _) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push)
     if turning > HALF * room:
         text = f"the push beside the middle takes {turning:.3g} of {room:.3g} N m of yaw torque"
@@ -204,13 +214,18 @@ def base_recoil(scenario: Scenario, force: float) -> float:
 
 
 def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
-    """Distance (m) by which an arm can still extend: its full length less the distance from first joint to tip."""
+    """Distance (m) by which an arm can still extend: its full length less the distance from first joint to tip.
+
+    Infinite for an arm of one link, which no force stretches.
+    """
     poses, index = link_poses(vehicle, joints), vehicle.frame().link
     places = [frame_pose(vehicle, vehicle.frame(), joints).p]
     while index != BASE:
         places.append(poses[index].p)
         index = vehicle.moving[index].parent
     lengths = [float((b - a).norm()) for a, b in itertools.pairwise(places)]
+    if len(lengths) < 2:
+        return math.inf
     return sum(lengths) - float((places[-1] - places[0]).norm())
 
 

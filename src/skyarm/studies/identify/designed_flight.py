@@ -175,7 +175,7 @@ def scenario_document(
     return {
         "schema": 1,
         "name": f"identify_{vehicle.name}",
-        "title": "Excitation flight of `skyarm identify --design`",
+        "title": "Excitation flight of `skyarm identify design`",
         "duration": seconds,
         "seed": seed,
         "plant": {"vehicle": name},

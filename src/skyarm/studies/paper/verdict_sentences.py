@@ -64,7 +64,8 @@ def _example(experiments: Record, plant: str, quantity: str) -> str:
         if metric(name).quantity == quantity:
             ct, pd = (abs(experiments[case][law][name]["paper"]) for law in LAWS)
             theirs, ours = LAWS.values() if ct < pd else reversed(LAWS.values())
-            return f": in {short_title(case)}, {phrase(name)}, {theirs} is better in the paper, {ours} here"
+            where = f"by {phrase(name)} in {short_title(case)}"
+            return f": {where}, {theirs} is better in the paper, and {ours} is better here"
     return ""
 
 
