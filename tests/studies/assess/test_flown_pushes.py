@@ -180,7 +180,7 @@ def test_steps_of_a_contact_are_stable_up_to_twice_the_inverse_frequency(monkeyp
         assert len(contact_steps(scenario, at)) == faults
 
 
-def test_a_rotor_that_touches_the_wall_is_the_cause_and_an_arm_of_one_link_has_no_length_left() -> None:
+def test_a_rotor_at_the_wall_is_the_cause_and_one_link_is_not_stretched() -> None:
     short = before_a_wall("crazyflie_arm1", (-0.6,), 0.023)
     at = largest_push(short)
     assert flights.reach_left(short.plant.vehicle, (-0.6,)) == math.inf
