@@ -199,7 +199,7 @@ def test_too_many_rotors_too_little_thrust_and_wrong_parameters_are_one_line():
 def test_missing_program_names_the_extra(monkeypatch):
     monkeypatch.delenv("SKYARM_BETAFLIGHT", raising=False)
     monkeypatch.setattr(betaflight_process, "usual_program", lambda: "")
-    with pytest.raises(ScenarioError, match=r"controller.program: is missing.*skyarm\[betaflight\]"):
+    with pytest.raises(ScenarioError, match=r"^autopilot: Betaflight's program is missing; .*skyarm\[betaflight\]"):
         open_session(load_scenario("hover_swing", controller="betaflight"))
 
 
