@@ -291,7 +291,10 @@ def test_clearing_removes_entries_and_nothing_else(cache):
 
 
 def test_a_key_that_another_process_makes_meanwhile_is_taken(monkeypatch):
+    drawn = cache_places.os.urandom
+
     def other_first(count):
+        monkeypatch.setattr(cache_places.os, "urandom", drawn)
         private.write_private(state_folder() / KEY, b"o" * count)
         return b"m" * count
 
