@@ -69,7 +69,7 @@ def test_the_test_sees_a_vehicle_that_cannot_fly(written, tmp_path):
         heavy = text.replace("mass = 1.28 ", "mass = 1280.0 ")
         (tmp_path / name.replace("NAME", "my_vehicle")).write_text(heavy, "utf-8")
     with pytest.raises(AssertionError):
-        functions_of(tmp_path / "test_my_vehicle.py")["test_nothing_keeps_it_from_flying"]()  # type: ignore[operator]
+        functions_of(tmp_path / "test_my_vehicle.py")["test_no_check_finds_a_fault_or_a_warning"]()  # type: ignore[operator]
 
 
 def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatch):

@@ -64,7 +64,7 @@ def test_a_command_of_setpoints_is_said_to_be_one():
     assert "joint 0: shoulder of link 0 'upper', revolute, rad, setpoint of its PositionServo in rad" in text
     assert f"double efforts[2]; /* {said} */" in text
     assert f"double sent_efforts[2]; /* {said} */" in text
-    assert re.search(r"double law_inner_sent_efforts\[2\]; /\* N m or N, in the order of the joints above \*/", text)
+    assert re.search(r"double law_inner_sent_efforts\[2\]; /\* N m or N, commanded joint efforts, in the order", text)
     slide = dataclasses.replace(scenario.controller.par.model.vehicle.links[0].joint, kind="prismatic")
     servo = VelocityServo(gain=1.0, inertia=0.01)
     vehicle = scenario.controller.par.model.vehicle

@@ -95,7 +95,7 @@ def test_the_command_line_exports_the_filter_of_a_scenario(tmp_path):
     assert result.code == 0, result.err
     text = (tmp_path / "law.c").read_text()
     for member in (
-        "double pose_quaternion[4]; /* w x y z, base to world */",
+        "double pose_quaternion[4]; /* attitude w x y z, base to world */",
         "double estimator_gyro;",
         "double imu_time;",
     ):

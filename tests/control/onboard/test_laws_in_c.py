@@ -67,7 +67,7 @@ def test_a_law_on_rotors_that_tilt_has_the_bits_of_python_in_c(tmp_path, sideway
     vehicle = skyarm.load_vehicle("voliro_like")
     controller = make_controller("centroidal", Model(vehicle=vehicle), sideways=sideways, delay=0.005)
     text = text_of(controller)
-    assert re.search(r"double tilts\[6\]; /\* rad, angles of the rotors that tilt \*/", text)
+    assert re.search(r"double tilts\[6\]; /\* rad, angles of the tilting rotors \*/", text)
     in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
     memory = controller.memory
     for k, (measurement, reference) in enumerate(
