@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 import subprocess
 import sys
@@ -52,19 +53,26 @@ def upgraded(tmp_path, text):
     return upgrade_file(file)
 
 
-def folder_of(tmp_path, version):
-    """Copy of all files of a version, upgraded: a file may name another."""
-    for path in (FORMER / version).iterdir():
-        shutil.copy(path, tmp_path)
-        found = upgrade_file(path)
-        assert found.fault == ""
-        (tmp_path / path.name).write_text(found.text)
-    return tmp_path
+@pytest.fixture(scope="module")
+def folder_of(tmp_path_factory):
+    """Version -> copy of all its files, upgraded once: a file may name another."""
+
+    @functools.cache
+    def made(version):
+        folder = tmp_path_factory.mktemp(version.replace(".", "_"))
+        for path in (FORMER / version).iterdir():
+            shutil.copy(path, folder)
+            found = upgrade_file(path)
+            assert found.fault == ""
+            (folder / path.name).write_text(found.text)
+        return folder
+
+    return made
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: f"{file.parent.name}-{file.stem}")
-def test_a_former_file_loads_after_the_upgrade_without_a_word_of_before(file, tmp_path):
-    folder = folder_of(tmp_path, file.parent.name)
+def test_a_former_file_loads_after_the_upgrade_without_a_word_of_before(file, folder_of):
+    folder = folder_of(file.parent.name)
     with warnings.catch_warnings():
         warnings.simplefilter("error", FormerNameWarning)
         loads(folder / file.name)
@@ -218,8 +226,8 @@ def test_what_is_no_such_file_is_one_line(tmp_path, name, text, words):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("file", [f for f in FILES if f.stem not in (*STUDIES, *VEHICLES)], ids=lambda file: file.stem)
-def test_a_former_scenario_flies_after_the_upgrade(file, tmp_path):
-    scenario = skyarm.load_scenario(str(folder_of(tmp_path, file.parent.name) / file.name))
+def test_a_former_scenario_flies_after_the_upgrade(file, folder_of):
+    scenario = skyarm.load_scenario(str(folder_of(file.parent.name) / file.name))
     # a law without force control presses until a rotor touches the wall
     ends = {"press_a_wall": "rotor_contact"}
     assert skyarm.run(scenario).status == ends.get(file.stem, "completed")
