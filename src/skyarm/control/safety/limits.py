@@ -131,7 +131,7 @@ class Limits:
         float,
         _limit(
             "m",
-            "position errors up to this size reach the law in full, however high `stiffness` is",
+            "position errors up to this size are not shortened, even if `tilt` or `climb` is then exceeded",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 0.4
@@ -139,7 +139,7 @@ class Limits:
         float,
         _limit(
             "m/s",
-            "velocity errors up to this size reach the law in full, however high `damping` is",
+            "velocity errors up to this size are not shortened, even if `tilt` or `climb` is then exceeded",
             effect="higher values let a stiff law answer jumps of the reference harder",
         ),
     ] = 1.5
@@ -188,7 +188,7 @@ class Limits:
         float,
         _finite(
             "1/s",
-            "largest speed towards a position limit, over the distance left; likewise of acceleration and speed",
+            "largest speed towards a position limit per distance left, and acceleration per speed left",
             effect="higher values brake later and harder",
         ),
     ] = 25.0
