@@ -60,7 +60,7 @@ def held_of(log, name, delay):
 
 @pytest.mark.parametrize(
     ("vehicle", "first", "off"),
-    [(QUAD, 0, 1e-6), (STIFF, 60, 3e-4), (on_servo(integral=8.0, speed_limit=1.2), 0, 1e-6)],
+    [(QUAD, 0, 1e-6), (STIFF, 60, 1e-4), (on_servo(integral=8.0, speed_limit=1.2), 0, 1e-6)],
     ids=["quadrotor", "joint on torques with stiff friction", "joint on a servo with integral and speed limit"],
 )
 def test_a_replayed_flight_returns_its_own_states(vehicle, first, off):

@@ -30,13 +30,13 @@ SHORT = 20
 
 
 def hashes(text: str) -> set[str]:
-    """Four hexadecimal digits for each line of a page that is not short."""
+    """Hashes of the lines of a page, four hexadecimal digits each; short lines are left out."""
     lines = (" ".join(line.split()) for line in text.splitlines())
     return {f"{crc32(line.encode()) & 0xFFFF:04x}" for line in lines if len(line) >= SHORT}
 
 
 def sketch(text: str) -> str:
-    """The smallest hashes of a page's lines: as good as drawn, and the same for the same text."""
+    """Sketch of a page: the smallest hashes of its lines, in place of a random sample."""
     return "".join(sorted(hashes(text))[:LINES])
 
 
