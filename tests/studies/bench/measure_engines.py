@@ -143,13 +143,14 @@ def times_table(found: Mapping[str, Any]) -> None:
     """Print the table of times of docs/performance.md."""
     step, start_s = found["latency"], found["start_s"]
     rows = [
-        ("one control step from Python, compiled", f"{step['paper_ct']['p50_us']:.2f} microseconds"),
-        ("one control step from Python, floats", f"{step['paper_ct, floats']['p50_us']:.1f} microseconds"),
+        ("one control step, compiled", f"{step['paper_ct']['p50_us']:.2f} microseconds"),
+        ("one control step, not compiled", f"{step['paper_ct, floats']['p50_us']:.0f} microseconds"),
         *(
             (f"first 30 s episode of a new process, {words} cache", f"{start_s[name]:.2f} s")
             for name, words in (("empty_cache", "cold"), ("warm_cache", "warm"))
             if name in start_s
         ),
+        ('`python -c "import numpy"`, for scale', f"{start_s['python_alone']:.2f} s"),
     ]
     print_table(("what", "time"), rows)
 
