@@ -34,6 +34,7 @@ STEPS = "whole physics steps"
 RESPONSE = "larger values make the law act on an older state; the loop loses phase"
 LATE = "larger values make commands take effect later; the loop loses phase"
 WHEN = "needed only where changes or sweeps vary one of them"
+LATER = "from a third of the flight to its end"
 
 PATHS: Mapping[str, WordText] = {
     "schema": WordText("version of the file format", "1", "1"),
@@ -72,8 +73,8 @@ PATHS: Mapping[str, WordText] = {
     "plant.drives.*.kind": WordText("kind of the drive"),
     "plant.payload.frame": WordText("frame that carries the payload", "the tip"),
     "model": WordText("[the vehicle as the law knows it](#model)", "the plant's vehicle and gravity"),
-    "model.vehicle": WordText("vehicle that the law assumes", "the plant's", f"{VEHICLES}; a planar model is allowed"),
-    "model.gravity": WordText("acceleration of gravity that the law assumes", "the plant's"),
+    "model.vehicle": WordText("vehicle that the law assumes", "required", f"{VEHICLES}; a planar model is allowed"),
+    "model.gravity": WordText("acceleration of gravity that the law assumes", "9.81"),
     "model.payload.frame": WordText("frame that carries the payload", "the tip"),
     "controller": WordText("[law with its gains](#controller)"),
     "controller.preset": WordText("controller with published gains, without other options", "none"),
@@ -94,13 +95,17 @@ PATHS: Mapping[str, WordText] = {
         "true: a [safety layer](#safety) around the law; a table: the same with these limits", "false"
     ),
     "controller.safety.stow": WordText("pose of the arm in recovery", "middle of the range; 0 without limits"),
-    "controller.safety.climb": WordText("", "half of gravity"),
-    "controller.safety.stiffness": WordText("", "measured on the law; 5.0 for `nmpc`"),
-    "controller.safety.damping": WordText("", "measured on the law; 2.7 for `nmpc`"),
+    "controller.safety.tilt": WordText("", "", "above 0, at most 85 degrees"),
+    "controller.safety.trusted_tilt": WordText("", "", "above 0, at most pi"),
+    "controller.safety.climb": WordText("", "half of gravity", "above 0, at most gravity"),
+    "controller.safety.stiffness": WordText("", "the law's answer to small errors in hover; 5.0 for `nmpc`"),
+    "controller.safety.damping": WordText("", "the law's answer to small errors in hover; 2.7 for `nmpc`"),
     "controller.safety.joint_speed": WordText("largest speed of each joint", "12 or 1.5"),
     "controller.safety.joint_step": WordText("", "0.5 or 0.05"),
     "controller.safety.joint_slew": WordText("", "3 or 0.3"),
-    "controller.safety.joint_margin": WordText("", "0.05 or 0.005"),
+    "controller.safety.joint_margin": WordText(
+        "", "0.05 or 0.005, at most a tenth of the range", "0 to a quarter of the range"
+    ),
     "controller.safety.effort": WordText("largest effort of each joint", "the model's"),
     "controller.safety.rotor_slew": WordText("", "the whole range in 5 ms"),
     "controller.safety.effort_slew": WordText("largest rate of the commanded efforts", "the whole range in 5 ms"),
@@ -108,7 +113,7 @@ PATHS: Mapping[str, WordText] = {
         "", "0.6 or 0.1; 1.5 or 0.3 for a law that keeps the tip on its reference"
     ),
     "controller.safety.lost_joint_speed": WordText("", "four times `joint_speed`"),
-    "controller.safety.patience": WordText("time beyond a trusted limit after which the law is given up"),
+    "controller.safety.patience": WordText("time beyond a trusted limit after which the law is replaced; `inf`: never"),
     "controller.safety.calm": WordText("", "`inf`: never"),
     "reference": WordText("[desired motion](#reference)", "hover at the origin"),
     "reference.base": WordText(
@@ -120,7 +125,7 @@ PATHS: Mapping[str, WordText] = {
     "reference.yaw": WordText("yaw angle of the base, a [signal](#signals)", "0"),
     "reference.joints[]": WordText("[signal](#signals) of each joint, in the vehicle's order", "all 0"),
     "reference.tip": WordText("[motion of the tip](tip_and_tasks.md), in place of `base` and `joints`", "none"),
-    "reference.tracking_start": WordText("time before which the law receives the initial reference, at rest"),
+    "reference.tracking_start": WordText("until this time the law receives the reference of t = 0, at rest"),
     "reference.governor": WordText("[path governor](path_governor.md), which slows a reference", "false"),
     "reference.push": WordText("[commanded contact force](pressing.md) of the tip", "none"),
     "reference.load": WordText("above 0.5 while the tip is commanded to hold a [load](carrying.md)", "none"),
@@ -169,13 +174,11 @@ PATHS: Mapping[str, WordText] = {
     "endings[]": WordText("additional [endings](#endings)", "none"),
     "endings[].kind": WordText("kind of the ending"),
     "windows": WordText("[intervals over which metrics are taken](#windows)", "see its table"),
-    "windows.steady": WordText("window of means, RMS and extremes", "after the first third"),
+    "windows.steady": WordText("window of means, RMS and extremes", LATER),
     "windows.transient": WordText("window of peaks", "the first third"),
-    "windows.gust": WordText("window of the metrics that begin with `gust_`", "after the first third"),
-    "windows.hover": WordText(
-        "window of the metric `hover_offset`; choose one before the motion begins", "after the first third"
-    ),
-    "windows.holds": WordText("windows in which the arm is held", "after the first third"),
+    "windows.gust": WordText("window of the metrics that begin with `gust_`", LATER),
+    "windows.hover": WordText("window of the metric `hover_offset`; choose one before the motion begins", LATER),
+    "windows.holds": WordText("windows in which the arm is held", LATER),
     "windows.last": WordText("length of the window before the planned end", "5"),
     "changes[]": WordText("[scheduled changes](#changes-in-flight)", "none"),
     "changes[].at": WordText("earliest time of the change"),

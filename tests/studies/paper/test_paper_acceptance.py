@@ -14,6 +14,8 @@ from small_reports import made_once
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
 from skyarm.studies.paper.flights import STEADY, PaperFlight, results, scenario, settings
+from skyarm.studies.paper.inference_tables import inferred_facts
+from skyarm.studies.paper.inferred_settings import shipped_evidence
 from skyarm.studies.paper.published import (
     CASES,
     CONTINUOUS,
@@ -268,7 +270,8 @@ def test_the_page_shows_what_the_command_prints_of_flights_as_stated(table: dict
 
 @pytest.mark.thorough
 def test_the_pages_inferred_columns_are_what_flights_give(campaign: Campaign) -> None:
-    flown = results(campaign.found["stated"], settings(campaign.all_logs()), campaign.found["inferred"])
+    facts = settings(campaign.all_logs()) | inferred_facts(shipped_evidence())
+    flown = results(campaign.found["stated"], facts, campaign.found["inferred"])
     _pages_tables_are(flown, (3, 4, 6, 7))
     assert " ".join(verdict(flown)) in _words_of_the_page()
 

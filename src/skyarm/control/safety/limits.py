@@ -188,7 +188,7 @@ class Limits:
         float,
         _finite(
             "1/s",
-            "largest speed towards a position limit per distance left, and acceleration per speed left",
+            "factor from the distance left to a limit to the largest speed towards it, and from speed to acceleration",
             effect="higher values brake later and harder",
         ),
     ] = 25.0
