@@ -55,9 +55,8 @@ def shown(value: float) -> str:
 
 
 def marks(case: str) -> re.Pattern[str]:
-    """The table of a case, in its measured block."""
-    name = "laws-" + case.replace("_", "-")
-    return re.compile(rf"<!-- measured: {name} -->\n(.*?)\n(?=\n.*?<!-- /measured -->)", re.S)
+    """The table of a case, between its marks."""
+    return re.compile(rf"<!-- laws in {case} -->\n(.*?)<!-- /laws -->", re.S)
 
 
 def rows() -> dict[str, list[str]]:
