@@ -101,6 +101,7 @@ def test_every_command_shown_is_understood(line, tmp_path, monkeypatch):
         done = skyarm(*words_to_run(line))
     if needs_program(line):  # which is somebody's own: the command is understood up to there
         assert done.err.startswith("skyarm: autopilot: ")
+        assert "'s program is missing" in done.err
         return
     assert done.code == 0, done.err
     assert done.out.strip()

@@ -159,13 +159,22 @@ def last_line(version: str, machine: str, command: str) -> str:
     return textwrap.fill(line, WIDTH, break_long_words=False, break_on_hyphens=False) + "\n"
 
 
+def with_tables(body: str, fresh: str) -> str:
+    """Text with its tables replaced, in order, by those of another; comments stay, by which tests find the tables."""
+    new = ["\n".join(each) for each in tables(fresh)]
+    rows = re.split(r"((?:^\|.*\n)+)", body, flags=re.M)
+    if len(rows[1::2]) != len(new):
+        raise ValueError(f"{len(new)} tables for {len(rows[1::2])}")
+    rows[1::2] = [f"{each}\n" for each in new]
+    return "".join(rows)
+
+
 def filled(page: str, entry: Entry, kept: Mapping[str, Any]) -> str:
     """A page with the block of an entry as it was measured."""
     old = blocks(page)[entry.name]
     body = old[: old.rfind("\n\n") + 1]
-    if entry.way == "prints":  # comments around the tables, which tests find them by, stay
-        for table, new in zip(tables(old), tables(kept["tables"]), strict=True):
-            body = body.replace("\n".join(table), "\n".join(new), 1)
+    if entry.way == "prints":
+        body = with_tables(body, kept["tables"])
     new = f"{body.rstrip()}\n\n{last_line(kept['version'], kept['machine'], entry.command)}"
     whole = f"<!-- measured: {entry.name} -->\n{new}<!-- /measured -->"
     return BLOCK.sub(lambda found: whole if found[1] == entry.name else found[0], page)

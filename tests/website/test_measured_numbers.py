@@ -30,6 +30,7 @@ from measured_numbers import (
     run,
     tables,
     unwrapped,
+    with_tables,
 )
 
 PAGES = {path.name: path.read_text("utf-8") for path in sorted(DOCS.glob("*.md"))}
@@ -234,6 +235,14 @@ def test_a_long_last_line_is_wrapped_and_read_again() -> None:
     assert "| 5 | 6 |\n\nskyarm 9, m, `python tests/toy.py`.\n" in page
     by_test = Entry(name="toy", page="toy.md", section="Toy", command="pytest tests/toy.py", way="compares")
     assert f"{TABLE}\n\nskyarm 9, m, `pytest tests/toy.py`.\n<!--" in filled(PAGE, by_test, kept)
+
+
+def test_comments_around_tables_stay_and_each_table_is_replaced_in_its_place() -> None:
+    body = "<!-- perfect -->\n| a |\n|-|\n| 1 |\n<!-- /perfect -->\n\n| b |\n|-|\n| 2 |\n\n"
+    fresh = "| a |\n|-|\n| 2 |\n\n| b |\n|-|\n| 3 |\n"
+    assert with_tables(body, fresh) == body.replace("| 2 |", "| 3 |").replace("| 1 |", "| 2 |")
+    with pytest.raises(ValueError, match="1 tables for 2"):
+        with_tables(body, "| a |\n|-|\n| 2 |\n")
 
 
 def test_the_digest_follows_imports() -> None:
