@@ -74,7 +74,7 @@ def held_of(log, name, delay):
     ],
 )
 def test_a_replayed_flight_returns_its_own_states(vehicle, first, late, off):
-    """To what other steps around the instants of switching leave; a reversal of stiff friction within one costs more."""
+    """To what other steps around the instants of switching leave; a reversal of stiff friction in one costs more."""
     log = flown(vehicle, 0.8, *late)
     flights = CommandReplay(lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of).flights(1)
     for name in FIELDS:
