@@ -69,7 +69,7 @@ class Reader:
 
     def __getattr__(self, name: str) -> Any:
         kind, place = type(self._held), (*self._place, name)
-        if name not in (field_names(kind) or ()):
+        if name not in (*(field_names(kind) or ()), "agent"):
             return inspect.getattr_static(kind, name).__get__(self, kind)  # what it reads in turn is noted
         if place in OPENED:
             return Reader(getattr(self._held, name), place, self._seen)
@@ -107,8 +107,8 @@ def test_a_rule_reads_what_it_says_and_says_no_more(each: Rule) -> None:
 def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
     def check(given: Scenario) -> None:  # by the scenario's own properties, too
         assert given.steps > 0
-        assert given.plant.gravity > 0.0
-        assert len(given.all_drives) == given.plant.vehicle.n
+        assert given.agent.plant.gravity > 0.0
+        assert len(given.agent.all_drives) == given.plant.vehicle.n
         assert all(hasattr(each, "require_vehicle") for each in given.components)
 
     words = ("duration", "rates", "plant.gravity", "plant.vehicle", "plant.drives", "environment", "payloads", "world")

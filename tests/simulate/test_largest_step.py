@@ -340,7 +340,7 @@ def test_a_sweep_takes_the_shortest_step_of_all_that_it_draws():
     ranges = {path: dataclasses.replace(like, low=0.01, high=high) for path, high in paths.items()}
     study = dataclasses.replace(study, vary=ranges, scenarios={"own": served(STIFF, duration=0.1)})
     drawn = {path: high for path, (_, high, *_) in extremes(study).items()}
-    drives = {each.joint: each.drive for each in prepare(study).stiffest.drives}
+    drives = {each.joint: each.drive for each in prepare(study).stiffest.agent.drives}
     # each number at the end that shortens the step; where it does not, as it was
     assert drives["joint1"].stiffness == drawn["plant.drives.joint1.stiffness"] > 50.0
     assert drives["joint2"].damping == drawn["plant.drives.joint2.damping"] > 0.1

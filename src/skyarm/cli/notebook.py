@@ -29,9 +29,9 @@ PARTS = ("air", "forces", "faults", "sensors", "drives", "payloads", "changes", 
 def scenario_lines(scenario: Scenario) -> Iterable[Line]:
     """Lines of a scenario: title, vehicle, law, plant, surroundings."""
     rows = {
-        "vehicle": scenario.plant.vehicle.name,
-        "law": scenario.controller.name,
-        "plant": f"{scenario.kind} ({scenario.integrator}), g = {float(scenario.plant.gravity):g} m/s^2",
+        "vehicle": scenario.agent.plant.vehicle.name,
+        "law": scenario.agent.controller.name,
+        "plant": f"{scenario.kind} ({scenario.integrator}), g = {float(scenario.agent.plant.gravity):g} m/s^2",
         "duration": f"{scenario.duration:g} s, control at {scenario.rates.control} Hz, seed {scenario.seed}",
         "wind": type(scenario.wind).__name__,
     }
@@ -43,7 +43,7 @@ def scenario_lines(scenario: Scenario) -> Iterable[Line]:
 
 SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[Line]], Callable[[Any], Any] | None]] = {
     Log: (lambda log: summary(log, facts(log)), lambda log: plot(log, kind="tracking")),
-    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.plant.vehicle)),
+    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.agent.plant.vehicle)),
     Vehicle: (lambda vehicle: vehicle_sheet(vehicle, vehicle_facts(vehicle, 9.81))[:1], vehicle_drawing),
     Assessment: (sheet, None),
 }

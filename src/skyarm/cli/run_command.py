@@ -194,14 +194,14 @@ def _fly(
 
     def preparing(seconds: float, most: float) -> None:
         if seconds < most:
-            advance(last=f"take-off of {planned.controller.name}, {seconds:.0f} s")
+            advance(last=f"take-off of {planned.agent.controller.name}, {seconds:.0f} s")
         elif hint:
             say(f"it hovers: {hint}")
 
     if ros is not None:
         live = function_of_option("run --ros")(planned, ros, pace=pace, advance=advance, preparing=preparing)
         return live.log, live.interrupted, live.lines, live.facts
-    if autopilot_of(planned.controller) is None:
+    if autopilot_of(planned.agent.controller) is None:
         return fly(planned, advance), None, (), {}
     return (*run_until_interrupted(planned, advance, preparing), (), {})
 

@@ -87,7 +87,7 @@ class EnvProgram:
         self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
-        self.size = task.actions.size(scenario.controller.par.model.vehicle)
+        self.size = task.actions.size(scenario.agent.controller.par.model.vehicle)
         self._plant = rigid_body_plant(task.randomised.stiffest)
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
@@ -167,7 +167,7 @@ class EnvProgram:
         result = Result(
             state=state,
             reference=coming.reference,
-            vehicle=stages.scenario.plant.vehicle,
+            vehicle=stages.scenario.agent.plant.vehicle,
             action=action,
             action_before=now.action,
             command=command,
@@ -202,11 +202,11 @@ class EnvProgram:
         values = iter(leaves(self._measurement))
         seen = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)]))
-        par = stages.scenario.controller.par
+        par = stages.scenario.agent.controller.par
         reference = stages.law_reference(row)
         turn = Turn(now.loop.agent.memory, measurement, reference, stages.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
-        return memory, with_rest(stages.scenario.plant.vehicle, command)
+        return memory, with_rest(stages.scenario.agent.plant.vehicle, command)
 
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
@@ -221,7 +221,7 @@ class EnvProgram:
         return tuple(numbers[i] for i in self._kept)
 
     def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
-        model = stages.scenario.controller.par.model
+        model = stages.scenario.agent.controller.par.model
         return observation_of(
             self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
         )

@@ -91,5 +91,5 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 def make_plant(scenario: Any, around: Any) -> Plant:
     """Make the plant of a scenario, such as rigid body or MuJoCo."""
     kind = find("plant", scenario.kind, "plant.kind")
-    plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    plant: Plant = kind(scenario.agent.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

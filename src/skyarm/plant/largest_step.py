@@ -81,7 +81,7 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 def stated_step(scenario: Any) -> float | None:
     """Longest integration step (s) that is stable for a scenario's winds, forces and joint drives."""
-    around = Surroundings(components=scenario.components, drives=scenario.all_drives)
+    around = Surroundings(components=scenario.components, drives=scenario.agent.all_drives)
     return largest_step(around, euler=scenario.integrator == "euler")
 
 

@@ -53,7 +53,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
-    model = scenario.controller.par.model
+    model = scenario.agent.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
         changed: Scenario = replace_at(scenario, fields)
@@ -68,12 +68,12 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
-        fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
-        fixed = PLANNED if scenario.path_time is not None else fixed
+        fixed = "must stay as it is where the reference has a tip" if scenario.agent.reference.tip is not None else ""
+        fixed = PLANNED if scenario.agent.path_time is not None else fixed
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        trajectory = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
+        trajectory = trajectory_from({entry: value}, scenario.agent.plant.vehicle.n, "reference", document.setting)
         return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
     return document.planned_fields()
 
@@ -190,7 +190,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 def is_traceable(scenario: Scenario) -> bool:
     """True if machine code can fly a whole flight: all its laws can be traced, and none is an external autopilot."""
-    flown = [stretch.overrides.parts_of(scenario).controller for stretch in stretches(scenario)]
+    flown = [stretch.overrides.parts_of(scenario).agent.controller for stretch in stretches(scenario)]
     return all(each.compiled and autopilot_of(each) is None for each in flown)
 
 
@@ -349,7 +349,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
     """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
-    vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
+    vehicle, delays, model = scenario.agent.plant.vehicle, scenario.agent.delays, scenario.agent.controller.par.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
     settings: dict[str, object] = {
@@ -357,10 +357,10 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
         **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
     }
-    for named in scenario.sensors:
+    for named in scenario.agent.sensors:
         settings |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
     for root, links, drives in (
-        ("plant", vehicle.links, scenario.all_drives),
+        ("plant", vehicle.links, scenario.agent.all_drives),
         ("model", model.vehicle.links, believed_drives(model)),
     ):
         for link, drive in zip(links, drives, strict=False):

@@ -90,7 +90,7 @@ def is_computed(scenario: Scenario, path: str) -> bool:
 
 def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
     """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
-    if scenario.initial is not None or not any(path.startswith("initial.") for path in paths):
+    if scenario.agent.initial is not None or not any(path.startswith("initial.") for path in paths):
         return scenario
     return scenario.with_initial(first_state(scenario))
 
@@ -147,8 +147,8 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
-    after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
-    if after is not changed.controller:
+    after = with_consequences(changed.agent.controller, law, 1.0 / scenario.rates.control)
+    if after is not changed.agent.controller:
         changed = changed.with_controller(after)
     if start or angles:
         changed = changed.with_initial(_start_with(started, changed, start, angles))
@@ -196,13 +196,18 @@ def _start_with(
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
-    initial = changed.initial
-    if initial is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
-        initial = started.initial
+    initial = changed.agent.initial
+    if (
+        initial is None
+        and changed.agent.plant is started.agent.plant
+        and changed.agent.reference is started.agent.reference
+        and not joints
+    ):
+        initial = started.agent.initial
     if initial is None:
-        at = changed.reference.at(0.0)
+        at = changed.agent.reference.at(0.0)
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
-        trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
+        trim = trimmed_state(changed.agent.plant, at.position, data(at.yaw), posture)
         initial = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
     state = _replace_numbers(initial, inside, {(): angles} if angles else {})
     if angles or not any(place[0] == "quaternion" for place in inside):

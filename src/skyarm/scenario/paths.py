@@ -6,13 +6,14 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
+from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import did_you_mean
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part
+from skyarm.records.leaves import Place, part, walk
 from skyarm.records.path_names import Names, NumberView, path_names
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
@@ -65,7 +66,7 @@ def target_of(scenario: Scenario, path: str) -> Target:
             raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
         if slot.type is Scalar and path == slot.path:
             return Target((slot.place,))
-    if path.startswith("reference.") and scenario.path_time is not None:
+    if path.startswith("reference.") and scenario.agent.path_time is not None:
         raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
         raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
@@ -86,6 +87,13 @@ def path_of(scenario: Scenario, place: Place) -> str:
         name = str(part(scenario, (*slot.record, name)).name)
     head = slot.path.replace(EACH, name) if EACH in slot.place else slot.path
     return ".".join((head, *place[len(slot.place) :]))
+
+
+def walk_words(scenario: Scenario) -> Iterator[tuple[Place, Any]]:
+    """Place and value of each number or text of a scenario of one vehicle, below ``agent`` where keys are of that one."""
+    inside = ("agents", "records", "0")
+    for place, value in walk(scenario):
+        yield ("agent", *place[len(inside) :]) if place[: len(inside)] == inside else place, value
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
@@ -138,7 +146,8 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
-        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.plant.vehicle.drives)
+        f"plant.drives.{each.name}": (*carried, str(i), "drive")
+        for i, each in enumerate(scenario.agent.plant.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:

@@ -276,7 +276,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     """Feasibility of the tip's reference against reach and limits; None where the tip has no reference."""
     from skyarm.reference.feasibility import feasibility
 
-    return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
+    return feasibility(scenario.agent.reference, setting_of(scenario.agent.plant, scenario.duration))
 
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
@@ -290,7 +290,7 @@ def at_start(scenario: Scenario, initial: object) -> Scenario:
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
-        rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
+        rested = with_standing_objects(scenario.world, float(scenario.agent.plant.gravity))
         scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, world=rested))
     if initial is not None:
         scenario = scenario.with_initial(initial_state(Fields(initial, "initial"), scenario))
@@ -303,12 +303,12 @@ def at_start(scenario: Scenario, initial: object) -> Scenario:
 def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
-    start = scenario.reference.at(0.0)
+    start = scenario.agent.reference.at(0.0)
     joints = rules(State)["joints"]("initial.joints", fields.numbers("joints", [float(q) for q in start.joints]))
-    n = scenario.plant.vehicle.n
+    n = scenario.agent.plant.vehicle.n
     if len(joints) != n:
         raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
-    trim = trimmed_state(scenario.plant, start.position, float(start.yaw), joints)
+    trim = trimmed_state(scenario.agent.plant, start.position, float(start.yaw), joints)
     if stands:
         _require_standing(fields, scenario)
         trim = dataclasses.replace(trim, rotor_speeds=(0.0,) * len(trim.rotor_speeds))
@@ -331,7 +331,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         return state
     from skyarm.world.contact.static_equilibrium import stand_vehicle
 
-    return stand_vehicle(scenario.plant.vehicle, float(scenario.plant.gravity), scenario.worlds[0], state)
+    return stand_vehicle(scenario.agent.plant.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:

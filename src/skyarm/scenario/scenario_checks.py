@@ -125,14 +125,14 @@ def read_places(word: str) -> tuple[Place, ...]:
 @rule("controller", numbers=False)
 def law_has_model(scenario: Scenario) -> None:
     """Check that the constants of the control law contain a model of the vehicle."""
-    if not isinstance(getattr(scenario.controller.par, "model", None), Model):
-        raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
+    if not isinstance(getattr(scenario.agent.controller.par, "model", None), Model):
+        raise ValueError(f"controller.par = {shown(scenario.agent.controller.par)}: must have a model, a skyarm.Model")
 
 
 @rule("plant.vehicle", numbers=False)
 def joints_can_be_compiled(scenario: Scenario) -> None:
     """Check that the plant has no more joints than machine code can be made for."""
-    truth = scenario.plant.vehicle
+    truth = scenario.agent.plant.vehicle
     if truth.n > MOST_JOINTS:
         raise ValueError(
             f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
@@ -142,14 +142,14 @@ def joints_can_be_compiled(scenario: Scenario) -> None:
 @rule("initial", "plant.vehicle")
 def initial_state_is_possible(scenario: Scenario) -> None:
     """Check an initial state that is stated against the plant's joints, rotors and tilts."""
-    if scenario.initial is not None:
-        _check_initial(scenario.initial, scenario.plant.vehicle)
+    if scenario.agent.initial is not None:
+        _check_initial(scenario.agent.initial, scenario.agent.plant.vehicle)
 
 
 @rule("rates", "delays", "duration", "plant.kind")
 def times_are_whole(scenario: Scenario) -> None:
     """Check that duration and delays are whole numbers of steps, and that a varied delay stays below its maximum."""
-    rates, delays = scenario.rates, scenario.delays
+    rates, delays = scenario.rates, scenario.agent.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
         most = f"{LONGEST_FLIGHT / rates.control:g} s"
         raise ValueError(f"duration = {scenario.duration!r}: must be at most {most} at this control rate")
@@ -189,7 +189,7 @@ def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
 @rule("controller", "rates")
 def clocks_of_law_agree(scenario: Scenario) -> None:
     """Check that control periods and filter cutoffs among a law's constants match the scenario's clocks."""
-    par, rates = innermost(scenario.controller.par), scenario.rates
+    par, rates = innermost(scenario.agent.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
     if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
         raise ValueError(
@@ -206,15 +206,15 @@ def clocks_of_law_agree(scenario: Scenario) -> None:
 @rule("reference", "duration", "plant.vehicle")
 def reference_fits(scenario: Scenario) -> None:
     """Check that the law starts tracking within the flight and that a planned time law covers all of it."""
-    if concrete(scenario.tracking_start):
-        start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
+    if concrete(scenario.agent.tracking_start):
+        start = number(scenario.agent.tracking_start, "reference.tracking_start", low=0.0)
         if start > scenario.duration:
             raise ValueError(
                 f"reference.tracking_start = {start!r}: must not exceed the duration of {scenario.duration:g} s"
             )
-    if scenario.path_time is not None:
-        scenario.path_time.check(scenario.duration, bool(scenario.reference.guards))
-    count, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
+    if scenario.agent.path_time is not None:
+        scenario.agent.path_time.check(scenario.duration, bool(scenario.agent.reference.guards))
+    count, joints = len(scenario.agent.reference.joints), scenario.agent.plant.vehicle.n
     if count != joints:
         raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
 
@@ -222,9 +222,9 @@ def reference_fits(scenario: Scenario) -> None:
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")
 def sensors_suffice(scenario: Scenario) -> None:
     """Check named sensors: periods, unique names, and all sensors that the law, phases and estimator need."""
-    rates, vehicle = scenario.rates, scenario.plant.vehicle
+    rates, vehicle = scenario.rates, scenario.agent.plant.vehicle
     sensors: dict[str, Sensor] = {}
-    for each in scenario.sensors:
+    for each in scenario.agent.sensors:
         where = f"sensors.{each.name}"
         if each.name in sensors:
             raise ValueError(f"{where}: the name is taken")
@@ -236,29 +236,31 @@ def sensors_suffice(scenario: Scenario) -> None:
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
         with errors_as(ValueError, f"{where}."):
             each.sensor.require_vehicle(vehicle)
-    par, named_sensors = scenario.controller.par, tuple(sensors.items())
+    par, named_sensors = scenario.agent.controller.par, tuple(sensors.items())
     if senses_force(par):
         _require_tip_sensor("controller", named_sensors, vehicle)
-    _check_guards(scenario.reference, named_sensors, vehicle)
+    _check_guards(scenario.agent.reference, named_sensors, vehicle)
     grippers = () if scenario.world is None else scenario.world.grippers
     reported = any(each.frame in ("", vehicle.end_effector) for each in grippers)
-    if learns_load(par) and scenario.reference.load is None and not reported:
+    if learns_load(par) and scenario.agent.reference.load is None and not reported:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
-        most = shown(part_of(scenario.controller.par, "load").limit)
+        most = shown(part_of(scenario.agent.controller.par, "load").limit)
         words = "must be 0 without reference.load or a gripper at the tip, which says when a load is held"
         raise ValueError(f"controller.load = {most}: {words}")
-    scenario.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
+    scenario.agent.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
     # the scenario's own drives, too, of which the model need not know
-    scenario.estimator.require_torques(vehicle.name, {each.joint: each.drive for each in scenario.joint_drives})
+    scenario.agent.estimator.require_torques(
+        vehicle.name, {each.joint: each.drive for each in scenario.agent.joint_drives}
+    )
 
 
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
-    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
+    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
+    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.agent.drives]
     added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
-    for fitted in scenario.joint_drives:
+    for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
         latency = getattr(fitted.drive, "latency", 0.0)
@@ -278,13 +280,13 @@ def drives_fit(scenario: Scenario) -> None:
 @rule("controller")
 def law_can_be_called(scenario: Scenario) -> None:
     """Check a user's law by calling it."""
-    check_controller(scenario.controller)
+    check_controller(scenario.agent.controller)
 
 
 @rule("plant.vehicle")
 def plant_can_fly(scenario: Scenario) -> None:
     """Check that the plant can be simulated: its rotors span torque and thrust, whether they can lift it or not."""
-    truth = scenario.plant.vehicle
+    truth = scenario.agent.plant.vehicle
     with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
         require_plant(truth)
         make_mixer(truth)
@@ -294,13 +296,13 @@ def plant_can_fly(scenario: Scenario) -> None:
 @rule("plant.vehicle", "controller", numbers=False)
 def law_fits_plant(scenario: Scenario) -> None:
     """Check that plant and model have as many joints and rotors, and that lists of the law have matching lengths."""
-    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
+    truth, model = scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
                 f"model.vehicle = {model.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
             )
-    for field, values, count in _counts_of_law(scenario.controller.par, model.n, len(model.rotors)):
+    for field, values, count in _counts_of_law(scenario.agent.controller.par, model.n, len(model.rotors)):
         if len(values) != count:
             raise ValueError(f"controller.{field}: {len(values)} values, must be {count}")
 
@@ -332,13 +334,13 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
 @rule("environment", "payloads", "world", "plant.vehicle", "plant.gravity", "rates")
 def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
-    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
-    for i, fault in enumerate(scenario.faults):
+    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
+    for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
     for where, component in scenario.placed_components:
         try:
-            component.require_vehicle(vehicle, period, scenario.plant.gravity)
+            component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
         except ValueError as error:
             words = str(error)
             raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
@@ -412,7 +414,7 @@ def require_start_outside(scenario: Scenario) -> None:
     from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
-    state, vehicle, gravity = first_state(scenario), scenario.plant.vehicle, scenario.plant.gravity
+    state, vehicle, gravity = first_state(scenario), scenario.agent.plant.vehicle, scenario.agent.plant.gravity
     for contact in scenario.worlds:
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself

@@ -87,7 +87,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
                 axes = ", ".join(sorted(idle))
                 undragged = idle <= _blind_axes(scenario, parts, TILTED)
                 lacks = "no drag: no" if undragged else "drag by its tilt alone: hardly any"
-                lacks = f"where {scenario.plant.vehicle.name!r} has {lacks} effect of that"
+                lacks = f"where {scenario.agent.plant.vehicle.name!r} has {lacks} effect of that"
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
                 yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
@@ -98,7 +98,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
     No axis if a part cannot be evaluated: it may react to moving air.
     """
-    vehicle, blind = scenario.plant.vehicle, {*"xyz"}
+    vehicle, blind = scenario.agent.plant.vehicle, {*"xyz"}
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
@@ -138,12 +138,12 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     for t in (*middles, *(k * period for k in range(0, scenario.steps, every))):
         if not component.uniforms:
             memory = component.act(component.advance(memory, t, every * period, UNKNOWN, ()), t, period, UNKNOWN)
-        air = component.velocity(memory, t, scenario.reference.at(t).position)
+        air = component.velocity(memory, t, scenario.agent.reference.at(t).position)
         moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
         if not acts:
             pushes = component.wrenches(memory, t, UNKNOWN, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or component.rotor_commands(memory, scenario.plant.vehicle.rotors, speeds) is not speeds
+            acts = acts or component.rotor_commands(memory, scenario.agent.plant.vehicle.rotors, speeds) is not speeds
         still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
         if (acts or moved) and moved | still >= blind:
             break
@@ -165,27 +165,27 @@ class _Readings(UserDict[str, object]):
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
-    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
-    for named in scenario.sensors:
+    for named in scenario.agent.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
         readings[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
     return readings
 
 
 def _unread_sensors(scenario: Scenario) -> Iterator[str]:
-    sensors = tuple((each.name, each.sensor) for each in scenario.sensors)
-    if not sensors or autopilot_of(scenario.controller) is not None:
+    sensors = tuple((each.name, each.sensor) for each in scenario.agent.sensors)
+    if not sensors or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = scenario.controller.par.model, scenario.plant.vehicle, first_state(scenario)
+    model, vehicle, state = scenario.agent.controller.par.model, scenario.agent.plant.vehicle, first_state(scenario)
     readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
-    guards, readings.read = scenario.reference.guards, set()
-    estimator = scenario.estimator.believing(model.vehicle, model.gravity)
+    guards, readings.read = scenario.agent.reference.guards, set()
+    estimator = scenario.agent.estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
     used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
     tip = tip_sensor(sensors, vehicle)
-    if tip is not None and (senses_force(scenario.controller.par) or any(guard.sensed for guard in guards)):
+    if tip is not None and (senses_force(scenario.agent.controller.par) or any(guard.sensed for guard in guards)):
         used.add(tip[0])
     for name, _ in sensors:
         if name not in used:

@@ -142,7 +142,7 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
 def _tables(piece: Piece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.plant.vehicle, len(flown.states)
+    vehicle, count = scenario.agent.plant.vehicle, len(flown.states)
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
@@ -168,13 +168,13 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
     if len(path_time):
         tables["path_time"] = path_time
-    if scenario.reference.phases:
-        tables["phase"] = phase_numbers(scenario.reference, path_time)
+    if scenario.agent.reference.phases:
+        tables["phase"] = phase_numbers(scenario.agent.reference, path_time)
     own = {"held": table(sampled.tip, late), "reference": table(free.tip)} if free.tip else {}
     for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
-    for name, numbers in found_by_law(scenario.controller.memory).items():
+    for name, numbers in found_by_law(scenario.agent.controller.memory).items():
         if flown.found.shape[1]:
             place = begin if len(numbers) == 1 else slice(begin, begin + len(numbers))
             tables[name] = flown.found[:, place]
@@ -193,7 +193,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
 def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
-    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
+    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)}
     arrays: dict[str, Array] = {}
     described: dict[str, Any] = {}
 
@@ -212,9 +212,9 @@ def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.plant.vehicle.frame(sensor.feels or None).name
+        frame = None if sensor.feels is None else scenario.agent.plant.vehicle.frame(sensor.feels or None).name
         keep(f"{READINGS}.{name}", reading, every=every, late=readings_waiting(scenario, i), frame=frame)
-    if flown.measurement is not None and scenario.has_estimator:
+    if flown.measurement is not None and scenario.agent.has_estimator:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:
         measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
@@ -242,7 +242,7 @@ def _references(
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of a flight log as a dictionary: scenario, rates, status, versions, digest."""
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
-    guards = scenario.reference.guards
+    guards = scenario.agent.reference.guards
     waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
     return {
         "schema": 1,
@@ -250,11 +250,11 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "title": scenario.title,
         "plant": scenario.kind,
         "integrator": scenario.integrator,
-        "plant_vehicle": scenario.plant.vehicle.name,
-        "plant_gravity": float(scenario.plant.gravity),
-        "model_vehicle": scenario.controller.par.model.vehicle.name,
-        "model_gravity": float(scenario.controller.par.model.gravity),
-        "controller": scenario.controller.name,
+        "plant_vehicle": scenario.agent.plant.vehicle.name,
+        "plant_gravity": float(scenario.agent.plant.gravity),
+        "model_vehicle": scenario.agent.controller.par.model.vehicle.name,
+        "model_gravity": float(scenario.agent.controller.par.model.gravity),
+        "controller": scenario.agent.controller.name,
         "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
         "duration": scenario.duration,
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
@@ -266,7 +266,11 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "versions": versions("numpy", "mujoco-core"),
         "plugins": identities(),
         "code": files,
-        **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
+        **(
+            {"phases": [phase.name for phase in scenario.agent.reference.phases]}
+            if scenario.agent.reference.phases
+            else {}
+        ),
         **({"waits": waits} if waits else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),

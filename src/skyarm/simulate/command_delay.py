@@ -16,15 +16,15 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
     """Command delay as a number of whole control periods (None: given by the queue length) and a remainder (s)."""
-    rates, delay = scenario.rates, scenario.delays.command
-    if scenario.delays.longest_command is None:
+    rates, delay = scenario.rates, scenario.agent.delays.command
+    if scenario.agent.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
     return _split(delay, rates.control)
 
 
 def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
     """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
-    rates, delays, split = scenario.rates, scenario.delays, list[tuple[Scalar, Scalar]]()
+    rates, delays, split = scenario.rates, scenario.agent.delays, list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)

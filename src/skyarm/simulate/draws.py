@@ -52,9 +52,9 @@ def draw_plan(scenario: Scenario) -> Draws:
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
     """
-    vehicle = scenario.plant.vehicle
-    sensors = [(0, sensor.uniforms(vehicle)) for _, sensor in scenario.all_sensors[:1]]
-    sensors += [(_channel("sensor", name), sensor.uniforms(vehicle)) for name, sensor in scenario.all_sensors[1:]]
+    vehicle = scenario.agent.plant.vehicle
+    sensors = [(0, sensor.uniforms(vehicle)) for _, sensor in scenario.agent.all_sensors[:1]]
+    sensors += [(_channel("sensor", name), sensor.uniforms(vehicle)) for name, sensor in scenario.agent.all_sensors[1:]]
     first, *added = scenario.components
     components, before = [(CHANNEL_TURBULENCE, first.uniforms)], Counter[str]()
     for component in added:

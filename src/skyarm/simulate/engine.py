@@ -101,12 +101,14 @@ class EpisodeCode:
         require_shapes(scenario)
         self.scenario, self.commands, self.key = scenario, commands, key
         self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
-        self.calls: LawCalls | None = None if machine_code else LawCalls(copy.deepcopy(scenario.controller.memory))
+        self.calls: LawCalls | None = (
+            None if machine_code else LawCalls(copy.deepcopy(scenario.agent.controller.memory))
+        )
         self.first = first_loop_state(scenario)
         self.carry = self.first
         if machine_code:
-            scenario.controller.require_traceable("machine code of the loop")
-        elif not scenario.controller.compiled:
+            scenario.agent.controller.require_traceable("machine code of the loop")
+        elif not scenario.agent.controller.compiled:
             self.carry = _with_memory(self.first, PushAlone.of(self.first.agent.memory))
         self._example = structure_of(self.carry)
         self.draws = draws_needed(scenario)
@@ -398,7 +400,7 @@ class Engine:
     def _memory(self) -> Any:
         """Internal state of a control law run as plain Python, which may be any object; None for a traced law."""
         calls = self.code.calls
-        return None if calls is None or self.scenario.controller.compiled else calls.memory
+        return None if calls is None or self.scenario.agent.controller.compiled else calls.memory
 
     @property
     def has_nan(self) -> bool:
@@ -414,7 +416,7 @@ class Engine:
         stages = Stages(scenario)
         plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
         row = self.inputs.row_at(ticks[0], now)
-        if scenario.controller.compiled:  # the memory of another law may hold anything
+        if scenario.agent.controller.compiled:  # the memory of another law may hold anything
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
             row = rebuild(row, iter(np.array(leaves(row), dtype=float)))
         draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
@@ -483,8 +485,8 @@ class Engine:
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)
         carried = carry_over(self.first, now, places, clock)
-        if self.code.calls is not None and not self.scenario.controller.compiled:
-            same = self.scenario.controller.law is other.scenario.controller.law
+        if self.code.calls is not None and not self.scenario.agent.controller.compiled:
+            same = self.scenario.agent.controller.law is other.scenario.agent.controller.law
             # the memory of a law that is called is its own: it may hold anything
             self.code.calls.memory = copy.deepcopy(now.agent.memory if same else carried.agent.memory)
             carried = _with_memory(carried, PushAlone.of(self.code.calls.memory))

@@ -29,10 +29,10 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
         scenario: scenario of the episode.
         draws: uniform numbers that start each component; the episode's own if left out.
     """
-    state, vehicle = first_state(scenario), scenario.plant.vehicle
-    efforts = hover_trim(vehicle, state.joints, scenario.plant.gravity).efforts
-    if scenario.all_drives:
-        rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
+    state, vehicle = first_state(scenario), scenario.agent.plant.vehicle
+    efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
+    if scenario.agent.all_drives:
+        rows = zip(scenario.agent.all_drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
     setpoints = tuple(data(effort) for effort in efforts)
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts)
@@ -40,17 +40,17 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
     period = 1.0 / scenario.rates.control
     still = concrete(*state.rotor_speeds) and bool(state.rotor_speeds) and not any(state.rotor_speeds)
-    motion = PointMotion(vehicle, state, gravity=scenario.plant.gravity)
+    motion = PointMotion(vehicle, state, gravity=scenario.agent.plant.gravity)
     begun = (c.start(period, row) for c, row in zip(scenario.components, draws, strict=True))
     agent = AgentLoop(
         state=state,
-        memory=scenario.controller.memory,
+        memory=scenario.agent.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
-        sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
-        estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
+        sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
+        estimate=scenario.agent.estimator.start(scenario.agent.controller.par.model.vehicle),
         drives=tuple(
             drive.begin(q, u, period)
-            for drive, q, u in zip(scenario.all_drives, state.joints, standing.efforts, strict=False)
+            for drive, q, u in zip(scenario.agent.all_drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),
     )
@@ -60,7 +60,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
     """Initial state of a sensor, whose delay queue holds placeholders shaped like its reading."""
-    vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
+    vehicle, (_, sensor) = scenario.agent.plant.vehicle, scenario.agent.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)
@@ -75,7 +75,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 def commands_waiting(scenario: Scenario) -> int:
     """Length of the queue of past commands that the command delay requires."""
-    rates, delays = scenario.rates, scenario.delays
+    rates, delays = scenario.rates, scenario.agent.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
     return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
@@ -83,8 +83,8 @@ def commands_waiting(scenario: Scenario) -> int:
 
 def readings_waiting(scenario: Scenario, index: int) -> int:
     """Length of the queue of past readings that a sensor's delay requires."""
-    name, sensor = scenario.all_sensors[index]
-    delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
+    name, sensor = scenario.agent.all_sensors[index]
+    delay = scenario.agent.delays.measurement if name == FULL_STATE else sensor.latency
     return round(delay * scenario.rates.control)
 
 

@@ -68,7 +68,7 @@ class EpisodeInputs:
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
         """Time-scaled sampled reference as a Reference of arrays; empty without time scaling."""
-        path = self.scenario.path_time
+        path = self.scenario.agent.path_time
         if path is None:
             return ()
         rates = self.scenario.rates
@@ -79,12 +79,12 @@ class EpisodeInputs:
             s = path.derivatives(times + lead)
             return by_flight_time(_sample(self._program, s[0]), s)
 
-        return with_preview(at(0.0), preview_leads(self.scenario.controller.par), at)
+        return with_preview(at(0.0), preview_leads(self.scenario.agent.controller.par), at)
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
         """Time along the reference (s) at each control instant, shape (steps,); empty without time scaling."""
-        path = self.scenario.path_time
+        path = self.scenario.agent.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
@@ -129,7 +129,7 @@ class EpisodeInputs:
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
-        leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(clock))
+        leads, end = preview_leads(self.scenario.agent.controller.par), float(self.waits.end(clock))
         sample = with_preview(sample, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
         dense = sample.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
@@ -162,7 +162,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     def at(lead: Scalar) -> Reference:
         return _sample(program, np.asarray(times[instants] + lead))
 
-    published = with_preview(published, preview_leads(scenario.controller.par), at)
+    published = with_preview(published, preview_leads(scenario.agent.controller.par), at)
     if published.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
         published = dataclasses.replace(published, load=now.load)
@@ -171,7 +171,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 def _motion(scenario: Scenario) -> Program:
     """Traced program from a time (s) to the scenario's reference at that time."""
-    return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
+    return trace(lambda clock: scenario.agent.reference.at(clock[0]), (0.0,))
 
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:

@@ -36,7 +36,7 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
         first: its first loop state; made anew if left out.
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
-    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    return RigidBodyPlant(scenario.agent.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
 
 
 class Substeps:
@@ -68,12 +68,12 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Accelerometer reading at the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.plant, state, command, around)
+        force, _ = accelerate(self._scenario.agent.plant, state, command, around)
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
         """State of vehicle and contacts after a control period in which a new command arrives."""
-        now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
+        now = after_impact(self._scenario.agent.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
         left: Scalar = self._period
@@ -88,7 +88,7 @@ class RigidBodySteps:
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
         """State of vehicle and contacts after an interval with a constant command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
+        return hold(self._scenario.agent.plant, self._scenario.integrator, count, now, command, around, seconds)
 
 
 class EpisodeEndedError(Exception):
@@ -138,7 +138,7 @@ class StagesInPython(Stages):
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
     ) -> tuple[Tree, Command]:
         """Evaluate the control law; a law that cannot be traced is called with floats."""
-        if self.scenario.controller.compiled:
+        if self.scenario.agent.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
         count = len(leaves((self._example, memory)))
@@ -186,9 +186,9 @@ class CalledPlant:
 
     def __init__(self, plant: Plant, stages: Stages, around: Surroundings) -> None:
         self._plant, self._period, self._late = plant, stages.period, float(stages.late)
-        scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
+        scenario, vehicle = stages.scenario, stages.scenario.agent.plant.vehicle
         for name in ("command", "rotors", "joints"):
-            delay = getattr(scenario.delays, name)
+            delay = getattr(scenario.agent.delays, name)
             steps = delay * scenario.rates.physics
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
@@ -259,8 +259,8 @@ def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat]
     Raises:
         ScenarioError: a user-defined plant without it.
     """
-    stuck = any(fault.stuck for fault in scenario.faults)
-    rigid = any(payload.rigid for payload in scenario.payloads)
+    stuck = any(fault.stuck for fault in scenario.agent.faults)
+    rigid = any(payload.rigid for payload in scenario.agent.payloads)
     if not rigid and not stuck:
         return None
     after_impact: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)

@@ -101,14 +101,14 @@ class Waits:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._trajectory = scenario.reference
-        self._leads = preview_leads(scenario.controller.par)
-        self.guards: tuple[Guard, ...] = scenario.reference.guards
+        self._trajectory = scenario.agent.reference
+        self._leads = preview_leads(scenario.agent.controller.par)
+        self.guards: tuple[Guard, ...] = scenario.agent.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
-        self._believed = tuple(each for each in scenario.payloads if each.believed)
+        self._believed = tuple(each for each in scenario.agent.payloads if each.believed)
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
-        self._vehicle = scenario.controller.par.model.vehicle
+        self._vehicle = scenario.agent.controller.par.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
             dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)

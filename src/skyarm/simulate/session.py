@@ -156,7 +156,7 @@ class Session:
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
-        autopilot = autopilot_of(scenario.controller)
+        autopilot = autopilot_of(scenario.agent.controller)
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
         return super().__new__(kind)
 
@@ -169,7 +169,7 @@ class Session:
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._sizes = scenario.plant.vehicle.sizes
+        self._sizes = scenario.agent.plant.vehicle.sizes
         self._apply_due_changes()
 
     @property
@@ -226,7 +226,7 @@ class Session:
         """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
         scenario, now = self.scenario, self.now
         around = Surroundings(components=scenario.components, memories=now.components, time=self.time)
-        return wind_at(around, scenario.plant, now.agent.state)
+        return wind_at(around, scenario.agent.plant, now.agent.state)
 
     @property
     def reference(self) -> Reference:
@@ -280,7 +280,7 @@ class Session:
         if not ended or engine.commanded or not self.returns or not has_own(self.scenario):
             return False
         # a law that is called may act on things outside: it is not called again
-        if self.scenario.controller.compiled and ended.cause.endswith("is not finite"):
+        if self.scenario.agent.controller.compiled and ended.cause.endswith("is not finite"):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now
@@ -311,7 +311,7 @@ class Session:
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
         rows = engine.states_and_commands(start, engine.tick)
-        return state_arrays(engine.scenario.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
+        return state_arrays(engine.scenario.agent.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
 
     def snapshot(self) -> Snapshot:
         """Copy of the session's current state, from which :meth:`restore` continues."""
@@ -351,7 +351,7 @@ class Session:
     def _make_engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else Python."""
         scenario = course.now
-        if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
+        if self._compiles and scenario.kind == "rigid_body" and scenario.agent.controller.compiled:
             try:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
@@ -431,7 +431,7 @@ def open_session(
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
     # checked by the session itself, before it is made
-    autopilot = autopilot_of(scenario.controller) if isinstance(scenario, Scenario) else None
+    autopilot = autopilot_of(scenario.agent.controller) if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
     session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)

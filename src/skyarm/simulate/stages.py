@@ -71,21 +71,21 @@ class Stages:
         self.scenario, self._command, self._given = scenario, command, given
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
-        self.sensors = scenario.all_sensors
+        self.sensors = scenario.agent.all_sensors
         self.eventful = tuple(i for i, each in enumerate(self.components) if type(each).act is not Component.act)
         self.waits = Waits(scenario)
         self.draws: Draws = draw_plan(scenario)
-        self._law = checked_law(scenario.controller)
-        model = scenario.controller.par.model
-        self._awaits_load = learns_load(scenario.controller.par) and scenario.reference.load is None
-        self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
+        self._law = checked_law(scenario.agent.controller)
+        model = scenario.agent.controller.par.model
+        self._awaits_load = learns_load(scenario.agent.controller.par) and scenario.agent.reference.load is None
+        self._estimator = scenario.agent.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
-        self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
-        self.tip_sensor = tip_sensor(self.sensors, scenario.plant.vehicle)
+        self.apart = rotor_and_joint_delays(scenario) if scenario.agent.delays.apart else None
+        self.tip_sensor = tip_sensor(self.sensors, scenario.agent.plant.vehicle)
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
-        noisy = [sigma for sigma in leaves(scenario.noise) if type(sigma) is not float or sigma > 0.0]
-        full = [FULL_STATE] if scenario.has_estimator and noisy else []
-        self.logged = (*full, *(each.name for each in scenario.sensors))
+        noisy = [sigma for sigma in leaves(scenario.agent.noise) if type(sigma) is not float or sigma > 0.0]
+        full = [FULL_STATE] if scenario.agent.has_estimator and noisy else []
+        self.logged = (*full, *(each.name for each in scenario.agent.sensors))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
@@ -110,7 +110,7 @@ class Stages:
             for component, memory, draws in zip(self.components, memories, self.draws.shares(uniforms)[1], strict=True)
         ]
         if self.eventful:
-            motion = PointMotion(self.scenario.plant.vehicle, state, gravity=self.scenario.plant.gravity)
+            motion = PointMotion(self.scenario.agent.plant.vehicle, state, gravity=self.scenario.agent.plant.gravity)
             # of a reference that waits, its own time
             waiting = time if isinstance(path_time, tuple) or not self.waits.guards else path_time
             for i in self.eventful:
@@ -122,14 +122,14 @@ class Stages:
 
     def wind(self, around: Surroundings, state: State) -> WindSample:
         """Wind force on the base, air velocity, and logged numbers of the environment models."""
-        return wind_at(around, self.scenario.plant, state)
+        return wind_at(around, self.scenario.agent.plant, state)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
         """External wrench at each force sensor, in the order of the sensors; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
         if not frames:
             return ()
-        vehicle, gravity = self.scenario.plant.vehicle, self.scenario.plant.gravity
+        vehicle, gravity = self.scenario.agent.plant.vehicle, self.scenario.agent.plant.gravity
         return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
     def surroundings(self, memories: Memories, drives: Memories, time: Scalar) -> Surroundings:
@@ -139,8 +139,8 @@ class Stages:
             components=self.components,
             memories=memories,
             time=time,
-            effectiveness=effectiveness_at(scenario.faults, scenario.plant.vehicle, time),
-            drives=scenario.all_drives,
+            effectiveness=effectiveness_at(scenario.agent.faults, scenario.agent.plant.vehicle, time),
+            drives=scenario.agent.all_drives,
             drive_memories=drives,
         )
 
@@ -195,7 +195,7 @@ class Stages:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
-        tip, each_memory = self.scenario.plant.vehicle.end_effector, zip(self.components, memories, strict=True)
+        tip, each_memory = self.scenario.agent.plant.vehicle.end_effector, zip(self.components, memories, strict=True)
         reports = [report for each, memory in each_memory for report in each.holds(memory, tip)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
@@ -205,7 +205,7 @@ class Stages:
     ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
         if self._command is not None and self._given is None:
-            return memory, with_rest(self.scenario.plant.vehicle, self._command)
+            return memory, with_rest(self.scenario.agent.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
         if self._command is None or self._given is None:
             return following, command
@@ -218,9 +218,9 @@ class Stages:
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
     ) -> tuple[Tree, Command]:
         """Evaluate the control law; return its next internal state and the command."""
-        par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
+        par = self.waits.with_task_loads(self.scenario.agent.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
-        return following, with_rest(self.scenario.plant.vehicle, command)
+        return following, with_rest(self.scenario.agent.plant.vehicle, command)
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -237,7 +237,7 @@ class Stages:
         if not drives:
             return ()
         heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
-        rows = zip(self.scenario.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
+        rows = zip(self.scenario.agent.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: Memories) -> Surroundings:
@@ -264,9 +264,9 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
-    if same(scenario.tracking_start, 0):
+    if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
+    still, resting = scenario.agent.reference.at(0.0), time < scenario.agent.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
     values: list[Scalar] = []
     for name, moving in parts(going).items():

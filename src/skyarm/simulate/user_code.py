@@ -215,7 +215,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 def has_own(scenario: Scenario) -> bool:
     """True if the law or a part of a scenario, such as a force, sensor, fault or signal, is user-defined."""
-    return is_own(scenario.controller) or bool([*_parts(scenario)])
+    return is_own(scenario.agent.controller) or bool([*_parts(scenario)])
 
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
@@ -235,21 +235,21 @@ def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]
 
 def _parts(scenario: Scenario) -> Iterator[tuple[UserPart, Check]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
-    if is_own(scenario.controller) and scenario.controller.compiled:
-        yield UserPart("controller", scenario.controller, "law", scenario.controller.law), _check_law
-    faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(scenario.faults)]
-    moved = [("reference", scenario.reference), *faults, *scenario.placed_components]
+    if is_own(scenario.agent.controller) and scenario.agent.controller.compiled:
+        yield UserPart("controller", scenario.agent.controller, "law", scenario.agent.controller.law), _check_law
+    faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(scenario.agent.faults)]
+    moved = [("reference", scenario.agent.reference), *faults, *scenario.placed_components]
     for at, record in moved:
         for place, signal in _own_signals(record, at):
             yield UserPart(place, signal, "derivatives"), _check_signal
-    if (within := _first_own(scenario.reference)) is not None:
-        yield UserPart("reference", scenario.reference, "at", within), _check_motion
+    if (within := _first_own(scenario.agent.reference)) is not None:
+        yield UserPart("reference", scenario.agent.reference, "at", within), _check_motion
     groups: list[tuple[str, Check, Iterable[tuple[str, object]]]] = [
         ("advance", _check_component, scenario.placed_components),
         ("share", _check_fault, faults),
-        ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
-        ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
-        ("step", _check_estimator, [("estimator", scenario.estimator)]),
+        ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.agent.joint_drives]),
+        ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.agent.sensors]),
+        ("step", _check_estimator, [("estimator", scenario.agent.estimator)]),
         ("fine", _check_ending, [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]),
     ]
     for method, check, records in groups:
@@ -283,7 +283,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
     if mistake is not None:
         raise part.refusal(mistake[1], mistake[0])
     given = getattr(part.record, "uniforms", 0)
-    count = given(scenario.plant.vehicle) if callable(given) else given
+    count = given(scenario.agent.plant.vehicle) if callable(given) else given
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
         line = place_of(given if callable(given) and own_code(given) is not None else kind)
         said = "gives uniforms" if callable(given) else "has uniforms"
@@ -292,7 +292,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
 
 def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
-    vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, component, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
         following: Tree = call("advance", memory, time, period, state, draws)
@@ -376,7 +376,7 @@ _check_motion = partial(_check_value, label="", example=None)
 
 
 def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
-    joints = [link.joint.name for link in scenario.plant.vehicle.links]
+    joints = [link.joint.name for link in scenario.agent.plant.vehicle.links]
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 
@@ -392,7 +392,7 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, sensor = scenario.plant.vehicle, part.record
+    vehicle, sensor = scenario.agent.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
@@ -406,7 +406,7 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, estimator, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         readings = readings_at(scenario, state, time)
@@ -427,12 +427,12 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
         part.require_numbers("step", "a measurement", measured, readings[FULL_STATE])
         return following
 
-    return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
+    return part.trace(step, estimator.start(scenario.agent.controller.par.model.vehicle), scenario)
 
 
 def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
-    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.reference
+    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.agent.reference
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         sample = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
@@ -459,14 +459,14 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         LawError: one line with the law's file and line.
     """
     if isinstance(law, Scenario):
-        flown, controller = law, law.controller
+        flown, controller = law, law.agent.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        controller = _make_controller(law, flown.controller.par.model)
+        controller = _make_controller(law, flown.agent.controller.par.model)
     flown, rates = flown.with_controller(controller), flown.rates
-    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.plant.gravity)))
+    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
-    references = [flown.reference.at(float(time)) for time in times[: flown.steps]]
+    references = [flown.agent.reference.at(float(time)) for time in times[: flown.steps]]
     try_law(controller, 1.0 / rates.control, seen, references)
     require_shapes(flown)
 

@@ -63,12 +63,12 @@ class FlightRecord:
         count = self.ticks[-1] + 1 if self.ticks else 0
         agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
         still = Environment(forces=(), ground=False)
-        plain = dataclasses.replace(scenario, environment=still, agent=agent, changes=(), endings=())
+        plain = dataclasses.replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
-        n, rotors, _ = scenario.plant.vehicle.sizes
+        n, rotors, _ = scenario.agent.plant.vehicle.sizes
         flown = LoggedSamples(
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),

@@ -175,7 +175,7 @@ class Differentiator:
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
-        self._point = open_point(first, len(scenario.power))
+        self._point = open_point(first, len(scenario.agent.power))
         row = inputs.row_at(0, first)
 
         def step(
@@ -199,20 +199,20 @@ class Differentiator:
         stages = Stages(scenario)
         power = tuple(
             each.advance(charge, row.time, self._period, point.state, ())
-            for each, charge in zip(scenario.power, point.power, strict=True)
+            for each, charge in zip(scenario.agent.power, point.power, strict=True)
         )
         memories = (*self._components[: len(self._components) - len(power)], *power)
         air = stages.surroundings(memories, point.drives, row.time)
-        force, _ = accelerate(scenario.plant, point.state, point.old, air)
+        force, _ = accelerate(scenario.agent.plant, point.state, point.old, air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
-        now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
-        memory, command = checked_law(scenario.controller)(
-            point.memory, point.seen, stages.law_reference(row), self._period, par=scenario.controller.par
+        now = measure(scenario.agent.noise, row.time, point.state, proper, [0] * count)
+        memory, command = checked_law(scenario.agent.controller)(
+            point.memory, point.seen, stages.law_reference(row), self._period, par=scenario.agent.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, late, self._period)
-        state, given_drives = point.state, zip(scenario.all_drives, point.drives, heard, strict=False)
+        state, given_drives = point.state, zip(scenario.agent.all_drives, point.drives, heard, strict=False)
         drives = tuple(
             drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
             for i, (drive, memory, u) in enumerate(given_drives)
@@ -226,7 +226,7 @@ class Differentiator:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
-        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count)[0], state)
+        return repeat(count, lambda x: step(scenario.agent.plant, x, command, air, seconds / count)[0], state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
         """Linearise the open loop at a state of the simulated flight.
@@ -238,7 +238,7 @@ class Differentiator:
             numbers: numbers at the paths; the scenario's own if left out.
         """
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
-        point = open_point(carry, len(self.scenario.power))
+        point = open_point(carry, len(self.scenario.agent.power))
         sizes = sizes_of(point)
         base = self._complete(carry, point, sizes, row, given)
         moved, widths = stencil_points(base, point.state.quaternion)
@@ -263,8 +263,8 @@ class Differentiator:
             m_y=first[2][:, y],
             u_m=first[3][:, m],
             u_y=first[3][:, y],
-            measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
-            command_delay=float(self.scenario.delays.command),
+            measurement_delay=round(self.scenario.agent.delays.measurement * self.scenario.rates.control),
+            command_delay=float(self.scenario.agent.delays.command),
             states=len(leaves(point.state)) - 1,
             channels=self._channels(point, base),
         )
@@ -273,7 +273,7 @@ class Differentiator:
         """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
+        return vehicle_channels(self.scenario.agent.plant.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
