@@ -23,6 +23,20 @@ LATE = "delays.command"
 """Path of the command delay, which is not a parameter of a flight without one."""
 
 
+OF_AGENT = "agents."
+"""Beginning of a path that names a vehicle: agents.NAME.plant.gravity."""
+
+
+def agent_of(path: str) -> str:
+    """Name of the vehicle that a parameter path begins with; empty for a path of the only one, or of all."""
+    return path.split(".")[1] if path.startswith(OF_AGENT) and path.count(".") else ""
+
+
+def word_of(path: str) -> str:
+    """Parameter path without the name of the vehicle that it begins with, as in a scenario of that vehicle alone."""
+    return path.split(".", 2)[2] if path.startswith(OF_AGENT) and path.count(".") > 1 else path
+
+
 OF_STUDIES = "the same for all episodes; fly two studies"
 """Advice in messages about structural numbers, for those who vary them between episodes."""
 
@@ -90,7 +104,7 @@ def path_of(scenario: Scenario, place: Place) -> str:
 
 
 def walk_words(scenario: Scenario) -> Iterator[tuple[Place, Any]]:
-    """Place and value of each number or text of a scenario of one vehicle, below ``agent`` where keys are of that one."""
+    """Place and value of each number or text of a scenario of one vehicle, whose own are below ``agent``."""
     inside = ("agents", "records", "0")
     for place, value in walk(scenario):
         yield ("agent", *place[len(inside) :]) if place[: len(inside)] == inside else place, value

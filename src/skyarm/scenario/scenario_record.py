@@ -570,6 +570,11 @@ class Scenario:
             raise ScenarioError(f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}")
         return self if len(self.agents) == 1 else dataclasses.replace(self, agents={name: self.agents[name]})
 
+    @property
+    def is_compiled(self) -> bool:
+        """True if the laws of all vehicles can be traced into machine code."""
+        return all(each.controller.compiled for each in self.agents.values())
+
     def with_agent(self, agent: Agent) -> Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
         return dataclasses.replace(self, agents=dict.fromkeys(self.agents, agent))
@@ -710,20 +715,40 @@ class Scenario:
 
     @property
     def components(self) -> tuple[AnyComponent, ...]:
-        """All environment models: wind, air, added forces, timed payloads, contact, and the battery's load."""
-        return (self.wind, *self.air, *self.forces, *self.agent.payloads, *self.worlds, *self.agent.power)
+        """All environment models of one vehicle: wind, air, forces, payloads and battery, then those that all share."""
+        return (*self.own_components(self.agent), *self.shared_components)
 
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """All environment models with their parameter paths, such as ``environment.air[0]``."""
-        loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.agent.payloads))
-        touched = tuple(("world", each) for each in self.worlds)
+        """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
+        return (*self._placed_own(self.agent), *self._placed_shared)
+
+    def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
+        """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
+        return tuple(component for _, component in self._placed_own(agent))
+
+    @property
+    def shared_components(self) -> tuple[AnyComponent, ...]:
+        """Environment models that all vehicles share: contact, and air and forces that say so."""
+        return tuple(component for _, component in self._placed_shared)
+
+    @property
+    def places_of_components(self) -> tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]:
+        """Parameter paths of each vehicle's own environment models, and of those that all share."""
+        own = tuple(tuple(at for at, _ in self._placed_own(each)) for each in self.agents.values())
+        return own, tuple(at for at, _ in self._placed_shared)
+
+    def _placed_own(self, agent: Agent) -> tuple[tuple[str, AnyComponent], ...]:
         return (
-            *self.placed_winds_and_forces,
-            *loads,
-            *touched,
-            *(("plant.vehicle.battery", each) for each in self.agent.power),
+            *((at, each) for at, each in self.placed_winds_and_forces if not each.shared),
+            *((f"payloads[{i}]", each) for i, each in enumerate(agent.payloads)),
+            *(("plant.vehicle.battery", each) for each in agent.power),
         )
+
+    @property
+    def _placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
+        together = ((at, each) for at, each in self.placed_winds_and_forces if each.shared)
+        return (*together, *(("world", each) for each in self.worlds))
 
     @property
     def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:

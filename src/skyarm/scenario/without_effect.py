@@ -18,6 +18,8 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import AnyArray
@@ -105,7 +107,8 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
     def forces(part: Component[Tree], air: Vec3) -> AnyArray:
         around = (WindSample(air_velocity_W=air), part)
         surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
-        return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
+        motion = PointMotion(turn_rotors(vehicle, state.tilts), state, surroundings.air_velocity)
+        return np.array(leaves(applied_force(motion, command, surroundings)))
 
     with suppress(Exception):
         for part in parts:

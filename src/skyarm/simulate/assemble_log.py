@@ -26,7 +26,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
-from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, WindSample
 from skyarm.world.component import Column
@@ -67,6 +67,25 @@ class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
     Attributes:
+        inputs: inputs of the scenario. start: index of the first period. flown: logged samples of each vehicle.
+    """
+
+    scenario: Scenario
+    inputs: FlightInputs
+    start: int
+    flown: tuple[LoggedSamples, ...]
+
+    def of(self, name: str) -> AgentPiece:
+        """Periods of one vehicle, by its name."""
+        index = tuple(self.scenario.agents).index(name)
+        return AgentPiece(self.scenario.of(name), self.inputs.each[index], self.start, self.flown[index])
+
+
+@immutable(kw_only=False)
+class AgentPiece:
+    """Consecutive control periods of one vehicle between two scheduled changes, under the scenario of its flight.
+
+    Attributes:
         inputs: inputs of the scenario. start: index of the first period. flown: logged samples.
     """
 
@@ -83,6 +102,21 @@ def join_pieces(
 
     Args:
         scenario: scenario of the flight, as the log records it.
+        pieces: at least one.
+        ending: None for a flight that was completed.
+        info: metadata of the log, if known already.
+    """
+    (name,) = scenario.agents
+    return log_of_agent(scenario, [piece.of(name) for piece in pieces], ending, info=info)
+
+
+def log_of_agent(
+    scenario: Scenario, pieces: Sequence[AgentPiece], ending: Ended | None, *, info: dict[str, Any] | None = None
+) -> Log:
+    """Concatenate the parts of one vehicle's flight before and after each scheduled change into one log.
+
+    Args:
+        scenario: scenario of the vehicle's flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
@@ -139,7 +173,7 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
     }
 
 
-def _tables(piece: Piece) -> dict[str, Array]:
+def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle, count = scenario.agent.plant.vehicle, len(flown.states)
@@ -190,7 +224,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
 
 
-def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
+def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
     sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)}

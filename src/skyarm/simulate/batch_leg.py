@@ -30,11 +30,11 @@ from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.loop_state import AgentSample, GivenRow, InputRow, LoopState, carry_over, structure_of
 from skyarm.simulate.period import Uniforms, make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.reference_clock import clocks_of_change, other_references
+from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
 FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[MetricGoal, ...]]
@@ -101,7 +101,7 @@ class Feed:
 
 
 def _instant(
-    stages: Stages, loop: LoopState, row: InputRow[Reference], sample: Sample, goals: tuple[MetricGoal, ...]
+    stages: AgentStages, loop: LoopState, row: InputRow[Reference], sample: AgentSample, goals: tuple[MetricGoal, ...]
 ) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.agent.plant.vehicle, stages.waits, sample.command
@@ -133,7 +133,7 @@ def _path_time(row: InputRow[Reference]) -> Scalar:
 
 
 def _contact_inputs(
-    scenario: Scenario, row: InputRow[Reference], sample: Sample
+    scenario: Scenario, row: InputRow[Reference], sample: AgentSample
 ) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
     """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
@@ -246,10 +246,11 @@ class Leg:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both
             row, goals, inside = self._feed.read(varied, fed, loop.ticks)
-            row = stages.waits.lead(loop.agent.clock, loop.ticks, row)
+            (row,) = stages.lead(loop, (row,))
             period = make_period(stages, RigidBodySteps(stages, substeps))
-            following, sample = period(loop, row, uniforms)
-            alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
+            following, flown = period(loop, (row,), uniforms)
+            sample = flown.agent
+            alive, instant = flown.alive > 0.5, _instant(stages.agent, loop, row, sample, goals)
             counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
             totals = advance_totals(totals, options.wanted, instant, counted)
             reference = row.reference.dense() if options.changing else row.reference
@@ -258,7 +259,7 @@ class Leg:
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
             received += ((ESTIMATE, sample.measurement),) if varied.agent.has_estimator else ()
             logged = Logged(
-                alive=sample.alive, state=sample.state, command=sample.command, reference=reference, received=received
+                alive=flown.alive, state=sample.state, command=sample.command, reference=reference, received=received
             )
             return (following, totals), logged if options.every else ()
 
@@ -288,9 +289,9 @@ class Leg:
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
-        anew = is_other_reference(self._overrides, leg._overrides)
-        clock = clock_of_change(self.scenario, begun, loop, anew=anew)
-        now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clock)
+        anew = other_references(self.scenario, self._overrides, leg._overrides)
+        clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
+        now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clocks)
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 

@@ -19,7 +19,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, PathClock, structure_of
+from skyarm.simulate.loop_state import AgentLoop, GivenRow, GivenRows, InputRow, LoopState, PathClock, structure_of
 from skyarm.simulate.reference_clock import Waits
 
 
@@ -134,18 +134,50 @@ class EpisodeInputs:
         dense = sample.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
-    def row_at(self, tick: int, now: LoopState) -> InputRow[Reference]:
-        """Closed-loop inputs of the control period that begins with a given loop state."""
-        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.agent.clock
+    def row_at(self, tick: int, own: AgentLoop, ticks: Scalar) -> InputRow[Reference]:
+        """Closed-loop inputs of the control period that begins with a given state of the vehicle and its control."""
+        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), own.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
-            return InputRow(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)
+            return InputRow(time=next(numbers), reference=self.held_now(clock, ticks), path_time=path_time)
         return rebuild(self._whole_row, numbers)
 
     @cached_property
     def reference_example(self) -> Reference:
         """Reference at one instant with zeros as numbers, from which a program is traced."""
         return structure_of(self.held_reference)
+
+
+class FlightInputs:
+    """Times and references of all vehicles of a flight at all control instants.
+
+    Attributes:
+        scenario: scenario of the flight. each: inputs of each vehicle.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.each = tuple(episode_inputs(scenario.of(name)) for name in scenario.agents)
+
+    @property
+    def times(self) -> Array:
+        """Control instants, s."""
+        return self.each[0].times
+
+    @cached_property
+    def rows(self) -> Array:
+        """Table of closed-loop inputs, one row per control instant: those of each vehicle in turn."""
+        first, *others = (each.rows for each in self.each)
+        return np.hstack([first, *others]) if others else first
+
+    @property
+    def row_examples(self) -> GivenRows:
+        """Closed-loop inputs at one control instant with zeros as numbers, from which a program is traced."""
+        return tuple(each.row_example for each in self.each)
+
+    def rows_at(self, tick: int, now: LoopState) -> tuple[InputRow[Reference], ...]:
+        """Closed-loop inputs of all vehicles in the control period that begins with a given loop state."""
+        return tuple(each.row_at(tick, own, now.ticks) for each, own in zip(self.each, now.agents, strict=True))
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:

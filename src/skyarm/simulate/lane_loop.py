@@ -52,7 +52,7 @@ class LaneLoop:
         self.plant = rigid_body_plant(stiffest, self.first if stiffest is scenario else None)
         self.substeps = Substeps(self.plant)
         self.largest = lanes_step(self.plant.around, euler=stiffest.integrator == "euler")
-        counts = [2 * count for _, count in draw_plan(scenario).components]
+        counts = [2 * count for _, count in draw_plan(scenario).models]
         self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
 
     def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Scalar, ...]) -> LoopState:

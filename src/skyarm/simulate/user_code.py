@@ -330,7 +330,7 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
         raise part.refusal(
             f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
         ) from error
-    return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
+    return part.trace(step, memory, scenario, draw_plan(scenario).models[index][1])
 
 
 def _check_value(

@@ -42,16 +42,18 @@ MOST_UNIFORMS = 10_000
 
 @immutable
 class Wrench:
-    """Force and torque on one body of the vehicle.
+    """Force and torque on one body of a vehicle.
 
     Attributes:
         body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
+        agent: name of the vehicle; empty for the one whose motion the model was given.
     """
 
     force_W: Annotated[Vec3, Unit("N", "force, world axes")] = ZERO3
     torque_W: Annotated[Vec3, Unit("N m", "torque, world axes")] = ZERO3
     point: Annotated[Vec3, Unit("m", "point at which the force acts, axes of its body")] = ZERO3
     body: int = BASE
+    agent: str = ""
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors already is not looked at
@@ -138,6 +140,10 @@ class Component(Generic[Memory]):
 
     coupled: bool = False
     """True if the internal state is integrated with the vehicle's within control periods; may be a property."""
+
+    shared: bool = False
+    """True of a model that all vehicles share: it has one internal state, finds each in ``motion.agents``, and its
+    wrenches say on which they act. Of another model each vehicle has its own, with its own noise."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.

@@ -16,7 +16,7 @@ from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import LoggedSamples, Piece, join_pieces
+from skyarm.simulate.assemble_log import AgentPiece, LoggedSamples, log_of_agent
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import WindSample
@@ -74,8 +74,8 @@ class FlightRecord:
             measurement=None, readings=(),
             wind=WindSample(), found=none, led=none,
         )  # fmt: skip
-        piece = Piece(plain, episode_inputs(plain), 0, flown)
-        log = join_pieces(plain, [piece], ended)
+        piece = AgentPiece(plain, episode_inputs(plain), 0, flown)
+        log = log_of_agent(plain, [piece], ended)
         log.info["outside"] = facts
         return log
 

@@ -30,7 +30,7 @@ from skyarm.log.ros.topics import FlightTopics, Topic, every_of
 from skyarm.records.arrays import Array
 from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.assemble_log import join_pieces, sensor_data
+from skyarm.simulate.assemble_log import log_of_agent, sensor_data
 from skyarm.simulate.session import Session, open_session
 
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
@@ -67,11 +67,12 @@ class LiveInstant:
     def __getitem__(self, array: str) -> Array:
         """Array of the latest control period, (1,) or (1, k), by its log name."""
         if array not in self._known:
-            piece = self._session.latest
+            (name,), latest = self._session.scenario.agents, self._session.latest
+            piece = latest.of(name)
             if "." in array:
                 self._known |= sensor_data(piece)[0]
             else:
-                self._known |= join_pieces(piece.scenario, [piece], None, info=dict(self._info)).arrays()
+                self._known |= log_of_agent(piece.scenario, [piece], None, info=dict(self._info)).arrays()
         return self._known[array]
 
 

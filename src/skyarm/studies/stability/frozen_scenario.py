@@ -167,9 +167,9 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full
             state; names the first of them by its field.
     """
-    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the supply comes last
-    for i, (payload, memory) in enumerate(zip(scenario.agent.payloads, loads, strict=False)):
-        _require_none(bool(leaves(memory)), f"payloads[{i}]", type(payload))
+    for (place, component), memory in zip(scenario.placed_components, first.memories, strict=True):
+        if place.startswith("payloads["):
+            _require_none(bool(leaves(memory)), place, type(component))
     for named in scenario.agent.sensors:
         _require_none(True, f"sensors.{named.name}", type(named.sensor))
     _require_none(bool(leaves(first.agent.estimate)), "estimator", type(scenario.agent.estimator))

@@ -328,7 +328,7 @@ class Flight:
         session = self.session
         motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.agent.plant.gravity)
         seen = instant_of(motion, session.time, around)
-        return scene_now(session.scenario.components, session.now.components, seen, motion)
+        return scene_now(session.scenario.components, session.now.memories, seen, motion)
 
     @property
     def last(self) -> PlottedInstant:

@@ -76,7 +76,7 @@ def sight(session: Session) -> PlottedInstant:
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
-        contacts=contact_forces(scenario.components, now.components, PointMotion(vehicle, state)),
+        contacts=contact_forces(scenario.components, now.memories, PointMotion(vehicle, state)),
     )
 
 

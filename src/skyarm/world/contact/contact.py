@@ -97,6 +97,8 @@ class Contact(Force[ContactMemory]):
 
     registered_as = "world"
 
+    shared = True
+
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
