@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import accumulate, islice, pairwise
+from itertools import accumulate, pairwise
 
 import mujoco
 import numpy as np
@@ -127,8 +127,7 @@ class StagedRungeKutta:
         lags = lagged(layout.worlds, first, commands, around, time)
         for x, lag, acceleration in zip(now, lags, layout.accelerations(inputs.acceleration), strict=True):
             slope = _slope(x, Vec3(next(turns), next(turns), next(turns)), *acceleration)
-            sums = islice(total, len(slope))
-            change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(sums, slope, strict=True)]
+            change = [add(mul(earlier, next(total)), mul(own, k)) for k in slope]
             following.append(_move_state(lag, change))
             turned += change[3:6]
             slopes += slope

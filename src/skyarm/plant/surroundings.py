@@ -241,11 +241,17 @@ def several(world: Truth | Sequence[Truth], around: Surroundings | Together) -> 
 def coupled_places(around: Together) -> tuple[int, ...]:
     """Indices of the coupled models' internal states among all numbers of the surroundings."""
     places, first = list[int](), 0
-    for own in (*around.each, around):
-        at = first + len(leaves(own.components))
-        for component, memory in zip(own.components, own.memories, strict=True):
-            count = len(leaves(memory))
-            places += range(at, at + count) if component.coupled else ()
-            at += count
-        first += 0 if own is around else len(leaves(own))
-    return tuple(places)
+    for own in around.each:
+        places += _coupled_in(own.components, own.memories, first)
+        first += len(leaves(own))
+    return (*places, *_coupled_in(around.components, around.memories, first))
+
+
+def _coupled_in(components: Sequence[AnyComponent], memories: Memories, first: int) -> list[int]:
+    """Indices of the coupled models' internal states, where number ``first`` is the first one of the models."""
+    places, first = list[int](), first + len(leaves(tuple(components)))
+    for component, memory in zip(components, memories, strict=True):
+        count = len(leaves(memory))
+        places += range(first, first + count) if component.coupled else ()
+        first += count
+    return places

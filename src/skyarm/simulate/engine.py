@@ -7,7 +7,7 @@ calls them with floats.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
@@ -217,7 +217,7 @@ class _PythonSteps:
             try:
                 outputs = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
             except EpisodeEndedError as error:
-                now, self.command = (0.0, *now[1:]), error.command
+                now, self.command = (0.0, *now[1:]), (error.agent, error.command)
                 break
             now, self._log[k] = outputs[:count], outputs[count:]
         self.carry[:] = now
@@ -527,8 +527,8 @@ class Engine:
             self._stepper.read_tables(self._rows, self._log)
         return True
 
-    def take_over(self, other: Engine, *, anew: bool) -> None:
-        """Continue a flight from the state of another simulator; ``anew``: the reference has been replaced."""
+    def take_over(self, other: Engine, *, anew: Collection[str]) -> None:
+        """Continue a flight from the state of another simulator; ``anew``: vehicles with another reference."""
         now = other.now
         clocks = clocks_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -98,12 +99,12 @@ class EpisodeEndedError(Exception):
     """Early termination of a flight, raised within a control period that is evaluated in Python.
 
     Attributes:
-        command: its numbers where the command is what ended the episode; else ().
+        agent: name of the vehicle whose command is what ended the episode; else "". command: its numbers; else ().
     """
 
-    def __init__(self, command: Flat) -> None:
+    def __init__(self, agent: str, command: Flat) -> None:
         super().__init__("the episode has ended")
-        self.command = command
+        self.agent, self.command = agent, command
 
 
 class StagesInPython(Stages):
@@ -132,7 +133,7 @@ class StagesInPython(Stages):
     def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
         """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
         going = super().alive(now, rows)
-        return _graph_of(going).external(_require_alive, [(going,)], 1)[0]
+        return _graph_of(going).external(partial(_require_alive, ""), [(going,)], 1)[0]
 
 
 class AgentStagesInPython(AgentStages):
@@ -159,7 +160,9 @@ class AgentStagesInPython(AgentStages):
     ) -> tuple[Scalar, tuple[Command, ...], Command]:
         """Put a command into the delay queue; raise EpisodeEndedError if it is not finite."""
         going, moved, acting = super().send(alive, queue, command)
-        return _graph_of(going).external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
+        (name,) = self.scenario.agents
+        checked = _graph_of(going).external(partial(_require_alive, name), [(going,), leaves(command)], 1)
+        return checked[0], moved, acting
 
     def apply_law(
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
@@ -194,9 +197,9 @@ def _graph_of(record: Tree) -> Graph:
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
-def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
+def _require_alive(agent: str, alive: Flat, command: Flat = ()) -> Flat:
     if alive[0] < 0.5:
-        raise EpisodeEndedError(command)
+        raise EpisodeEndedError(agent, command)
     return alive
 
 

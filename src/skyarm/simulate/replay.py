@@ -24,6 +24,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State, example_state
 from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
 from skyarm.plant.interface import Truth
+from skyarm.plant.rigid_body import Moved
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -132,7 +133,8 @@ class CommandReplay:
             rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
             memories = tuple(drive.advance(memory, mean, q, qd, step) for drive, memory, mean, q, qd in rows)
             worlds = (Truth(vehicle=vehicle, gravity=gravity),)
-            beside, now = Together((around(vehicle, given, memories),)), ((before,), ())
+            beside = Together((around(vehicle, given, memories),))
+            now: Moved = (before,), ()
             left: Scalar = step
             for seconds, command in switches(given.before, given.after, *given.late):
                 now = hold(worlds, "rk4", count, now, (command,), beside, seconds)

@@ -303,13 +303,13 @@ class PilotedSession(Session):
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
         self._signals: Sequence[float] = (0.0,) * len(self._most) if self._link is None else self._signals
-        self._inputs: EpisodeInputs = engine.inputs
-        self._goals: Array | None = goal_columns(engine.inputs)
+        (self._inputs,) = engine.inputs.each
+        self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
 
     def _next_goal(self) -> BaseGoal:
         """Set point of the base for the next control period."""
-        inputs = self._engine.inputs
+        (inputs,) = self._engine.inputs.each
         if inputs is not self._inputs:
             self._inputs, self._goals = inputs, goal_columns(inputs)
         if self._goals is None:

@@ -201,7 +201,7 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
             time=float(inputs.times[until]),
             differentiator=differentiator,
             carry=now,
-            row=leaves(inputs.row_at(until, now.agent, now.ticks)),
+            row=leaves(inputs.rows_at(until, now)),
         )
 
 
