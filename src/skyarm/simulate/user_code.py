@@ -55,7 +55,6 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
-from skyarm.simulate.first_state import component_places
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
@@ -112,6 +111,8 @@ class UserPart:
             raise self.refusal(f"gives {comma_list(numbers)}: must be {comma_list(expected)}", method=method)
         for at, each in numbers.items():
             plain = coerce.plain_number(each)
+            if isinstance(expected[at], str) and isinstance(each, str):
+                continue
             if kind_of(plain) != "a number" and type(plain) not in (int, also):
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
@@ -322,7 +323,7 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
         call("rotor_commands", following, vehicle.rotors, state.rotor_speeds)
         return following
 
-    index = component_places(scenario).index(part.place)
+    index = [place for place, _ in scenario.placed_components].index(part.place)
     draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
     try:
         memory = component.start(period, draws)
