@@ -111,7 +111,7 @@ class UserPart:
             raise self.refusal(f"gives {comma_list(numbers)}: must be {comma_list(expected)}", method=method)
         for at, each in numbers.items():
             plain = coerce.plain_number(each)
-            if isinstance(expected[at], str) and isinstance(each, str):
+            if example is not None and isinstance(expected[at], str) and isinstance(each, str):
                 continue
             if kind_of(plain) != "a number" and type(plain) not in (int, also):
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
