@@ -45,8 +45,8 @@ class PointMotion:
         self.agents: Mapping[str, PointMotion] = {name: self}
 
     def of(self, agent: str) -> PointMotion:
-        """Motion of a vehicle by name; of this one for an empty name."""
-        return self.agents[agent] if agent else self
+        """Motion of a vehicle by name; this one for an empty name, or where vehicles have none."""
+        return self.agents[agent] if agent and self.name else self
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
         """World velocity of the air at a point given in a body's frame, m/s."""

@@ -20,13 +20,14 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, replace_at
+from skyarm.records.path_names import OF_AGENT, word_of
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
 from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.paths import alone, by_agent, delay_words, is_below, place_of_delay, roots, variable_words
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -53,6 +54,9 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
+    if len(scenario.agents) > 1:
+        return by_agent(scenario, {path: value}, lambda one, values: with_part(one, *next(iter(values.items()))))
+    scenario, path = alone(scenario, path)
     model = scenario.agent.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
@@ -150,12 +154,14 @@ NONE = Overrides()
 
 def is_part(path: str, value: object) -> bool:
     """True if a scheduled change replaces a whole section, such as the controller, and not a single number."""
-    return path in whole_parts() and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
+    word = word_of(path)
+    return word in whole_parts() and (word != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
 def _replaces(part: str, path: str) -> bool:
     """True if replacing a section of a scenario also replaces the parameter at a given path."""
-    return is_below(path, part) or (part == LAW and path.startswith("controller."))
+    law = word_of(part) == LAW and is_below(path, part.removesuffix(".law"))
+    return is_below(path, part) or law
 
 
 @immutable(kw_only=False)
@@ -190,8 +196,9 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 def is_traceable(scenario: Scenario) -> bool:
     """True if machine code can fly a whole flight: all its laws can be traced, and none is an external autopilot."""
-    flown = [stretch.overrides.parts_of(scenario).agent.controller for stretch in stretches(scenario)]
-    return all(each.compiled and autopilot_of(each) is None for each in flown)
+    flown = [stretch.overrides.parts_of(scenario) for stretch in stretches(scenario)]
+    laws = [each.controller for one in flown for each in one.agents.values()]
+    return all(law.compiled and autopilot_of(law) is None for law in laws)
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
@@ -296,6 +303,7 @@ def _name_change_in_errors(where: str) -> Iterator[None]:
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
     """Raise an error if a parameter or section of the scenario may not change during a flight."""
+    scenario, path = alone(scenario, path)
     if path in whole_parts() or place_of_delay(scenario, path) is not None:
         return
     if path in delay_words():
@@ -338,13 +346,24 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     Raises:
         ScenarioError: names it.
     """
-    after = _held_throughout(new)
-    for name, began in _held_throughout(old).items():
+    after = _held_by_all(new)
+    for name, began in _held_by_all(old).items():
         value = after.get(name, began)
         if value != began:
             late = "readings" if name.startswith("sensors.") else "setpoints" if ".drives." in name else ""
             what, why = ("", f", since {late} are on their way") if late else (f"{shown(began)} ", "")
             raise ScenarioError(f"{name} = {shown(value)}: must be {what}as the session began{why}")
+
+
+def _held_by_all(scenario: Scenario) -> dict[str, object]:
+    """Settings of all vehicles that must stay the same throughout a flight, by name."""
+    several = len(scenario.agents) > 1
+    names = {name: f"{OF_AGENT}{name}." if several else "" for name in scenario.agents}
+    return {
+        before + setting: value
+        for name, before in names.items()
+        for setting, value in _held_throughout(scenario.of(name)).items()
+    }
 
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:

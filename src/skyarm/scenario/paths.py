@@ -6,39 +6,103 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.files import did_you_mean
+from skyarm.records.files import did_you_mean, must_be_one_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part, walk
-from skyarm.records.path_names import Names, NumberView, path_names
+from skyarm.records.leaves import Place, part, replace_at, walk
+from skyarm.records.path_names import OF_AGENT, Names, NumberView, agent_of, path_names, word_of
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+
+V = TypeVar("V")
 
 LATE = "delays.command"
 """Path of the command delay, which is not a parameter of a flight without one."""
 
 
-OF_AGENT = "agents."
-"""Beginning of a path that names a vehicle: agents.NAME.plant.gravity."""
-
-
-def agent_of(path: str) -> str:
-    """Name of the vehicle that a parameter path begins with; empty for a path of the only one, or of all."""
-    return path.split(".")[1] if path.startswith(OF_AGENT) and path.count(".") else ""
-
-
-def word_of(path: str) -> str:
-    """Parameter path without the name of the vehicle that it begins with, as in a scenario of that vehicle alone."""
-    return path.split(".", 2)[2] if path.startswith(OF_AGENT) and path.count(".") > 1 else path
-
-
 OF_STUDIES = "the same for all episodes; fly two studies"
 """Advice in messages about structural numbers, for those who vary them between episodes."""
+
+
+def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
+    """Flight of the vehicle that a parameter path names, as a scenario, and the path in it.
+
+    Of a path that names none the flight is the whole scenario, or that of the first of several vehicles.
+
+    Raises:
+        ScenarioError: there is no such vehicle, or the path is of one vehicle and does not say which.
+    """
+    name, word = agent_of(path), word_of(path)
+    if name and word != path:
+        if name not in scenario.agents:
+            known = must_be_one_of(scenario.agents, name)
+            raise ScenarioError(f"path = {path!r}: agents.{name}: {known}")
+        return scenario.of(name), word
+    if len(scenario.agents) > 1 and is_of_agent(path):
+        names = ", ".join(scenario.agents)
+        raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
+    return scenario.of(next(iter(scenario.agents))), path
+
+
+def is_of_agent(path: str) -> bool:
+    """True if a key path of a scenario file is of one vehicle, such as plant.gravity, and not of all."""
+    return any(
+        is_below(path, slot.table) or is_below(slot.table, path) for slot in slots(Scenario) if slot.place[0] == "agent"
+    )
+
+
+def by_agent(
+    scenario: Scenario, values: Mapping[str, V], change: Callable[[Scenario, Mapping[str, V]], Scenario]
+) -> Scenario:
+    """Scenario of several vehicles with values replaced, in each vehicle's own flight or in what all share.
+
+    Args:
+        scenario: scenario of several vehicles.
+        values: path -> value.
+        change: function that replaces values in a scenario of one vehicle.
+
+    Raises:
+        ScenarioError: as :func:`alone`, and as ``change`` with the vehicle's name in the path.
+    """
+    groups: dict[str, dict[str, V]] = {}
+    for path, value in values.items():
+        _, word = alone(scenario, path)
+        groups.setdefault(agent_of(path) if word != path else "", {})[word] = value
+    changed, shared = scenario, groups.pop("", {})
+    later = {path: shared.pop(path) for path in [*shared] if path.startswith("changes.")}
+    if later:
+        changed = replace_at(changed, {tuple(path.split(".")): value for path, value in later.items()})
+    if shared:
+        one = change(scenario.of(next(iter(scenario.agents))), shared)
+        changed = dataclasses.replace(changed, environment=one.environment, endings=one.endings)
+    agents = dict(changed.agents)
+    for name, own in groups.items():
+        with errors_of_agent(name):
+            agents[name] = change(changed.of(name), own).agent
+    return dataclasses.replace(changed, agents=agents) if groups else changed
+
+
+@contextmanager
+def errors_of_agent(name: str) -> Iterator[None]:
+    """Context manager that puts a vehicle's name into the path with which an error message begins; "" for none."""
+    try:
+        yield
+    except ValueError as error:
+        if not name:
+            raise
+        words = str(error)
+        if words.startswith("path = '"):
+            raise ScenarioError(words.replace("path = '", f"path = '{OF_AGENT}{name}.", 1)) from None
+        raise ScenarioError(
+            f"{OF_AGENT}{name}.{words}" if is_of_agent(words.split(" ", maxsplit=1)[0].rstrip(":")) else words
+        ) from None
 
 
 @immutable(kw_only=False)

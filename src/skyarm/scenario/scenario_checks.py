@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -21,13 +22,14 @@ from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
+from skyarm.plant.surroundings import motions_of
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.paths import is_below
+from skyarm.scenario.paths import errors_of_agent, is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
@@ -66,16 +68,23 @@ RULES: list[Rule] = []
 """Consistency checks in the order of their messages; the first failure is reported."""
 
 
-def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:
+SHARED_RULES: list[Rule] = []
+"""Checks of what all vehicles share, which are given the whole scenario; :data:`RULES` are given that of each."""
+
+
+def rule(
+    *reads: str, numbers: bool = True, shared: bool = False
+) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:
     """Add a function to the consistency checks of a scenario.
 
     Args:
         reads: words of a scenario's file, or paths below them, that the function reads.
         numbers: numbers as of :class:`Rule`.
+        shared: True for a function that takes the scenario of all vehicles.
     """
 
     def add(check: Callable[[Scenario], None]) -> Callable[[Scenario], None]:
-        RULES.append(Rule(check, reads, numbers))
+        (SHARED_RULES if shared else RULES).append(Rule(check, reads, numbers))
         return check
 
     return add
@@ -92,8 +101,14 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
     Raises:
         ScenarioError: one line with field, value and what is allowed.
     """
+    rules = [r for r in RULES if changed is None or ((r.numbers or not numbers) and touches(r, changed))]
+    for name in scenario.agents:
+        one, of = scenario.of(name), name if len(scenario.agents) > 1 else ""
+        with errors_as(ScenarioError), errors_of_agent(of):
+            for each in rules:
+                each.check(one)
     with errors_as(ScenarioError):
-        for each in RULES:
+        for each in SHARED_RULES:
             if changed is None or ((each.numbers or not numbers) and touches(each, changed)):
                 each.check(scenario)
 
@@ -338,12 +353,33 @@ def surroundings_fit(scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-    for where, component in scenario.placed_components:
-        try:
+    for where, component in scenario.placed_own:
+        with _at_its_place(where):
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
-        except ValueError as error:
-            words = str(error)
-            raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
+
+
+@rule("environment", "world", "plant.vehicle", "plant.gravity", "rates", shared=True)
+def shared_surroundings_fit(scenario: Scenario) -> None:
+    """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
+    period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
+    first = next(iter(gravities))
+    for name, gravity in gravities.items():
+        if concrete(gravity, gravities[first]) and gravity != gravities[first]:
+            words = f"must be {gravities[first]!r} as of {first}; there is one world"
+            raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
+    for where, component in scenario.placed_shared:
+        with _at_its_place(where):
+            component.require_vehicles(scenario.vehicles, period, gravities[first])
+
+
+@contextmanager
+def _at_its_place(where: str) -> Iterator[None]:
+    """Context manager that puts the path of an environment model before the messages about its fields."""
+    try:
+        yield
+    except ValueError as error:
+        words = str(error)
+        raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
 
 
 def _fields_of_users(slot: Slot, scenario: Scenario) -> None:
@@ -395,11 +431,13 @@ def require_flight(scenario: object) -> None:
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
     check_scenario(scenario)
-    for slot in slots(Scenario):
-        for field, value in named_leaves(part(scenario, slot.record), slot.table):
-            # the table of a change holds what a file would, plain numbers only
-            if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
-                raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
+    for one in map(scenario.of, scenario.agents):
+        for slot in slots(Scenario):
+            for field, value in named_leaves(part(one, slot.record), slot.table):
+                # the table of a change holds what a file would, plain numbers only
+                if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
+                    said = f"{field} = {shown(value)}"
+                    raise ScenarioError(f"{said}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
         with errors_as(ScenarioError):
             require_start_outside(scenario)
@@ -411,11 +449,21 @@ def require_start_outside(scenario: Scenario) -> None:
     Raises:
         ValueError: one line.
     """
+    for name in scenario.agents:
+        _require_start_outside(scenario.of(name), name)
+    for contact in scenario.worlds:
+        alone = [scenario.of(name) for name in scenario.agents]
+        truths, states = [each.agent.plant for each in alone], [first_state(each) for each in alone]
+        contact.require_within_reach(motions_of(truths, states, tuple(scenario.agents))[0])
+
+
+def _require_start_outside(scenario: Scenario, name: str) -> None:
+    """Raise an error if one vehicle, of a name, starts inside a surface, or with an excessive contact force."""
     from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
     state, vehicle, gravity = first_state(scenario), scenario.agent.plant.vehicle, scenario.agent.plant.gravity
-    for contact in scenario.worlds:
+    for contact in (each.of_agent(name) for each in scenario.worlds):
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself
         require_outside(contact, vehicle, float(gravity), state)

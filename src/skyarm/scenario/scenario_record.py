@@ -27,6 +27,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.members import SOLE, members_of
 from skyarm.records.notebook import notebook_html
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
@@ -37,6 +38,7 @@ from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
@@ -252,7 +254,7 @@ class Change:
     @property
     def of_law(self) -> bool:
         """True for a change of the controller; such changes are dropped when the law is replaced."""
-        return self.path.split(".", maxsplit=1)[0] == "controller"
+        return word_of(self.path).split(".", maxsplit=1)[0] == "controller"
 
     @property
     def table(self) -> Any:
@@ -538,7 +540,7 @@ class Scenario:
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
             world = self.environment.world
-            if world is not None and (fitted := world.on(self.agent.plant.vehicle)) is not world:
+            if world is not None and (fitted := world.on(self.vehicles)) is not world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
 
     def _repr_html_(self) -> str:
@@ -568,7 +570,16 @@ class Scenario:
         """
         if name not in self.agents:
             raise ScenarioError(f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}")
-        return self if len(self.agents) == 1 else dataclasses.replace(self, agents={name: self.agents[name]})
+        if len(self.agents) == 1:
+            return self
+        of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
+        changes = tuple(dataclasses.replace(each, path=word_of(each.path)) for each in of_it)
+        return dataclasses.replace(self, agents={name: self.agents[name]}, changes=changes)
+
+    @property
+    def vehicles(self) -> dict[str, Vehicle]:
+        """True vehicle of each agent by name."""
+        return {name: each.plant.vehicle for name, each in self.agents.items()}
 
     @property
     def is_compiled(self) -> bool:
@@ -721,24 +732,30 @@ class Scenario:
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
         """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
-        return (*self._placed_own(self.agent), *self._placed_shared)
+        return (*self.placed_own_of(self.agent), *self.placed_shared)
 
     def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
         """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
-        return tuple(component for _, component in self._placed_own(agent))
+        return tuple(component for _, component in self.placed_own_of(agent))
 
     @property
     def shared_components(self) -> tuple[AnyComponent, ...]:
         """Environment models that all vehicles share: contact, and air and forces that say so."""
-        return tuple(component for _, component in self._placed_shared)
+        return tuple(component for _, component in self.placed_shared)
 
     @property
     def places_of_components(self) -> tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]:
         """Parameter paths of each vehicle's own environment models, and of those that all share."""
-        own = tuple(tuple(at for at, _ in self._placed_own(each)) for each in self.agents.values())
-        return own, tuple(at for at, _ in self._placed_shared)
+        own = tuple(tuple(at for at, _ in self.placed_own_of(each)) for each in self.agents.values())
+        return own, tuple(at for at, _ in self.placed_shared)
 
-    def _placed_own(self, agent: Agent) -> tuple[tuple[str, AnyComponent], ...]:
+    @property
+    def placed_own(self) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models of the only vehicle that it has for itself, with their parameter paths."""
+        return self.placed_own_of(self.agent)
+
+    def placed_own_of(self, agent: Agent) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that a vehicle has for itself, with their parameter paths."""
         return (
             *((at, each) for at, each in self.placed_winds_and_forces if not each.shared),
             *((f"payloads[{i}]", each) for i, each in enumerate(agent.payloads)),
@@ -746,7 +763,8 @@ class Scenario:
         )
 
     @property
-    def _placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that all vehicles share, with their parameter paths."""
         together = ((at, each) for at, each in self.placed_winds_and_forces if each.shared)
         return (*together, *(("world", each) for each in self.worlds))
 

@@ -12,6 +12,7 @@ from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
+from skyarm.log.team_log import TeamLog
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
@@ -106,8 +107,9 @@ def join_pieces(
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
     """
-    (name,) = scenario.agents
-    return log_of_agent(scenario, [piece.of(name) for piece in pieces], ending, info=info)
+    flown = {name: [piece.of(name) for piece in pieces] for name in scenario.agents}
+    logs = {name: log_of_agent(scenario.of(name), each, ending, info=info) for name, each in flown.items()}
+    return next(iter(logs.values())) if len(logs) == 1 else TeamLog(logs, describe_team(scenario, ending))
 
 
 def log_of_agent(
@@ -274,21 +276,33 @@ def _references(
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """Metadata of a flight log as a dictionary: scenario, rates, status, versions, digest."""
-    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
-    guards = scenario.agent.reference.guards
+    """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status, versions, digest."""
+    guards, own, whole = scenario.agent.reference.guards, scenario.agent, describe_team(scenario, ending)
     waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
+    return {
+        **{name: whole[name] for name in ("schema", "scenario", "title", "plant", "integrator")},
+        "plant_vehicle": own.plant.vehicle.name,
+        "plant_gravity": float(own.plant.gravity),
+        "model_vehicle": own.controller.par.model.vehicle.name,
+        "model_gravity": float(own.controller.par.model.gravity),
+        "controller": own.controller.name,
+        **{name: value for name, value in whole.items() if name not in ("scenario_record", "digest")},
+        **({"phases": [phase.name for phase in own.reference.phases]} if own.reference.phases else {}),
+        **({"waits": waits} if waits else {}),
+        "scenario_record": whole["scenario_record"],
+        "digest": whole["digest"],
+    }
+
+
+def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
+    """Metadata of a flight log that is of all vehicles: scenario, rates, status, versions, digest."""
+    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,
         "scenario": scenario.name,
         "title": scenario.title,
         "plant": scenario.kind,
         "integrator": scenario.integrator,
-        "plant_vehicle": scenario.agent.plant.vehicle.name,
-        "plant_gravity": float(scenario.agent.plant.gravity),
-        "model_vehicle": scenario.agent.controller.par.model.vehicle.name,
-        "model_gravity": float(scenario.agent.controller.par.model.gravity),
-        "controller": scenario.agent.controller.name,
         "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
         "duration": scenario.duration,
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
@@ -300,12 +314,6 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "versions": versions("numpy", "mujoco-core"),
         "plugins": identities(),
         "code": files,
-        **(
-            {"phases": [phase.name for phase in scenario.agent.reference.phases]}
-            if scenario.agent.reference.phases
-            else {}
-        ),
-        **({"waits": waits} if waits else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

@@ -30,8 +30,8 @@ from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
-from skyarm.scenario.paths import word_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import LoggedSamples, Piece

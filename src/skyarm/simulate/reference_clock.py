@@ -31,13 +31,13 @@ from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, leaves, mismatch
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference.path_time import offset_reference
 from skyarm.reference.preview import with_preview
 from skyarm.reference.task_records import Guard
 from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
-from skyarm.scenario.paths import agent_of, word_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, InputRow, LoopState, PathClock

@@ -18,10 +18,10 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
+from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.paths import word_of
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
@@ -157,7 +157,7 @@ class Session:
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
-        autopilot = autopilot_of(scenario.agent.controller)
+        autopilot = autopilot_alone(scenario)
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
         return super().__new__(kind)
 
@@ -415,6 +415,19 @@ class Session:
             raise ScenarioError("session: has ended; there is no next period")
 
 
+def autopilot_alone(scenario: Scenario) -> Any:
+    """External autopilot that flies the only vehicle of a scenario; None for control laws.
+
+    Raises:
+        ScenarioError: an autopilot in a scenario of several vehicles.
+    """
+    autopilots = {name: autopilot_of(each.controller) for name, each in scenario.agents.items()}
+    for name, each in autopilots.items() if len(autopilots) > 1 else ():
+        if each is not None:
+            raise ScenarioError(f"agents.{name}.controller.autopilot: must be left out: an autopilot flies one agent")
+    return next(iter(autopilots.values()))
+
+
 def open_session(
     scenario: Scenario,
     paths: Sequence[str] = (),
@@ -436,7 +449,7 @@ def open_session(
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
     # checked by the session itself, before it is made
-    autopilot = autopilot_of(scenario.agent.controller) if isinstance(scenario, Scenario) else None
+    autopilot = autopilot_alone(scenario) if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
     session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)

@@ -279,7 +279,8 @@ class AgentStages:
         if not self._awaits_load:
             return read
         tip, each_memory = self.scenario.agent.plant.vehicle.end_effector, zip(self._models, memories, strict=True)
-        reports = [report for each, memory in each_memory for report in each.holds(memory, tip)]
+        (name,) = self.scenario.agents
+        reports = [report for each, memory in each_memory for report in each.holds(memory, tip, name)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
 

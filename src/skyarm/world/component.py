@@ -122,6 +122,15 @@ class Component(Generic[Memory]):
             ValueError: one line that begins with a field of the component.
         """
 
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse vehicles, by name, that are incompatible with an environment model that all of them share.
+
+        Raises:
+            ValueError: one line that begins with a field of the component.
+        """
+        for vehicle in vehicles.values():
+            self.require_vehicle(vehicle, period, gravity)
+
     largest_step: Scalar | None = None
     """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
 
@@ -174,8 +183,8 @@ class Component(Generic[Memory]):
         """
         return memory
 
-    def holds(self, memory: Memory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signal of each gripper at a vehicle frame: 1 while it holds a body, else 0; () without grippers."""
+    def holds(self, memory: Memory, frame: str, agent: str = "") -> tuple[Scalar, ...]:
+        """Grasp signal of each gripper at a vehicle's frame: 1 while it holds a body, else 0; () without any."""
         return ()
 
     def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:
