@@ -63,6 +63,11 @@ class ScenarioWords(Protocol):
         """Vehicle, gravity, duration and other facts of a flight that its reference table is read with."""
         ...
 
+    @property
+    def events(self) -> Sequence[tuple[str, Sequence[TaskEvent]]]:
+        """Events of the task of each agent's reference, with the agent's name; "" if it is the only one."""
+        ...
+
     def word(self, path: str) -> Any:
         """Value of a scenario field by its key path in the scenario file."""
         ...
@@ -112,7 +117,7 @@ def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequenc
         except ValueError as error:
             words, at = str(error), fields.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
-    if fields.where == "model" and "drives" in fields.table:
+    if fields.where.split(".")[-1] == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
         vehicle = dataclasses.replace(vehicle, drives=mounted_drives(drives, fields.at("drives")))
     vehicle = _with_joint_numbers(vehicle, fields.inner("joints"))
@@ -164,8 +169,10 @@ def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[T
     component: Component[Tree] | None = None
     if entry is not None:
         component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
-    events = [event for event in _events(reading) if event.gripper]
-    return with_commands(component, events, reading.word("rates").control) if events else component
+    for agent, every in reading.events:
+        events = [event for event in every if event.gripper]
+        component = with_commands(component, events, reading.word("rates").control, agent) if events else component
+    return component
 
 
 def payloads(entry: object, path: str, reading: ScenarioWords) -> tuple[TimedPayload, ...]:
@@ -285,16 +292,25 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
 
 
-def at_start(scenario: Scenario, initial: object) -> Scenario:
-    """Scenario with a given initial state, objects in static equilibrium, and no initial penetration."""
+def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> Scenario:
+    """Scenario with given initial states, objects in static equilibrium, and no initial penetration.
+
+    Args:
+        scenario: scenario with the vehicles at their references.
+        initials: by the agent's name the entry of its initial state, None for hover trim, and the entry's path.
+    """
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
-        rested = with_standing_objects(scenario.world, float(scenario.agent.plant.gravity))
+        gravity = float(next(iter(scenario.agents.values())).plant.gravity)
+        rested = with_standing_objects(scenario.world, gravity)
         scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, world=rested))
-    if initial is not None:
-        scenario = scenario.with_initial(initial_state(Fields(initial, "initial"), scenario))
-        check_scenario(scenario, [INITIAL])
+    for name, (initial, path) in initials.items():
+        if initial is not None:
+            one = scenario.of(name)
+            one = one.with_initial(initial_state(Fields(initial, path), one))
+            check_scenario(one, [INITIAL], shared=False)
+            scenario = dataclasses.replace(scenario, agents={**scenario.agents, name: one.agent})
     if scenario.world is not None:
         require_start_outside(scenario)
     return scenario

@@ -90,13 +90,16 @@ def rule(
     return add
 
 
-def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None, *, numbers: bool = False) -> None:
+def check_scenario(
+    scenario: Scenario, changed: Collection[Place] | None = None, *, numbers: bool = False, shared: bool = True
+) -> None:
     """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
     Args:
         scenario: scenario to check.
         changed: fields that differ from a scenario that was checked: only rules that read them run; None for all.
         numbers: True if nothing but numbers differs.
+        shared: False for one of several vehicles, whose surroundings name the others: what all share is not checked.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.
@@ -108,7 +111,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
             for each in rules:
                 each.check(one)
     with errors_as(ScenarioError):
-        for each in SHARED_RULES:
+        for each in SHARED_RULES if shared else ():
             if changed is None or ((each.numbers or not numbers) and touches(each, changed)):
                 each.check(scenario)
 
