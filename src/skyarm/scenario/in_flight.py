@@ -55,9 +55,12 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
         ValueError: one line with the path, the value and what is allowed.
     """
     if len(scenario.agents) > 1:
-        changed = by_agent(
-            scenario, {path: value}, lambda one, own: _with_part(one, *next(iter(own.items())), shared=False)
-        )
+
+        def change(one: Scenario, own: Mapping[str, object]) -> Scenario:
+            ((word, entry),) = own.items()
+            return _with_part(one, word, entry, shared=False)
+
+        changed = by_agent(scenario, {path: value}, change)
         check_scenario(changed)
         return changed
     return _with_part(*alone(scenario, path), value)
