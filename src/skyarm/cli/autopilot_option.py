@@ -114,7 +114,7 @@ def _value(text: str) -> Entry:
 
 def outside_command(scenario: str, planned: Scenario) -> str:
     """Command line of the external program that takes over in hover; empty for a flight without one."""
-    record = autopilot_of(planned.agent.controller)
+    record = planned.autopilot
     if record is None or not record.outside:
         return ""
     mavlink, joints = record.outside_ports

@@ -24,9 +24,13 @@ Info: TypeAlias = dict[str, Any]
 
 
 def written_scenario(info: Info) -> Info:
-    """Scenario of a log as plain data; empty if the log stores none."""
+    """Scenario of a log as plain data, of one vehicle with that one as ``agent``; empty if the log stores none."""
     record = info.get("scenario_record")
-    return record if isinstance(record, dict) else {}
+    if not isinstance(record, dict):
+        return {}
+    agents = record.get("agents")
+    only = [*agents.values()] if isinstance(agents, dict) else []
+    return record | {"agent": only[0]} if len(only) == 1 else record
 
 
 def written_at(info: Info, path: str) -> Any:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import Info
+from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import LONGEST
+
+SHARED = "shared"
+"""Key of a description with the names of the arrays of what all vehicles share."""
 
 WITHIN = "/"
 """Character between a vehicle's name and that of its array in a file."""
@@ -25,8 +31,9 @@ class TeamLog(Log):
     message of one line with the names.
 
     Attributes:
-        agents: log of each vehicle by name. info: description of the whole flight, as :attr:`Log.info`; those of the
-            vehicles are in ``info["agents"]`` of a file.
+        time: (N,) s. agents: log of each vehicle by name.
+        info: description of the whole flight, as that of a :class:`skyarm.Log`; ``info["shared"]`` names the arrays of
+            what all share.
     """
 
     def __init__(self, agents: Mapping[str, Log], info: Info) -> None:
@@ -44,24 +51,38 @@ class TeamLog(Log):
         agents: Mapping[str, Log] = self.__dict__["_agents"]
         return agents
 
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of the arrays that models logged which all vehicles share."""
+        return tuple(self.info.get(SHARED, ()))
+
+    def __getitem__(self, array: str) -> Array:
+        """Array by its name: ``left/position`` of one vehicle, or one of what all share."""
+        name, within, own = array.partition(WITHIN)
+        if array == "time":
+            return self.time
+        return self.agents[name][own] if within else self.component(array.removeprefix(f"{COMPONENTS}."))
+
     def component(self, name: str) -> Array:
         """Array logged by a model that all vehicles share, such as contact; (N, 0) if the flight has no such array."""
-        return next(iter(self.agents.values())).component(name)
+        first = next(iter(self.agents.values()))
+        return first.component(name) if name in self.shared else np.zeros((self.time.size, 0))
 
     def __getattr__(self, name: str) -> Array:
         """Arrays logged by models that all vehicles share; those of one vehicle are refused in one line."""
         if name.startswith("_"):
             raise AttributeError(name)
-        agents: Mapping[str, Log] = self.__dict__.get("_agents", {})
-        array = next(iter(agents.values())).component(name) if agents else None
-        if array is None or not array.size:
-            raise OfOneAgentError(f"log.{name}: is of one agent; log.agents[NAME].{name}, of {', '.join(agents)}")
-        return array
+        if name not in self.shared:
+            raise OfOneAgentError(f"log.{name}: is of one agent; log.agents[NAME].{name}, of {', '.join(self.agents)}")
+        return self.component(name)
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays of all vehicles, by name of vehicle and array: ``left/position``."""
-        return {
+        """All arrays by name: ``left/position`` of one vehicle, those of what all share without a vehicle's name."""
+        shared = ["time", *(f"{COMPONENTS}.{name}" for name in self.shared)]
+        own = {
             f"{name}{WITHIN}{array}": values
             for name, log in self.agents.items()
             for array, values in log.arrays().items()
+            if array not in shared
         }
+        return own | {name: self[name] for name in shared}

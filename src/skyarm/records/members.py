@@ -17,10 +17,16 @@ SOLE = "main"
 
 @immutable(kw_only=False)
 class Members(Mapping[str, T]):
-    """Immutable mapping from names to records, in order; at least one."""
+    """Immutable mapping from names to records, in order; at least one.
+
+    Attributes:
+        names: names of the members. records: the members.
+        others: names of members that are left out of a view of some.
+    """
 
     names: tuple[str, ...]
     records: tuple[T, ...]
+    others: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> T:
         if name not in self.names:
@@ -32,6 +38,10 @@ class Members(Mapping[str, T]):
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def only(self, name: str) -> Members[T]:
+        """View of one member, which knows the names of the others."""
+        return Members((name,), (self[name],), tuple(each for each in self.names if each != name))
 
 
 def members_of(kind: str) -> Callable[[str, object], Members[Any]]:

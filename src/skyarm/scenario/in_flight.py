@@ -55,24 +55,15 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
         ValueError: one line with the path, the value and what is allowed.
     """
     if len(scenario.agents) > 1:
-
-        def change(one: Scenario, own: Mapping[str, object]) -> Scenario:
-            ((word, entry),) = own.items()
-            return _with_part(one, word, entry, shared=False)
-
-        changed = by_agent(scenario, {path: value}, change)
+        changed = by_agent(scenario, {path: value}, lambda one, own: with_part(one, *next(iter(own.items()))))
         check_scenario(changed)
         return changed
-    return _with_part(*alone(scenario, path), value)
-
-
-def _with_part(scenario: Scenario, path: str, value: object, *, shared: bool = True) -> Scenario:
-    """Scenario of one vehicle with one whole section of its file replaced; ``shared`` as of :func:`check_scenario`."""
+    scenario, path = alone(scenario, path)
     model = scenario.agent.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
-        changed: Scenario = replace_at(scenario, fields)
-        check_scenario(changed, fields, shared=shared)
+        changed = replace_at(scenario, fields)
+        check_scenario(changed, fields)
         return changed
 
 

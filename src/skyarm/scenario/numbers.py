@@ -148,14 +148,9 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     """
     _require_numbers(values)
     if len(scenario.agents) > 1:
-        changed = by_agent(scenario, values, lambda one, own: _with_numbers(one, own, shared=False))
+        changed = by_agent(scenario, values, with_numbers)
         check_scenario(changed, numbers=True)
         return changed
-    return _with_numbers(scenario, values)
-
-
-def _with_numbers(scenario: Scenario, values: Mapping[str, Scalar], *, shared: bool = True) -> Scenario:
-    """Scenario of one vehicle with the parameters at some paths replaced; ``shared`` as of :func:`check_scenario`."""
     values = {alone(scenario, path)[1]: value for path, value in values.items()}
     started = _with_initial_state(scenario, values)
     fields, start = dict[Place, Scalar](), dict[Place, Scalar]()
@@ -175,7 +170,7 @@ def _with_numbers(scenario: Scenario, values: Mapping[str, Scalar], *, shared: b
         changed = changed.with_controller(after)
     if start or angles:
         changed = changed.with_initial(_start_with(started, changed, start, angles))
-    check_scenario(changed, replaced, numbers=True, shared=shared)
+    check_scenario(changed, replaced, numbers=True)
     return changed
 
 

@@ -309,7 +309,7 @@ def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> 
         if initial is not None:
             one = scenario.of(name)
             one = one.with_initial(initial_state(Fields(initial, path), one))
-            check_scenario(one, [INITIAL], shared=False)
+            check_scenario(one, [INITIAL])
             scenario = dataclasses.replace(scenario, agents={**scenario.agents, name: one.agent})
     if scenario.world is not None:
         require_start_outside(scenario)

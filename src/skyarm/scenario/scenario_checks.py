@@ -90,16 +90,13 @@ def rule(
     return add
 
 
-def check_scenario(
-    scenario: Scenario, changed: Collection[Place] | None = None, *, numbers: bool = False, shared: bool = True
-) -> None:
+def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None, *, numbers: bool = False) -> None:
     """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
     Args:
         scenario: scenario to check.
         changed: fields that differ from a scenario that was checked: only rules that read them run; None for all.
         numbers: True if nothing but numbers differs.
-        shared: False for one of several vehicles, whose surroundings name the others: what all share is not checked.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.
@@ -111,7 +108,7 @@ def check_scenario(
             for each in rules:
                 each.check(one)
     with errors_as(ScenarioError):
-        for each in SHARED_RULES if shared else ():
+        for each in SHARED_RULES:
             if changed is None or ((each.numbers or not numbers) and touches(each, changed)):
                 each.check(scenario)
 
@@ -370,7 +367,8 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
         if concrete(gravity, gravities[first]) and gravity != gravities[first]:
             words = f"must be {gravities[first]!r} as of {first}; there is one world"
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
-    for where, component in scenario.placed_shared:
+    for where, whole in scenario.placed_shared:
+        component = whole.of_agent(first) if scenario.others else whole
         with _at_its_place(where):
             component.require_vehicles(scenario.vehicles, period, gravities[first])
 
@@ -433,6 +431,10 @@ def require_flight(scenario: object) -> None:
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
+    if scenario.others:
+        raise ScenarioError(
+            f"agents = {', '.join(scenario.agents)}: flies beside {', '.join(scenario.others)}; fly all"
+        )
     check_scenario(scenario)
     for one in map(scenario.of, scenario.agents):
         for slot in slots(Scenario):

@@ -7,11 +7,11 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
-from skyarm.control.controller import Controller
+from skyarm.control.controller import Controller, autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -25,7 +25,7 @@ from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
-from skyarm.records.members import SOLE, members_of
+from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -472,9 +472,9 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
         TypeError: a field is missing, or there is no such field or word.
     """
     fields: dict[str, Any] = {name: words.pop(name) for name in (*defaults(kind), *groups(kind)) if name in words}
-    members, sole = fields.get("agents"), SOLE
+    members = fields.get("agents")
     if isinstance(members, Mapping) and len(members) == 1:
-        (sole, only), _ = *members.items(), fields.pop("agents")
+        (_, only), _ = *members.items(), fields.pop("agents")
         fields.setdefault("agent", only)
     for group, group_kind in groups(kind).items() if words else ():
         if inner := {word: words.pop(word) for word in field_names(group_kind) or () if word in words}:
@@ -485,7 +485,8 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
                 fields[group] = dataclasses.replace(fields[group], **inner)
     if "agent" in fields:
-        fields["agents"] = {sole: fields.pop("agent")}
+        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)), ())
+        fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
@@ -562,6 +563,16 @@ class Scenario:
             raise ScenarioError(SEVERAL.format(", ".join(self.agents)))
         return next(iter(self.agents.values()))
 
+    @property
+    def _members(self) -> Members[Agent]:
+        """Vehicles by name, as the check of the field stored them."""
+        return cast("Members[Agent]", self.agents)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Names of the vehicles that fly beside the one of this scenario, which :meth:`of` made; () of a whole one."""
+        return self._members.others
+
     def of(self, name: str) -> Scenario:
         """Flight of one vehicle of the scenario, in the surroundings of all, as a scenario.
 
@@ -574,12 +585,25 @@ class Scenario:
             return self
         of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
         changes = tuple(dataclasses.replace(each, path=word_of(each.path)) for each in of_it)
-        return dataclasses.replace(self, agents={name: self.agents[name]}, changes=changes)
+        return dataclasses.replace(self, agents=self._members.only(name), changes=changes)
 
     @property
     def vehicles(self) -> dict[str, Vehicle]:
         """True vehicle of each agent by name."""
         return {name: each.plant.vehicle for name, each in self.agents.items()}
+
+    @property
+    def autopilot(self) -> Any:
+        """External autopilot that flies the only vehicle (:mod:`skyarm.links.autopilots`); None for control laws.
+
+        Raises:
+            ScenarioError: an autopilot in a scenario of several vehicles.
+        """
+        autopilots = {name: autopilot_of(each.controller) for name, each in self.agents.items()}
+        for name, each in autopilots.items() if len(autopilots) > 1 else ():
+            if each is not None:
+                raise ScenarioError(f"agents.{name}.controller.autopilot: must be left out; an autopilot flies alone")
+        return next(iter(autopilots.values()))
 
     @property
     def is_compiled(self) -> bool:
@@ -588,7 +612,7 @@ class Scenario:
 
     def with_agent(self, agent: Agent) -> Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
-        return dataclasses.replace(self, agents=dict.fromkeys(self.agents, agent))
+        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))
 
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""

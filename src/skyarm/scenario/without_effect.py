@@ -63,6 +63,8 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
     lines = list[str]()
+    if len(scenario.agents) > 1:
+        return tuple(f"{name}: {line}" for name in scenario.agents for line in without_effect(scenario.of(name)))
     for judge in (_idle_components, _unread_sensors):
         with suppress(Exception):
             lines += judge(scenario)

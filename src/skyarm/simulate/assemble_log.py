@@ -12,7 +12,7 @@ from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
-from skyarm.log.team_log import TeamLog
+from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
@@ -109,7 +109,13 @@ def join_pieces(
     """
     flown = {name: [piece.of(name) for piece in pieces] for name in scenario.agents}
     logs = {name: log_of_agent(scenario.of(name), each, ending, info=info) for name, each in flown.items()}
-    return next(iter(logs.values())) if len(logs) == 1 else TeamLog(logs, describe_team(scenario, ending))
+    return next(iter(logs.values())) if len(logs) == 1 else _of_team(logs, scenario, ending)
+
+
+def _of_team(logs: dict[str, Log], scenario: Scenario, ending: Ended | None) -> TeamLog:
+    """Log of several vehicles, from a log of each."""
+    shared = dict.fromkeys(column[0] for each in scenario.shared_components for column in each.columns)
+    return TeamLog(logs, {**describe_team(scenario, ending), SHARED: [*shared]})
 
 
 def log_of_agent(

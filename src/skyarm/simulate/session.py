@@ -9,7 +9,6 @@ from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
@@ -157,7 +156,7 @@ class Session:
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
-        autopilot = autopilot_alone(scenario)
+        autopilot = scenario.autopilot
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
         return super().__new__(kind)
 
@@ -415,19 +414,6 @@ class Session:
             raise ScenarioError("session: has ended; there is no next period")
 
 
-def autopilot_alone(scenario: Scenario) -> Any:
-    """External autopilot that flies the only vehicle of a scenario; None for control laws.
-
-    Raises:
-        ScenarioError: an autopilot in a scenario of several vehicles.
-    """
-    autopilots = {name: autopilot_of(each.controller) for name, each in scenario.agents.items()}
-    for name, each in autopilots.items() if len(autopilots) > 1 else ():
-        if each is not None:
-            raise ScenarioError(f"agents.{name}.controller.autopilot: must be left out: an autopilot flies one agent")
-    return next(iter(autopilots.values()))
-
-
 def open_session(
     scenario: Scenario,
     paths: Sequence[str] = (),
@@ -449,7 +435,7 @@ def open_session(
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
     # checked by the session itself, before it is made
-    autopilot = autopilot_alone(scenario) if isinstance(scenario, Scenario) else None
+    autopilot = scenario.autopilot if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
     session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)

@@ -16,7 +16,7 @@ other's draws.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, where
@@ -130,6 +130,10 @@ class Component(Generic[Memory]):
         """
         for vehicle in vehicles.values():
             self.require_vehicle(vehicle, period, gravity)
+
+    def of_agent(self, name: str) -> Self:
+        """Model that all vehicles share, without what is of others than one vehicle."""
+        return self
 
     largest_step: Scalar | None = None
     """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""

@@ -26,7 +26,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.world.component import Column
-from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
 
 KINDS = ("fixed", "ball", "cable")
@@ -111,19 +111,16 @@ class Grasp:
 
     def step_of(self, carrier: AnyCarrier, *, euler: bool = False) -> Scalar:
         """Longest stable integration step (s) of the spring and damper between the lightest tip and a body."""
-        reach = sqrt(self.place.dot(self.place) + TINY) if self.kind == "fixed" else 0
-        mass = both(LIGHTEST, 1.0 / (carrier.mobility_at(0) if self.kind == "fixed" else carrier.mobility))
-        moved = minimum(mass, both(LIGHTEST, 1.0 / carrier.mobility_at(reach)))
-        square, decay = self.stiffness / moved, self.damping / moved
-        if self.kind == "fixed":  # over the patch, on the body's smallest moment of inertia
-            turning = maximum(1.0, divide(self.radius * self.radius, maximum(carrier.gyration, TINY)))
-            square, decay = square * turning, decay * turning
-        bound = euler_step_of(square, decay)
-        if not euler:
-            half = 0.5 * decay
-            fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
-            bound = BRISTLE_STEP / fastest
-        return minimum(NORMAL_STEP * sqrt(divide(1.0, square)), bound)
+        mobility = carrier.mobility_of(self.place) + 1.0 / LIGHTEST
+        if self.kind == "fixed":  # over the patch, on the body's smallest moment of inertia and on that of the tip
+            inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
+            mobility = mobility + divide(self.radius * self.radius, inertia) + 1.0 / LIGHTEST
+        square, decay = self.stiffness * mobility, self.damping * mobility
+        if euler:
+            return minimum(NORMAL_STEP / sqrt(square), euler_step_of(square, decay))
+        half = 0.5 * decay
+        fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
+        return minimum(NORMAL_STEP / sqrt(square), BRISTLE_STEP / fastest)
 
     def frame_of(self, motion: PointMotion) -> CarriedFrame:
         """World pose and velocity of the vehicle's frame."""
