@@ -149,7 +149,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
     row = InputRow(time=0.0, reference=inputs.reference_example)
 
     def step(now: Any, _parameters: Any, fed: InputRow, draws: Any) -> Any:
-        return period(now, fed, draws)
+        return period(now, (fed,), draws)
 
     loop = trace_loop(step, structure_of(first), (), row, stages.draws.channels)
     now = tuple(leaves(first))
