@@ -22,5 +22,5 @@ def test_the_wanted_force_of_a_task_that_waits_stands_at_its_own_time() -> None:
     assert found.tolist() == [0.0, 0.0, 2.0]
     log.path_time = np.zeros(0)
     assert desired_push(log).tolist() == [0.0, 2.0, 0.0]  # type: ignore[union-attr]
-    flown.reference.push = None
+    flown.agent.reference.push = None
     assert desired_push(log) is None
