@@ -149,7 +149,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
     row = InputRow(time=0.0, reference=inputs.reference_example)
 
     def step(now: Any, _parameters: Any, fed: InputRow, draws: Any) -> Any:
-        return period(now, fed, draws)
+        return period(now, (fed,), draws)
 
     loop = trace_loop(step, structure_of(first), (), row, stages.draws.channels)
     now = tuple(leaves(first))
@@ -173,7 +173,7 @@ def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
     scenario = served(DAMPED, integrator=integrator)
     plant, around = plant_of(scenario)
     count = plant.substeps(0.005).near
-    silent = dataclasses.replace(around, drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
+    silent = dataclasses.replace(around.of(0), drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
     alone = RigidBodyPlant(scenario.plant, silent, integrator, 0.005 / count)
     start = trimmed_state(scenario.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.25, -0.15))
     command, told = (485.0,) * 4 + (0.3, -0.2), tuple(leaves(around))

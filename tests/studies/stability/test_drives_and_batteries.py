@@ -71,7 +71,7 @@ def test_the_rounding_of_an_encoder_is_left_out_of_a_linearisation(servos):
     assert all(each.drive.resolution == 0 for each in nominal(servos).agent.joint_drives)
     rounded = tuple(
         dataclasses.replace(each, drive=dataclasses.replace(each.drive, resolution=1e-3))
-        for each in servos.joint_drives
+        for each in servos.agent.joint_drives
     )
     assert all(isinstance(each.drive, PositionServo) for each in rounded)
     loops = []
