@@ -53,13 +53,19 @@ def slot_of(path: str) -> Slot:
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
-def read_part(slot: Slot, entry: object, path: str, reading: readers.ScenarioWords) -> Any:
-    """Read the value of a scenario field from the entry that a scenario file has for it at a path.
+def words_of_agent() -> tuple[str, ...]:
+    """Keys that may stand in the table of one of several agents."""
+    paths = [OF_AGENT_ALONE.get(slot.path, slot.path) for slot in slots(Scenario) if slot.place[0] == "agent"]
+    return tuple(dict.fromkeys(path.split(".")[0] for path in paths))
+
+
+def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords, at: str = "") -> Any:
+    """Read the value of a scenario field from the entry that a scenario file has for it, at another path if given.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    word = slot.word
+    word, path = slot.word, at or slot.table
     if word.reader:
         return getattr(readers, word.reader)(entry, path, reading)
     if EACH in slot.path:
@@ -152,7 +158,7 @@ class Document:
         if path not in self._words:
             entry = self.entry(slot)
             at = self.at(slot.table)
-            self._words[path] = slot.default if entry is LEFT_OUT else read_part(slot, entry, at, self)
+            self._words[path] = slot.default if entry is LEFT_OUT else read_part(slot, entry, self, at)
         return self._words[path]
 
     def entry(self, slot: Slot) -> object:

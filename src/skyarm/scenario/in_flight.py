@@ -20,14 +20,23 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, replace_at
-from skyarm.records.path_names import OF_AGENT, word_of
+from skyarm.records.path_names import OF_AGENT, agent_of, word_of
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
 from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import alone, by_agent, delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.paths import (
+    alone,
+    by_agent,
+    delay_words,
+    errors_of_agent,
+    is_below,
+    place_of_delay,
+    roots,
+    variable_words,
+)
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -305,7 +314,13 @@ def _name_change_in_errors(where: str) -> Iterator[None]:
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
     """Raise an error if a parameter or section of the scenario may not change during a flight."""
-    scenario, path = alone(scenario, path)
+    one, word = alone(scenario, path)
+    with errors_of_agent(agent_of(path) if word != path else ""):
+        _require_changeable_word(one, word)
+
+
+def _require_changeable_word(scenario: Scenario, path: str) -> None:
+    """Raise an error if a parameter or section of a scenario of one vehicle may not change during a flight."""
     if path in whole_parts() or place_of_delay(scenario, path) is not None:
         return
     if path in delay_words():

@@ -113,9 +113,10 @@ def number_at(scenario: Scenario, path: str) -> float:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
     """
-    scenario, path = alone(scenario, path)
-    scenario = _with_initial_state(scenario, (path,))
-    return _number(scenario, path, target_of(scenario, path))
+    one, word = alone(scenario, path)
+    with errors_of_agent(agent_of(path) if word != path else ""):
+        one = _with_initial_state(one, (word,))
+        return _number(one, word, target_of(one, word))
 
 
 def _number(scenario: Scenario, path: str, target: Target) -> float:

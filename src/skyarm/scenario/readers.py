@@ -84,7 +84,11 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
+    fields, beside = Fields(entry, path), ["kind", "integrator", "drives"]
+    if path != "plant":  # of one of several agents
+        for name in {"kind", "integrator"} & fields.table.keys():
+            raise ValueError(f"{fields.at(name)}: must be left out; [plant] at the top has it for all agents")
+    carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     return Truth(vehicle=carrier, gravity=gravity)
 
 
@@ -320,10 +324,10 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
     start = scenario.agent.reference.at(0.0)
-    joints = rules(State)["joints"]("initial.joints", fields.numbers("joints", [float(q) for q in start.joints]))
+    joints = rules(State)["joints"](fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints]))
     n = scenario.agent.plant.vehicle.n
     if len(joints) != n:
-        raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
+        raise ValueError(f"{fields.at('joints')}: {len(joints)} values, must be {n}, one for each joint")
     trim = trimmed_state(scenario.agent.plant, start.position, float(start.yaw), joints)
     if stands:
         _require_standing(fields, scenario)

@@ -346,7 +346,7 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
             yield "mixer.across", mixer.across, rotors
 
 
-@rule("environment", "payloads", "world", "plant.vehicle", "plant.gravity", "rates")
+@rule("environment", "payloads", "plant.vehicle", "plant.gravity", "rates")
 def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
     vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control

@@ -62,7 +62,7 @@ from skyarm.records.path_names import OF_AGENT, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said, under_law
-from skyarm.scenario.document import AGENTS, Document, slot_of
+from skyarm.scenario.document import AGENTS, Document, slot_of, words_of_agent
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.paths import OF_STUDIES, is_below
@@ -229,7 +229,7 @@ def _scenario_of(document: Document) -> Scenario:
         numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
     initials = {name: (each.entry(initial), each.at("initial")) for name, each in members.items()}
     for name in members if members.keys() != {SOLE} else ():
-        document.table(f"{AGENTS}.{name}").done()
+        document.table(f"{AGENTS}.{name}").done(words_of_agent())
     top.done()
     if scenario.changes:
         require_changes(scenario)

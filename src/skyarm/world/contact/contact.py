@@ -256,6 +256,11 @@ class Contact(Force[ContactMemory]):
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
         """Refuse a contact model that does not fit the vehicles or needs too short integration steps."""
         carriers = self.carriers
+        bodies = [each.name for each in carriers]
+        for i, grasp in enumerate(self.grasps):
+            if grasp.body not in bodies:
+                known = must_be_one_of(bodies, grasp.body) if bodies else "there are no objects or mechanisms"
+                raise RecordError(f"world.grasps[{i}].body = {shown(grasp.body)}: {known}")
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
         if not self.points and not carriers:
@@ -273,17 +278,12 @@ class Contact(Force[ContactMemory]):
             if not mechanism.surfaces:
                 where = f"world.mechanisms[{i}].parts"
                 raise RecordError(f"{where}: is missing; nothing of {mechanism.name!r} can be touched")
-        bodies = [each.name for each in carriers]
         holders: list[tuple[str, Gripper | Grasp]] = [(f"grippers[{i}]", each) for i, each in enumerate(self.grippers)]
         holders += [(f"grasps[{i}]", each) for i, each in enumerate(self.grasps)]
         for at, holder in holders:
             vehicle = _vehicle_of(holder.agent, vehicles, f"world.{at}")
             with errors_as(RecordError, f"world.{at}.frame = {shown(holder.frame)}: ", VehicleError):
                 vehicle.frame(holder.frame or None)
-        for i, grasp in enumerate(self.grasps):
-            if grasp.body not in bodies:
-                known = must_be_one_of(bodies, grasp.body) if bodies else "there are no objects or mechanisms"
-                raise RecordError(f"world.grasps[{i}].body = {shown(grasp.body)}: {known}")
         if self.grippers and not carriers:
             raise RecordError("world.grippers: must be left out of a world without objects")
         self.require_steps(period / MOST_STEPS)
