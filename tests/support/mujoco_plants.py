@@ -47,7 +47,7 @@ from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import own_to_mujoco
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec, joint_addresses
-from skyarm.plant.rigid_body import before_euler_step, lagged
+from skyarm.plant.rigid_body import before_euler_step, follow_commands
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places
 from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
@@ -122,7 +122,7 @@ class PlantContact(Contact):
 
     def efforts(self, memory: Any, slope: ContactMemory, motion: PointMotion) -> list[Any]:
         """Generalized forces of grasps on the bodies of the world, one carrier after the other."""
-        pulls = self.on_carriers(memory, motion, ())
+        pulls = self.on_carriers(memory, motion, (), 0.0)
         rows = zip(self.carriers, memory.carried, slope.carried, pulls, strict=True)
         return [data(c) for carrier, held, rate, pull in rows for c in effort_of(carrier, held, rate, *pull)]
 
@@ -542,7 +542,7 @@ class MujocoContactPlant:
         moving = [surface.motion for surface in self._contact.surfaces if surface.moves]
         signals = [signal.derivatives(memory.clock[0]) for at in moving for signal in (at.x, at.y, at.z)]
         places, velocities, accelerations = ([each[order] for each in signals] for order in range(3))
-        (after,) = lagged(self._worlds, states, commands, around, self._step)
+        (after,) = follow_commands(self._worlds, states, commands, around, self._step)
         turned, leaning = after.rotor_speeds, after.tilts
         memories = leaves(around.after_euler_step(slopes, self._step))
         surfaces = *places, *velocities, *accelerations

@@ -130,7 +130,7 @@ def bodies_of(scenario: Scenario, log: Any) -> Bodies:
     """Bodies of a flight of vehicles without arms, whose centre of mass is the base's origin, and of one object."""
     assert scenario.world is not None
     (thing,) = scenario.world.objects
-    logs = {name: each for name, each in log.agents.items()}
+    logs = dict(log.agents)
     bases = {name: each.plant.vehicle.base for name, each in scenario.agents.items()}
     own = {name: np.array([float(each.inertia.full()[i][i]) for i in range(3)]) for name, each in bases.items()}
     return Bodies(

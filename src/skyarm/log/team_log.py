@@ -52,7 +52,7 @@ class TeamLog(Log):
         return agents
 
     @property
-    def shared(self) -> tuple[str, ...]:
+    def common(self) -> tuple[str, ...]:
         """Names of the arrays that models logged which all vehicles share."""
         return tuple(self.info.get(SHARED, ()))
 
@@ -66,19 +66,19 @@ class TeamLog(Log):
     def component(self, name: str) -> Array:
         """Array logged by a model that all vehicles share, such as contact; (N, 0) if the flight has no such array."""
         first = next(iter(self.agents.values()))
-        return first.component(name) if name in self.shared else np.zeros((self.time.size, 0))
+        return first.component(name) if name in self.common else np.zeros((self.time.size, 0))
 
     def __getattr__(self, name: str) -> Array:
         """Arrays logged by models that all vehicles share; those of one vehicle are refused in one line."""
         if name.startswith("_"):
             raise AttributeError(name)
-        if name not in self.shared:
+        if name not in self.common:
             raise OfOneAgentError(f"log.{name}: is of one agent; log.agents[NAME].{name}, of {', '.join(self.agents)}")
         return self.component(name)
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name: ``left/position`` of one vehicle, those of what all share without a vehicle's name."""
-        shared = ["time", *(f"{COMPONENTS}.{name}" for name in self.shared)]
+        shared = ["time", *(f"{COMPONENTS}.{name}" for name in self.common)]
         own = {
             f"{name}{WITHIN}{array}": values
             for name, log in self.agents.items()

@@ -33,7 +33,7 @@ from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
-from skyarm.plant.rigid_body import before_euler_step, lagged
+from skyarm.plant.rigid_body import before_euler_step, follow_commands
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE
@@ -183,7 +183,7 @@ class MujocoPlant:
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         forces = self._layout.generalized_forces(states, commands, around)
-        after = lagged(self._worlds, states, commands, around, dt)
+        after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
         return tuple(data(value) for value in (*forces, *driven, *leaves(around.after_euler_step(slopes, dt))))

@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.compiled import example_command
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.rigid_body import lagged
+from skyarm.plant.rigid_body import follow_commands
 from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -124,7 +124,7 @@ class StagedRungeKutta:
         around = around.with_coupled(rebuild(shape, iter(memory)))
         slopes, turns, total = list[Scalar](), iter(inputs.turn), iter(inputs.total)
         turned, following = list[Scalar](), list[State]()
-        lags = lagged(layout.worlds, first, commands, around, time)
+        lags = follow_commands(layout.worlds, first, commands, around, time)
         for x, lag, acceleration in zip(now, lags, layout.accelerations(inputs.acceleration), strict=True):
             slope = _slope(x, Vec3(next(turns), next(turns), next(turns)), *acceleration)
             change = [add(mul(earlier, next(total)), mul(own, k)) for k in slope]

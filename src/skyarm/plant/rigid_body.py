@@ -87,7 +87,7 @@ Moved = tuple[tuple[State, ...], Memories]
 """State of each vehicle, and internal states of coupled components, after a step."""
 
 
-def lagged(
+def follow_commands(
     worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
 ) -> tuple[State, ...]:
     """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
@@ -104,7 +104,7 @@ def coupled_rk4(
     coupled components are integrated with the states.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = (lagged(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
+    half, whole = (follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
     def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
@@ -156,7 +156,7 @@ def coupled_euler(
     around = before_euler_step(worlds, states, around, dt)
     rates, slopes = derivative(worlds, states, commands, around)
     after = []
-    for before, rate, state in zip(states, rates, lagged(worlds, states, commands, around, dt), strict=True):
+    for before, rate, state in zip(states, rates, follow_commands(worlds, states, commands, around, dt), strict=True):
         velocity = before.velocity + rate.velocity * dt
         w = before.rate + rate.rate * dt
         joint_rates = _along(before.joint_rates, rate.joint_rates, dt)
@@ -185,10 +185,10 @@ def coupled_verlet(
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half = 0.5 * dt
-    middle = tuple(_drift(each, half) for each in lagged(worlds, states, commands, around, half))
-    there = around.drifted(half)
+    middle = tuple(_drift(each, half) for each in follow_commands(worlds, states, commands, around, half))
+    there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
-    there = there.bent(there.slopes(motions), dt)
+    there = there.bend(there.slopes(motions), dt)
     moving = [loaded_vehicle(world.vehicle, there.of(i)) for i, world in enumerate(worlds)]
 
     def push(at: Sequence[PointMotion], beside: Together, seconds: Scalar) -> tuple[State, ...]:
@@ -207,11 +207,11 @@ def coupled_verlet(
             after.append(moved)
         return tuple(after)
 
-    pushed, beside = push(motions, there, half), there.pushed(there, motions, half)
+    pushed, beside = push(motions, there, half), there.push(there, motions, half)
     felt = there.motions(worlds, pushed, step=dt)
     after = [_drift(each, half) for each in push(felt, beside, dt)]
-    memories = there.pushed(beside, felt, dt).drifted(half).coupled_memories()
-    whole = lagged(worlds, states, commands, around, dt)
+    memories = there.push(beside, felt, dt).drift(half).coupled_memories()
+    whole = follow_commands(worlds, states, commands, around, dt)
     ends = zip(after, whole, strict=True)
     return tuple(
         replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
@@ -221,7 +221,7 @@ def coupled_verlet(
 
 def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:
     """Surroundings from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
-    return around.bent(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around
+    return around.bend(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around
 
 
 def _drift(state: State, dt: Scalar) -> State:

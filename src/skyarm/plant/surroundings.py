@@ -95,7 +95,7 @@ class Together:
     def motions(
         self, worlds: Sequence[Truth], states: Sequence[State], step: Scalar | None = None
     ) -> tuple[PointMotion, ...]:
-        """Motion of each vehicle, which knows those of the others; ``step`` (s) as of :class:`PointMotion`."""
+        """Motion of each vehicle, with those of the others; ``step`` (s) as of :class:`PointMotion`."""
         air = [self.of(i).air_velocity for i in range(len(self.each))]
         return motions_of(worlds, states, self.names, air, step)
 
@@ -111,7 +111,7 @@ class Together:
 
     @property
     def _every(self) -> tuple[tuple[int, AnyComponent, Tree], ...]:
-        """Vehicle, model and internal state of all environment models; vehicle 0 stands for those of shared ones."""
+        """Vehicle, model and internal state of all environment models; the vehicle of shared ones is the first."""
         lists = [(i, own.components, own.memories) for i, own in enumerate(self.each)]
         lists.append((0, self.components, self.memories))
         return tuple((i, *pair) for i, some, states in lists for pair in zip(some, states, strict=True))
@@ -131,11 +131,11 @@ class Together:
             return self
         given = iter(memories)
 
-        def filled(components: Sequence[AnyComponent], before: Memories) -> Memories:
+        def fill_in(components: Sequence[AnyComponent], before: Memories) -> Memories:
             return tuple(next(given) if c.coupled else m for c, m in zip(components, before, strict=True))
 
-        each = tuple(replace(own, memories=filled(own.components, own.memories)) for own in self.each)
-        return replace(self, each=each, memories=filled(self.components, self.memories))
+        each = tuple(replace(own, memories=fill_in(own.components, own.memories)) for own in self.each)
+        return replace(self, each=each, memories=fill_in(self.components, self.memories))
 
     def with_drives(self, drives: Sequence[Memories]) -> Together:
         """Copy of the surroundings with other internal states of each vehicle's joint drives."""
@@ -181,7 +181,7 @@ class Together:
         """Internal states of the coupled models after ``seconds`` without contact."""
         return tuple(component.alone(memory, seconds, rounds, gravity) for _, component, memory in self.coupled)
 
-    def bent(self, slopes: Memories, dt: Scalar) -> Together:
+    def bend(self, slopes: Memories, dt: Scalar) -> Together:
         """Copy of the surroundings with the contact friction bristles advanced by ``dt`` (s)."""
         going = zip(self.coupled, slopes, strict=True)
         return self.with_coupled([component.before_euler_step(m, rate, dt) for (_, component, m), rate in going])
@@ -191,11 +191,11 @@ class Together:
         going = zip(self.coupled, slopes, strict=True)
         return tuple(component.euler_step(memory, slope, dt) for (_, component, memory), slope in going)
 
-    def drifted(self, dt: Scalar) -> Together:
+    def drift(self, dt: Scalar) -> Together:
         """Copy of the surroundings with movable bodies advanced by ``dt`` (s) at constant velocities."""
         return self.with_coupled([component.drift(memory, dt) for _, component, memory in self.coupled])
 
-    def pushed(self, felt: Together, motions: Sequence[PointMotion], dt: Scalar) -> Together:
+    def push(self, felt: Together, motions: Sequence[PointMotion], dt: Scalar) -> Together:
         """Copy of the surroundings with movable bodies accelerated for ``dt`` (s) by forces at other states."""
         time, going = self.each[0].time, zip(self.coupled, felt.coupled_memories(), strict=True)
         return self.with_coupled(
@@ -213,7 +213,7 @@ def motions_of(
     air: Sequence[Callable[[Vec3], Vec3] | None] = (),
     step: Scalar | None = None,
 ) -> tuple[PointMotion, ...]:
-    """Motion of each vehicle with its rotors turned to their angles, which knows those of the others by their names.
+    """Motion of each vehicle with its rotors turned to their angles, with those of the others by name.
 
     Args:
         worlds: true vehicles and gravity.

@@ -40,7 +40,7 @@ class Members(Mapping[str, T]):
         return len(self.names)
 
     def only(self, name: str) -> Members[T]:
-        """View of one member, which knows the names of the others."""
+        """View of one member, with the names of the others."""
         return Members((name,), (self[name],), tuple(each for each in self.names if each != name))
 
 

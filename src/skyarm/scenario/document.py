@@ -117,7 +117,7 @@ class Document:
         self._members = {name: self._member(name) for name in named or ()} or {SOLE: self}
 
     def _member(self, name: str) -> Document:
-        """Reader of the words of one agent: each stands in its own table, as a whole, or else at the top."""
+        """Reader of the keys of one agent: each from its own table, as a whole, or else from the top."""
         if not name.isidentifier():
             raise ValueError(f"{AGENTS} = {shown(name)}: must be names that are words: letters, digits and underscores")
         member = copy.copy(self)

@@ -251,7 +251,7 @@ class Engine:
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()
-        self._width = self._rows.shape[1] - self._commanded  # of a row but for the commands
+        self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
         self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
@@ -270,10 +270,10 @@ class Engine:
     def _input_rows(self) -> Array:
         """Table of inputs of all control periods: time, reference, then room for commands from the user."""
         rows = self.inputs.rows
-        return np.hstack([rows, np.zeros((len(rows), self._commanded))]) if self.code.commands else rows
+        return np.hstack([rows, np.zeros((len(rows), self._command_inputs))]) if self.code.commands else rows
 
     @cached_property
-    def _commanded(self) -> int:
+    def _command_inputs(self) -> int:
         """Number of inputs of a control period that are commands from the user, each with its mode."""
         return sum(1 + len(leaves(own.queue[0])) for own in self.first.agents)
 
@@ -352,7 +352,7 @@ class Engine:
             ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
-                return self._named(name, ending)
+                return self._with_name(name, ending)
         if not lost:
             return None
         named, command = getattr(self._stepper, "command", ("", ()))
@@ -363,10 +363,10 @@ class Engine:
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
             if ending is not None:
-                return self._named(name, ending)
+                return self._with_name(name, ending)
         raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
 
-    def _named(self, name: str, ending: Ended) -> Ended:
+    def _with_name(self, name: str, ending: Ended) -> Ended:
         """Early termination with the name of the vehicle in its cause if there are several."""
         several = len(self.scenario.agents) > 1
         return replace(ending, cause=f"{name}: {ending.cause}") if several else ending

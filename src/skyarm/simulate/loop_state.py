@@ -191,20 +191,20 @@ def carry_over(first: LoopState, now: LoopState, places: tuple[Places, Places], 
     (own, shared), (owned, shared_before) = places
     rows = zip(first.agents, now.agents, own, owned, clocks, strict=True)
     agents = tuple(
-        replace(_carried(new, old, clock), components=_carried_models(new.components, old.components, at, before))
+        replace(_carry_agent(new, old, clock), components=_carry_models(new.components, old.components, at, before))
         for new, old, at, before, clock in rows
     )
-    components = _carried_models(first.components, now.components, shared, shared_before)
+    components = _carry_models(first.components, now.components, shared, shared_before)
     return LoopState(alive=now.alive, ticks=now.ticks, agents=agents, components=components)
 
 
-def _carried_models(new: Memories, old: Memories, places: Sequence[str], places_before: Sequence[str]) -> Memories:
+def _carry_models(new: Memories, old: Memories, places: Sequence[str], places_before: Sequence[str]) -> Memories:
     """Internal states of environment models, kept where a model of the same structure stands at the same path."""
     before = dict(zip(places_before, old, strict=True))
     return tuple(_kept(own, before.get(at)) for at, own in zip(places, new, strict=True))
 
 
-def _carried(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
+def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
     """State of a vehicle and its control, kept in each part that has the same structure as before."""
     drives = zip(new.drives, old.drives, strict=True) if len(new.drives) == len(old.drives) else ()
     return AgentLoop(

@@ -95,7 +95,7 @@ def measure(stages: Stages, plant: PlantSteps[State], now: LoopState, rows: Rows
 
 
 class Decided(NamedTuple):
-    """What one vehicle's law has decided in a control period: its next internal state, command, reference clock."""
+    """Output of one vehicle's law in a control period: its next internal state, command, reference clock."""
 
     memory: Tree
     command: Command

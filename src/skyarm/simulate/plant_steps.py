@@ -228,18 +228,18 @@ class CalledPlant:
         self._kind, self._commands = scenario.kind, tuple(example_command(*each) for each in sizes)
         self._end = sum(len(leaves(example_state(*each))) for each in sizes)
         self._several = getattr(plant, "several", False)
-        self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._seen(around))
+        self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._for_plant(around))
         self._read: tuple[Flat, Flat] = ((), ())
 
-    def _seen(self, around: Together) -> Together:
-        """Surroundings as the plant knows them; a plant of one vehicle knows shared models as that vehicle's own."""
+    def _for_plant(self, around: Together) -> Together:
+        """Surroundings as inputs of the plant; for one of one vehicle, shared models are among that vehicle's own."""
         return around if self._several else Together((around.of(0),), around.names)
 
     def specific_forces(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
     ) -> tuple[Vec3, ...]:
         """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
-        groups = [leaves(tuple(states)), leaves(tuple(commands)), leaves(self._seen(around))]
+        groups = [leaves(tuple(states)), leaves(tuple(commands)), leaves(self._for_plant(around))]
         numbers = iter(_graph_of(states[0]).external(self._specific_force, groups, 3 * len(states)))
         return tuple(Vec3(next(numbers), next(numbers), next(numbers)) for _ in states)
 
@@ -247,7 +247,7 @@ class CalledPlant:
         self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
     ) -> Moved:
         """States of vehicles and contacts after a control period in which new commands arrive."""
-        groups = [leaves(tuple(states)), leaves(tuple(before)), leaves(tuple(after)), leaves(self._seen(around))]
+        groups = [leaves(tuple(states)), leaves(tuple(before)), leaves(tuple(after)), leaves(self._for_plant(around))]
         numbers = iter(_graph_of(states[0]).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(tuple(states), numbers), rebuild(around.coupled_memories(), numbers)
 

@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
-from skyarm.plant.surroundings import AnyComponent, Memories, Surroundings, Together, motions_of
+from skyarm.plant.surroundings import Memories, Surroundings, Together, motions_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
 from skyarm.reference import Reference
@@ -114,10 +114,10 @@ class Stages:
         """
         draws, time, first = self.draws.shares(uniforms), rows[0].time, now.agents[0].state
         own = [
-            self._advanced(models, loop.components, time, loop.state, numbers)
+            self._advance_models(models, loop.components, time, loop.state, numbers)
             for models, loop, numbers in zip(self.own, now.agents, draws.components, strict=True)
         ]
-        shared = self._advanced(self.shared, now.components, time, first, draws.shared)
+        shared = self._advance_models(self.shared, now.components, time, first, draws.shared)
         if self._eventful:
             motions = motions_of(self.worlds, [loop.state for loop in now.agents], tuple(self.scenario.agents))
             for each, motion, row in zip(self.agents, motions, rows, strict=True):
@@ -128,9 +128,9 @@ class Stages:
         around = self.together(own, shared, [loop.drives for loop in now.agents], time)
         return [tuple(each) for each in own], tuple(shared), around
 
-    def _advanced(
+    def _advance_models(
         self,
-        models: Sequence[AnyComponent],
+        models: Sequence[Component[Tree]],
         memories: Memories,
         time: Scalar,
         state: State,
@@ -142,7 +142,7 @@ class Stages:
 
     def _act(
         self,
-        models: Sequence[AnyComponent],
+        models: Sequence[Component[Tree]],
         memories: list[Tree],
         time: Scalar,
         motion: PointMotion,
@@ -183,7 +183,7 @@ class Stages:
         return around.motions(self.worlds, [loop.state for loop in now.agents])
 
 
-def _acts(component: AnyComponent) -> bool:
+def _acts(component: Component[Tree]) -> bool:
     """True if an environment model has discrete events at control instants, such as a grasp."""
     return type(component).act is not Component.act
 

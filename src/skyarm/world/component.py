@@ -57,7 +57,11 @@ class Wrench:
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors already is not looked at
-        if not (type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3 and type(self.body) is int):
+        if not (
+            type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
+            and type(self.body) is int
+            and type(self.agent) is str
+        ):
             accept_fields(self, "wrench")
 
 
