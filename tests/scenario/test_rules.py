@@ -99,7 +99,7 @@ def name_of(each: Rule) -> str:
     return f"fields of {each.reads[0]}" if isinstance(each.check, partial) else each.check.__name__
 
 
-@pytest.mark.parametrize("each", (*RULES, *SHARED_RULES), ids=name_of)
+@pytest.mark.parametrize("each", [*RULES, *SHARED_RULES], ids=name_of)
 def test_a_rule_reads_what_it_says_and_says_no_more(each: Rule) -> None:
     seen = seen_by(each.check)
     assert unsaid(seen, each.reads) == set()
