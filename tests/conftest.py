@@ -95,3 +95,29 @@ def campaign() -> Any:
     from skyarm.studies.paper.reproduce import run_campaign
 
     return run_campaign(("rigid_body", "mujoco"), sensitivity=False)
+
+
+ONE_AGENT = (
+    "plant", "controller", "reference", "tracking_start", "path_time", "noise", "sensors", "estimator", "drives",
+    "delays", "initial", "faults", "payloads",
+)  # fmt: skip
+"""Shortcuts of `Scenario` to the words of one agent, which are for users."""
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_shortcut_inside() -> None:
+    """Refuse a shortcut to one agent that the library itself reads: it would not hold for a scenario of several."""
+    from skyarm import Scenario
+
+    inside = str(Path(__file__).parents[1] / "src")
+
+    def only_outside(name: str) -> property:
+        def read(scenario: Scenario) -> Any:
+            by = sys._getframe(1).f_code
+            assert not by.co_filename.startswith(inside), f"{by.co_filename}, {by.co_name}: reads scenario.{name}"
+            return getattr(scenario.agent, name)
+
+        return property(read)
+
+    for name in ONE_AGENT:
+        setattr(Scenario, name, only_outside(name))

@@ -166,11 +166,11 @@ class Candidates:
 
 def _stiffest(planned: Scenario, ends: Sequence[Mapping[str, Any]]) -> tuple[Scenario, float]:
     """The scenario with the stiffest joint friction within the parameters' ranges, and how fast it is, 1/s."""
-    worst, fastest = planned, joint_rate(planned.plant.vehicle)
+    worst, fastest = planned, joint_rate(planned.agent.plant.vehicle)
     for numbers in ends:
         try:
             changed = with_numbers(planned, {p: v for p, v in numbers.items() if p.startswith("plant.")})
-            rate = joint_rate(changed.plant.vehicle)
+            rate = joint_rate(changed.agent.plant.vehicle)
         except ValueError:
             continue  # extremes of several need not come together
         if rate > fastest:

@@ -172,7 +172,7 @@ def _require_flyable(study: IdentificationStudy) -> None:
             scenario = scenario_from(flight.document, flight.folder)
             for cell in study.cells:
                 if cell.flight == flight.name:
-                    metric_names([cell.metric], scenario.plant.vehicle.n, scenario.commands_setpoints)
+                    metric_names([cell.metric], scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
             for at, target in _acting(study):
                 where = f"{at}: flights.{flight.name}"
                 if not isinstance(target, Overlay) and target.flights.fit(flight.name):

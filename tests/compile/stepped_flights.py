@@ -18,6 +18,7 @@ from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
 from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.sensing.measurement import Measurement
+from support.one_vehicle import after_step
 from support.vehicles import steady_wind
 
 PERIOD = 0.005
@@ -85,7 +86,7 @@ def flight_step(state: State, par: Any, reference: Reference, draws: Any, integr
         rotor_speeds=state.rotor_speeds,
     )
     _, command = CONTROLLER.law((), seen, reference, PERIOD, par=par)
-    return integrate(FLOWN, state, command, steady_wind(), PERIOD)[0], command
+    return after_step(integrate, FLOWN, state, command, steady_wind(), PERIOD)[0], command
 
 
 def euler_step(state: State, par: Any, reference: Reference, draws: Any) -> Any:

@@ -82,6 +82,7 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
     for seed in range(seeds):
         sample = rebuild(traced.sample, iter(list(logged[:, :, seed].T)))
         assert np.all(np.asarray(sample.alive) > 0.5)
+        sample = sample.agent
         position, quaternion = _table(sample.state.position, count), _table(sample.state.quaternion, count)
         joints = _table(sample.state.joints, count)
         columns["position"].append(position)

@@ -421,11 +421,17 @@ def test_options_of_the_version_before_are_read_once_more(model):
         make_centroidal(model, mode="tip", swing_rate=-1.0)
 
 
+def begun(scenario):
+    """First state of the vehicle and its control, and the control periods flown."""
+    first = first_loop_state(scenario)
+    return first.agent, first.ticks
+
+
 def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
     """What a flight's rows bring: samples of the reference at the times that the law asks for."""
     scenario = dataclasses.replace(case3, controller=make_centroidal(case3.controller.par.model, mode="tip"))
     inputs, par = episode_inputs(scenario), scenario.controller.par
-    row = inputs.row_at(1301, first_loop_state(scenario))
+    row = inputs.row_at(1301, *begun(scenario))
     held = 1300 / 200.0
     found = samples_ahead(row.reference)
     assert len(found) == len(par.preview) == 7
@@ -437,7 +443,7 @@ def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
 def test_before_it_starts_to_track_a_law_is_shown_a_reference_at_rest(case3):
     law = make_centroidal(case3.controller.par.model, mode="tip")
     late = dataclasses.replace(case3, controller=law, tracking_start=2.0)
-    row = episode_inputs(late).row_at(100, first_loop_state(late))
+    row = episode_inputs(late).row_at(100, *begun(late))
     shown = samples_ahead(joined_reference(late, row.reference, 0.5))
     rest = [(value, 0.0, 0.0) for value, _, _ in samples(late.reference.at(0.0))]
     assert len(shown) == 7
@@ -466,6 +472,6 @@ def test_a_reference_that_waits_is_previewed_as_far_as_it_is_certain_to_go(case3
 
 def test_laws_without_a_preview_are_shown_none(case3):
     plain = skyarm.load_scenario("case3", controller="paper_ct", duration=0.1)
-    assert episode_inputs(plain).row_at(3, first_loop_state(plain)).reference.ahead == ()
+    assert episode_inputs(plain).row_at(3, *begun(plain)).reference.ahead == ()
     unmoved = make_centroidal(case3.controller.par.model, mode="tip", preview=0.0)
     assert unmoved.par.preview == (0.02, 0.04)

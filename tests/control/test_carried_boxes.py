@@ -177,7 +177,7 @@ def test_what_the_reference_says_of_a_load_comes_before_the_report():
     for load in (0.0, 0.3):  # a law that waits for no report gets none
         told = {"reference": HANGING["reference"] | {"load": 1.0}} if load else {}
         scenario = scenario_from(HANGING | {"controller": HANGING["controller"] | {"load": load}} | told)
-        assert Stages(scenario).with_grasp(seen, ()) is seen
+        assert Stages(scenario).agent.with_grasp(seen, ()) is seen
 
 
 def test_the_report_is_the_same_in_python_floats(hanging):

@@ -57,9 +57,9 @@ def test_a_torque_arm_beside_an_arm_of_servos_has_panels_of_its_own():
 
 def test_torques_that_are_not_known_are_no_metrics():
     scenario = load_scenario(Path(SERVOS).parent / "servo_flight.toml")
-    assert scenario.commands_setpoints == (True, True)
+    assert scenario.agent.commands_setpoints == (True, True)
     assert [unit is not None for unit in names_of(mixed()).setpoints] == [True, False]
-    assert not [name for name in metric_names(["all"], 2, scenario.commands_setpoints) if name.startswith("tau")]
+    assert not [name for name in metric_names(["all"], 2, scenario.agent.commands_setpoints) if name.startswith("tau")]
     assert [name for name in metric_names(["effort"], 2, (True, False)) if "tau" in name] == ["tau2_rms"]
     assert metric_names(["efforts"], 2, (True, False)) == ("tau2_rms",)
     assert metric_names(["efforts"], 2) == ("tau1_rms", "tau2_rms")

@@ -12,11 +12,13 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import rotor_forces
+from skyarm.plant.interface import Truth
 from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
 from skyarm.world import Effectiveness, Fault
 from support.flights import fly
+from support.one_vehicle import motion_of
 from support.vehicles import steady_wind
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
@@ -34,7 +36,7 @@ STATE = State(
 
 def loads(effectiveness=None):
     sample = steady_wind(effectiveness=effectiveness)
-    force, torques = applied_force(ARM2, STATE, Command(efforts=(0.2, -0.1)), sample)
+    force, torques = applied_force(motion_of(Truth(vehicle=ARM2), STATE, sample), Command(efforts=(0.2, -0.1)), sample)
     return np.array([*force.force]), np.array([*force.torque]), np.array(torques)
 
 
@@ -61,7 +63,7 @@ def test_hub_drag_does_not_ask_for_the_fault():
 def test_a_drive_loses_its_share_of_the_limited_effort_and_keeps_its_friction():
     vehicle = ARM2.with_joints(damping=0.01, effort_limit=0.15)
     sample = steady_wind(effectiveness=Effectiveness((1, 1, 1, 1), (0.4, 1)))
-    _, torques = applied_force(vehicle, STATE, Command(efforts=(0.2, -0.1)), sample)
+    _, torques = applied_force(motion_of(Truth(vehicle=vehicle), STATE, sample), Command(efforts=(0.2, -0.1)), sample)
     assert torques == pytest.approx([0.4 * 0.15 - 0.01 * 0.5, -0.1 + 0.01 * 1.0], rel=1e-14)
 
 

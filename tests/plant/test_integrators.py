@@ -16,6 +16,7 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
 from skyarm.records.leaves import leaves
 from support.engines import jax_doubles
+from support.one_vehicle import after_step
 from support.vehicles import (
     HOVER,
     WIND,
@@ -217,7 +218,7 @@ def test_both_steps_have_gradients_where_nothing_moves():
     for law in (coupled_euler, coupled_rk4):
 
         def turned(rate, law=law):
-            moved, _ = law(world, replace(still, rate=Vec3(*rate)), command, steady_wind(), dt)
+            moved, _ = after_step(law, world, replace(still, rate=Vec3(*rate)), command, steady_wind(), dt)
             return jax.numpy.stack([*moved.quaternion])
 
         with jax_doubles():

@@ -10,9 +10,10 @@ from independent_flight import Flight, array
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.interface import flat
+from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force
 from skyarm.vehicle.vehicle_records import BodyDrag
+from support.one_vehicle import motion_of
 from support.vehicles import (
     HOVER,
     WIND,
@@ -29,7 +30,7 @@ STILL = Vec3(0.0, 0.0, 0.0)
 
 def generalized(vehicle, state, efforts, wind):
     """World force, body torque, joint torques."""
-    force, torques = applied_force(vehicle, state, Command(efforts=efforts), wind)
+    force, torques = applied_force(motion_of(Truth(vehicle=vehicle), state, wind), Command(efforts=efforts), wind)
     R = rotation_matrix(array(state.quaternion))
     return np.concatenate([R @ array(force.force), array(force.torque), [float(t) for t in torques]])
 

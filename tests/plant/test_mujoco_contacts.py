@@ -12,11 +12,12 @@ from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
+from support.one_vehicle import places_in
 from support.worlds import GRAVITY, SKIDS, Scene, at_rest, limp, states
 
 pytest.importorskip("mujoco")

@@ -24,6 +24,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, shaped_like
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import sampled
+from support.one_vehicle import motion_of
 from support.vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
@@ -108,7 +109,9 @@ class ManifoldRungeKutta:
         return state, change[1]
 
     def step(self, x, command, wind):
-        force, torques = applied_force(self.vehicle, x, Command(efforts=command.efforts), wind)
+        force, torques = applied_force(
+            motion_of(Truth(vehicle=self.vehicle), x, wind), Command(efforts=command.efforts), wind
+        )
         held = (x.quaternion.rotation().apply(force.force), force.torque, torques)
         slopes = [self.slope(x, Vec3(0, 0, 0), *held)]
         for weight in (0.5, 0.5, 1.0):

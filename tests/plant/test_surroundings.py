@@ -13,13 +13,13 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Truth
 from skyarm.plant.loads import wind_at
-from skyarm.plant.rigid_body import derivative
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import MovingAir
 from support.components import RandomPush, Shear, SteadyWrench, Tether, Turbulence, telling, with_law
+from support.one_vehicle import motion_of, rate_of
 from support.vehicles import TWINS, random_state, random_vehicle
 
 
@@ -54,7 +54,7 @@ def test_wrenches_are_those_of_every_component_in_order():
     vehicle = random_vehicle(np.random.default_rng(1), 2)
     motion = PointMotion(vehicle, record(random_state(np.random.default_rng(2), 2)))
     steady, push = SteadyWrench(force=Vec3(1.0, 2.0, 3.0), body=1), RandomPush(sigma=3.0)
-    found = around_of((steady, ()), (push, (0.5,)), (Shear(), ()), (push, (-2.0,))).wrenches(motion, ())
+    found = around_of((steady, ()), (push, (0.5,)), (Shear(), ()), (push, (-2.0,))).wrenches(motion)
     assert [list(each.force_W) for each in found] == [[1.0, 2.0, 3.0], [0.0, 0.0, 1.5], [0.0, 0.0, -6.0]]
     assert [each.body for each in found] == [1, -1, -1]
 
@@ -73,7 +73,7 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     vehicle, state = random_vehicle(rng, 2), record(random_state(rng, 2))
     base, link = SteadyWrench(force=Vec3(1.0, 2.0, 3.0)), SteadyWrench(force=Vec3(50.0, 0.0, 0.0), body=1)
     around = around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ()))
-    sample = wind_at(around, Truth(vehicle=vehicle), state)
+    sample = wind_at(around, motion_of(Truth(vehicle=vehicle), state, around))
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
 
@@ -96,13 +96,13 @@ def test_the_force_of_moving_air_is_its_drag_less_that_in_calm_air(name):
     state = dataclasses.replace(state, rotor_speeds=tuple(rng.uniform(200.0, 600.0, len(vehicle.rotors)).tolist()))
     air = np.array([3.0, -2.0, 1.5])
     blown = around_of((MovingAir(velocity_W=tuple(air)), ()), (SteadyWrench(force=Vec3(0.5, 0.0, 0.0)), ()))
-    found = np.array(list(wind_at(blown, Truth(vehicle=vehicle), state).force_W))
+    found = np.array(list(wind_at(blown, motion_of(Truth(vehicle=vehicle), state, blown)).force_W))
     wanted = drag_in_numpy(vehicle, state, air) - drag_in_numpy(vehicle, state, np.zeros(3)) + [0.5, 0.0, 0.0]
     assert found == pytest.approx(wanted, abs=1e-12)
     assert np.linalg.norm(found) > 0.6
     # in air that moves as the vehicle does it is the whole drag of still air, taken away; in calm air none
     calm = around_of((MovingAir(velocity_W=(0.0, 0.0, 0.0)), ()))
-    assert list(wind_at(calm, Truth(vehicle=vehicle), state).force_W) == [0.0, 0.0, 0.0]
+    assert list(wind_at(calm, motion_of(Truth(vehicle=vehicle), state, calm)).force_W) == [0.0, 0.0, 0.0]
 
 
 def test_a_part_logs_with_the_gravity_that_it_acts_with():
@@ -115,7 +115,8 @@ def test_a_part_logs_with_the_gravity_that_it_acts_with():
 
     vehicle, state = random_vehicle(np.random.default_rng(3), 2), record(random_state(np.random.default_rng(3), 2))
     weighed = Weighed(force=Vec3(0.0, 0.0, 0.0))
-    sample = wind_at(around_of((weighed, ())), Truth(vehicle=vehicle, gravity=3.7), state)
+    around = around_of((weighed, ()))
+    sample = wind_at(around, motion_of(Truth(vehicle=vehicle, gravity=3.7), state, around))
     assert sample.numbers == (3.7,)
 
 
@@ -138,7 +139,7 @@ def test_a_wrench_on_a_link_accelerates_the_vehicle_as_mujocos_own_application_o
         mujoco.mj_applyFT(twin.model, data, wrench[:3], wrench[3:], place, index, theirs := np.zeros(10))
         force += theirs[twin.v_order]
     wanted = twin.forward_dynamics(state, force)
-    rate = derivative(Truth(vehicle=vehicle), record(state), Command(efforts=(0.0,) * 4), around_of(*rows))
+    rate = rate_of(Truth(vehicle=vehicle), record(state), Command(efforts=(0.0,) * 4), around_of(*rows))
     ours = np.array([*rate.velocity, *rate.rate, *rate.joint_rates], dtype=float)
     scale = max(1.0, np.abs(wanted).max()) * max(1.0, 1e-4 * np.linalg.cond(twin.mass_matrix(state)))
     assert np.abs(ours - wanted).max() < 1e-10 * scale

@@ -24,6 +24,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Force, SignalVector
 from skyarm.world.component import Wrench
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
+from support.one_vehicle import after_step, together
 from support.worlds import around, at_rest, ground, limp
 
 BIRD, ARM = limp(), limp("hummingbird_arm2_rotors")
@@ -36,8 +37,9 @@ def fly(law, vehicle, state, surroundings, seconds, count, gravity=9.8, efforts=
     """State and coupled memories after so many steps of a method."""
     world = Truth(vehicle=vehicle, gravity=gravity)
     command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(efforts,) * vehicle.n)
+    surroundings = together(surroundings)
     for _ in range(count):
-        state, memories = law(world, state, command, surroundings, seconds / count)
+        state, memories = after_step(law, world, state, command, surroundings, seconds / count)
         surroundings = surroundings.with_coupled(memories)
     return state, surroundings.coupled_memories()
 
@@ -130,7 +132,7 @@ def test_rotors_push_with_the_speed_of_the_middle_and_end_where_their_lag_takes_
     world, h = Truth(vehicle=vehicle, gravity=9.8), 2e-3
     start = dataclasses.replace(at_rest(vehicle, (0.0, 0.0, 9.0)), rotor_speeds=(300.0,) * 4)
     command = Command(rotor_speeds=(600.0,) * 4, efforts=())
-    state, _ = coupled_verlet(world, start, command, around(SPRING, points=UNDER), h)
+    state, _ = after_step(coupled_verlet, world, start, command, around(SPRING, points=UNDER), h)
     rotor = vehicle.rotors[0]
     tau = float(rotor.time_constant_up)
     middle, end = (600.0 - 300.0 * math.exp(-t / tau) for t in (0.5 * h, h))
@@ -240,10 +242,10 @@ def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
     grip = Contact(objects=(FreeObject(name="box", size=(0.06,) * 3, mass=0.1),),
                    grippers=(Gripper(name="hand", damping_ratio=1.5),))  # fmt: skip
     told = plant(BIRD, grip)[1]
-    assert lanes_step(told, euler=False) == float(grip.largest_verlet_step) < float(grip.largest_step)
-    assert lanes_step(told, euler=True) == float(grip.largest_euler_step)
-    assert verlet_step(told) == pytest.approx(0.75 * float(grip.largest_euler_step))
-    assert verlet_step(plant(BIRD, grip, Coupled())[1]) is None
+    assert lanes_step(together(told), euler=False) == float(grip.largest_verlet_step) < float(grip.largest_step)
+    assert lanes_step(together(told), euler=True) == float(grip.largest_euler_step)
+    assert verlet_step(together(told)) == pytest.approx(0.75 * float(grip.largest_euler_step))
+    assert verlet_step(together(plant(BIRD, grip, Coupled())[1])) is None
     assert largest_stable_step(Coupled(), euler=False) == 1e-3
 
 

@@ -11,7 +11,7 @@ import functools
 import math
 import typing
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -69,6 +69,8 @@ def scenarios() -> dict[str, Callable[[], skyarm.Scenario]]:
 
 
 MADE = scenarios()
+PAR = ("agents", "main", "controller", "par")
+"""Place of the constants of the only vehicle's law."""
 
 
 def places(record: Any, at: Place = ()) -> Iterator[Place]:
@@ -76,6 +78,11 @@ def places(record: Any, at: Place = ()) -> Iterator[Place]:
     if isinstance(record, tuple):
         for i, item in enumerate(record):
             yield from places(item, (*at, str(i)))
+    if isinstance(record, Mapping):
+        for name in record:
+            yield (*at, name)
+            yield from places(record[name], (*at, name))
+        return
     for name in field_names(type(record)) or ():
         yield (*at, name)
         yield from places(getattr(record, name), (*at, name))
@@ -87,14 +94,16 @@ def places_of(name: str) -> tuple[Place, ...]:
     scenario, found = MADE[name](), {}
     for place in places(scenario):
         owner = functools.reduce(step, place[:-1], scenario)
-        if name not in LAWS or place[:3] == ("agent", "controller", "par"):
+        if name not in LAWS or place[: len(PAR)] == PAR:
             found.setdefault((type(owner), place[-1], place[0]), place)
     # a first memory is made by the law, and functions are laws of one's own: neither is a record that users give
-    own = tuple(("agent", "controller", field) for field in ("memory", "law", "margin"))
-    return tuple(place for place in found.values() if place[:3] not in own)
+    own = tuple((*PAR[:-1], field) for field in ("memory", "law", "margin"))
+    return tuple(place for place in found.values() if place[: len(PAR)] not in own)
 
 
 def step(record: Any, name: str) -> Any:
+    if isinstance(record, Mapping):
+        return record[name]
     return record[int(name)] if isinstance(record, tuple) else getattr(record, name)
 
 
@@ -103,6 +112,8 @@ def replaced(record: Any, place: Place, value: Any) -> Any:
     if not place:
         return value
     inner = replaced(step(record, place[0]), place[1:], value)
+    if isinstance(record, Mapping):
+        return {name: inner if name == place[0] else item for name, item in record.items()}
     if isinstance(record, tuple):
         return tuple(inner if str(i) == place[0] else item for i, item in enumerate(record))
     return dataclasses.replace(record, **{place[0]: inner})

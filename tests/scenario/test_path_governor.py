@@ -319,7 +319,10 @@ def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
         hand = SimpleNamespace(name="hand", closed=Command(closed))
         steady = SimpleNamespace(guards=())
         flight = SimpleNamespace(
-            duration=1.0, world=SimpleNamespace(grippers=(hand,)), payloads=(), changes=(), reference=steady
+            duration=1.0,
+            world=SimpleNamespace(grippers=(hand,)),
+            changes=(),
+            agent=SimpleNamespace(payloads=(), reference=steady),
         )
         reasons = ["where gripper 'hand' closes or opens at an instant"] if refused else []
         assert list(_reasons_against(flight, ())) == reasons

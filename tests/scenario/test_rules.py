@@ -17,10 +17,11 @@ import skyarm
 from skyarm.envs import env_lanes
 from skyarm.envs.env_task import make_task
 from skyarm.records.leaves import Place, field_names
+from skyarm.records.members import SOLE, Members
 from skyarm.records.words import slots
 from skyarm.scenario import scenario_checks
 from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_checks import RULES, Rule, check_scenario, read_places
+from skyarm.scenario.scenario_checks import RULES, SHARED_RULES, Rule, check_scenario, read_places
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.simulate import batch
@@ -69,7 +70,9 @@ class Reader:
 
     def __getattr__(self, name: str) -> Any:
         kind, place = type(self._held), (*self._place, name)
-        if name not in (field_names(kind) or ()):
+        if name == "agents":
+            return Members((SOLE,), (self.agent,))
+        if name not in (*(field_names(kind) or ()), "agent"):
             return inspect.getattr_static(kind, name).__get__(self, kind)  # what it reads in turn is noted
         if place in OPENED:
             return Reader(getattr(self._held, name), place, self._seen)
@@ -96,7 +99,7 @@ def name_of(each: Rule) -> str:
     return f"fields of {each.reads[0]}" if isinstance(each.check, partial) else each.check.__name__
 
 
-@pytest.mark.parametrize("each", RULES, ids=name_of)
+@pytest.mark.parametrize("each", [*RULES, *SHARED_RULES], ids=name_of)
 def test_a_rule_reads_what_it_says_and_says_no_more(each: Rule) -> None:
     seen = seen_by(each.check)
     assert unsaid(seen, each.reads) == set()
@@ -107,8 +110,8 @@ def test_a_rule_reads_what_it_says_and_says_no_more(each: Rule) -> None:
 def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
     def check(given: Scenario) -> None:  # by the scenario's own properties, too
         assert given.steps > 0
-        assert given.plant.gravity > 0.0
-        assert len(given.all_drives) == given.plant.vehicle.n
+        assert given.agent.plant.gravity > 0.0
+        assert len(given.agent.all_drives) == given.plant.vehicle.n
         assert all(hasattr(each, "require_vehicle") for each in given.components)
 
     words = ("duration", "rates", "plant.gravity", "plant.vehicle", "plant.drives", "environment", "payloads", "world")
@@ -139,22 +142,28 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
         return each._replace(check=check)
 
-    monkeypatch.setattr(scenario_checks, "RULES", [counted(each) for each in RULES])
+    for name, rules in (("RULES", RULES), ("SHARED_RULES", SHARED_RULES)):
+        monkeypatch.setattr(scenario_checks, name, [counted(each) for each in rules])
     return counts
 
 
-ONCE = {name_of(each): 1 for each in RULES}
+ONCE = {name_of(each): 1 for each in (*RULES, *SHARED_RULES)}
 TOUCHED = {
-    "plant.gravity": ("surroundings_fit",),
+    "plant.gravity": ("surroundings_fit", "shared_surroundings_fit"),
     "controller.gains.position.x": ("clocks_of_law_agree", "sensors_suffice", "law_can_be_called"),
-    "environment.wind.velocity.0": ("drives_fit", "surroundings_fit", "fields of environment.wind"),
+    "environment.wind.velocity.0": (
+        "drives_fit",
+        "surroundings_fit",
+        "shared_surroundings_fit",
+        "fields of environment.wind",
+    ),
     "plant.drives.joint1.time_constant": ("sensors_suffice", "drives_fit", "fields of plant.drives"),
     "payloads.0.mass": ("surroundings_fit", "fields of payloads"),
-    "world.surfaces.wall.material.friction": ("sensors_suffice", "surroundings_fit", "fields of world"),
+    "world.surfaces.wall.material.friction": ("sensors_suffice", "shared_surroundings_fit", "fields of world"),
     "initial.roll": ("initial_state_is_possible",),
     "plant.payload.mass": (
         *("initial_state_is_possible", "reference_fits", "sensors_suffice", "drives_fit", "plant_can_fly"),
-        "surroundings_fit",
+        *("surroundings_fit", "shared_surroundings_fit"),
     ),
 }
 """Path of a number -> rules that read it."""

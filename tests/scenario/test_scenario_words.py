@@ -93,7 +93,7 @@ def test_unknown_and_missing_words_are_type_errors() -> None:
         dataclasses.replace(GIVEN, zzz=1, yyy=2)
     with pytest.raises(TypeError, match=r"^Scenario: duration is missing$"):
         Scenario(name="x", agent=GIVEN.agent)
-    with pytest.raises(TypeError, match=r"^Scenario: agent is missing$"):
+    with pytest.raises(TypeError, match=r"^Scenario: agents is missing$"):
         Scenario(name="x", duration=1.0, wind=WIND)
     with pytest.raises(TypeError, match=r"^Agent.__init__\(\) missing 2 required"):
         Scenario(name="x", duration=1.0, plant=GIVEN.plant)

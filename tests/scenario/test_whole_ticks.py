@@ -70,7 +70,7 @@ def test_a_law_that_believes_another_clock_is_refused(name, off, side):
 
     def believing(period):
         par = SimpleNamespace(**{name: period})
-        return SimpleNamespace(controller=SimpleNamespace(par=par), rates=scenario.rates)
+        return SimpleNamespace(agent=SimpleNamespace(controller=SimpleNamespace(par=par)), rates=scenario.rates)
 
     clocks_of_law_agree(believing(1.0 / rate))
     with pytest.raises(ValueError, match=f"controller.{name} = "):

@@ -21,19 +21,21 @@ from skyarm.world import NO_WIND, Component, Fault, Force, MovingAir
 
 def accepted(scenario: Scenario) -> None:
     """Fields and groups of the right types, and the shortcuts to what is in the groups."""
-    made = Scenario(name="made", duration=1.0, agent=scenario.agent)
+    made = Scenario(name="made", duration=1.0, agents=scenario.agents)
     agent = dataclasses.replace(scenario.agent, delays=Delays(command=0.01), initial=None)
     environment = dataclasses.replace(scenario.environment, wind=NO_WIND)
-    assert_type(dataclasses.replace(made, name="other", agent=agent, environment=environment), Scenario)
-    assert_type(made.with_controller(scenario.controller).with_kind("mujoco").under(scenario.controller), Scenario)
-    assert_type(scenario.plant, Truth)
-    assert_type(scenario.controller, Controller)
-    assert_type(scenario.reference, Trajectory)
-    assert_type(scenario.tracking_start, Scalar)
-    assert_type(scenario.sensors, tuple[NamedSensor, ...])
-    assert_type(scenario.drives, tuple[JointDrive, ...])
-    assert_type(scenario.initial, State | None)
-    assert_type(scenario.faults, tuple[Fault, ...])
+    assert_type(dataclasses.replace(made, name="other", agents={"main": agent}, environment=environment), Scenario)
+    assert_type(
+        made.with_controller(scenario.agent.controller).with_kind("mujoco").under(scenario.agent.controller), Scenario
+    )
+    assert_type(scenario.agent.plant, Truth)
+    assert_type(scenario.agent.controller, Controller)
+    assert_type(scenario.agent.reference, Trajectory)
+    assert_type(scenario.agent.tracking_start, Scalar)
+    assert_type(scenario.agent.sensors, tuple[NamedSensor, ...])
+    assert_type(scenario.agent.drives, tuple[JointDrive, ...])
+    assert_type(scenario.agent.initial, State | None)
+    assert_type(scenario.agent.faults, tuple[Fault, ...])
     assert_type(scenario.wind, Component[Any])
     assert_type(scenario.ground, bool)
     assert_type(scenario.kind, str)
@@ -61,14 +63,14 @@ def parts_of_any_memory(scenario: Scenario) -> None:
 
 def refused(scenario: Scenario) -> None:
     """Values of a wrong type, names of no field, and fields that are missing or read-only."""
-    Scenario(name=1, duration=1.0, agent=scenario.agent)  # type: ignore[arg-type]
+    Scenario(name=1, duration=1.0, agents=scenario.agents)  # type: ignore[arg-type]
     Scenario(name="x", duration=1.0)  # type: ignore[call-arg]
-    Scenario(name="x", duration=1.0, agent=scenario.agent, plnt=scenario.plant)  # type: ignore[call-arg]
+    Scenario(name="x", duration=1.0, agents=scenario.agents, plnt=scenario.agent.plant)  # type: ignore[call-arg]
     dataclasses.replace(scenario, name=3)  # type: ignore[arg-type]
-    dataclasses.replace(scenario, agent=scenario.plant)  # type: ignore[arg-type]
+    dataclasses.replace(scenario, agents=scenario.agent.plant)  # type: ignore[arg-type]
     dataclasses.replace(scenario.agent, plnt=1)  # type: ignore[call-arg]
     dataclasses.replace(scenario.agent, plant=1)  # type: ignore[arg-type]
-    dataclasses.replace(scenario.environment, wind=scenario.plant)  # type: ignore[arg-type]
-    scenario.with_controller(scenario.plant)  # type: ignore[arg-type]
+    dataclasses.replace(scenario.environment, wind=scenario.agent.plant)  # type: ignore[arg-type]
+    scenario.with_controller(scenario.agent.plant)  # type: ignore[arg-type]
     scenario.wind = NO_WIND  # type: ignore[misc]
     scenario.plnt  # type: ignore[attr-defined]  # noqa: B018

@@ -16,6 +16,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics.kinematics import Pose, frame_pose
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.interface import Truth
 from skyarm.records.coerce import RecordError
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
@@ -25,6 +26,7 @@ from skyarm.sensing.sensor_kinds import ForceTorque, TactileSwitch
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages, beyond, push_at
 from skyarm.world.timed_payload import TimedPayload
+from support.one_vehicle import motion_of
 from support.worlds import at_rest
 
 FORCE, TORQUE, WEIGHT = np.array([0.3, -0.2, 0.5]), np.array([0.01, 0.0, -0.02]), 0.05
@@ -72,11 +74,12 @@ def test_the_law_is_told_what_pushes_the_tip_in_its_axes(scenario):
 def test_forces_and_torques_are_those_about_the_frame(scenario):
     state = skyarm.Session(scenario, machine_code=False).state
     stages = Stages(scenario)
-    memories = tuple(c.start(0.005, (0.5,) * 2 * c.uniforms) for c in scenario.components)
-    memories = (*memories[:-1], dataclasses.replace(memories[-1], held=1.0))
-    around = stages.surroundings(memories, (), 0.0)
+    memories = [c.start(0.005, (0.5,) * 2 * c.uniforms) for c in scenario.components]
+    memories[-1] = dataclasses.replace(memories[-1], held=1.0)
+    around = stages.together([memories], (), [()], 0.0).of(0)
     R = pose_of(state)
-    felt = push_at(ARM.frame(), around, ARM, state, 9.81)
+    motion = motion_of(Truth(vehicle=ARM, gravity=9.81), state, around)
+    felt = push_at(ARM.frame(), around, motion)
     weight = np.array([0.0, 0.0, -WEIGHT * 9.81])
     assert [*felt.force] == pytest.approx(R.T @ (FORCE + weight))
     assert [*felt.torque] == pytest.approx(R.T @ TORQUE + np.cross([0.0, 0.02, 0.0], R.T @ weight))
@@ -87,12 +90,13 @@ def test_forces_and_torques_are_those_about_the_frame(scenario):
     load = R @ [0.0, 0.02, 0.0] + lever
     about = np.cross(lever, FORCE) + TORQUE + np.cross(load, weight)
     turned = np.array([[float(c) for c in row] for row in first.R.rows])
-    assert [*push_at(elbow, around, ARM, state, 9.81).torque] == pytest.approx(turned.T @ about)
+    assert [*push_at(elbow, around, motion).torque] == pytest.approx(turned.T @ about)
     # a payload that the elbow holds is none of the tip's
     held = [dataclasses.replace(c, frame="elbow") if isinstance(c, TimedPayload) else c for c in around.components]
     arm = dataclasses.replace(ARM, frames=(ARM.frame(), dataclasses.replace(elbow, name="elbow")))
     there = dataclasses.replace(around, components=tuple(held))
-    tip, upper = (push_at(at, there, arm, state, 9.81).force for at in (arm.frame(), elbow))
+    moving = motion_of(Truth(vehicle=arm, gravity=9.81), state, there)
+    tip, upper = (push_at(at, there, moving).force for at in (arm.frame(), elbow))
     assert [*tip] == pytest.approx(R.T @ FORCE)
     assert [*upper] == pytest.approx(turned.T @ (FORCE + weight))
 
@@ -180,9 +184,10 @@ def test_where_nothing_can_push_the_sensors_feel_nothing():
     kept = {key: DOCUMENT[key] for key in ("schema", "name", "plant", "reference")}
     sensors = {"wrist": {"kind": "force_torque"}, "finger": {"kind": "tactile_switch", "bandwidth": 200.0}}
     free = scenario_from(kept | {"duration": 0.01, "controller": {"preset": "paper_ct"}, "sensors": sensors})
-    memories = tuple(c.start(0.005, (0.5,) * 2 * c.uniforms) for c in free.components)
-    around = Stages(free).surroundings(memories, (), 0.0)
-    push = push_at(ARM.frame(), around, ARM, skyarm.Session(free, machine_code=False).state, 9.81)
+    memories = [c.start(0.005, (0.5,) * 2 * c.uniforms) for c in free.components]
+    around = Stages(free).together([memories], (), [()], 0.0).of(0)
+    state = skyarm.Session(free, machine_code=False).state
+    push = push_at(ARM.frame(), around, motion_of(Truth(vehicle=ARM, gravity=9.81), state, around))
     assert push == NO_PUSH
     assert {type(each) for each in (*push.force, *push.torque)} == {float}
     assert skyarm.run(free).status == "completed"

@@ -94,7 +94,7 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     while flight.step():
         pass
     log, vehicle = flight.log, scenario.plant.vehicle
-    charge, voltage = flight.now.components[-1]
+    charge, voltage = flight.now.memories[-1]
     before = 1.0
     for k, speeds in enumerate(log.rotor_speeds):
         power = BATTERY.power(vehicle.rotors, speeds)

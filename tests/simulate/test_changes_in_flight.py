@@ -10,6 +10,7 @@ import pytest
 
 from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
+from skyarm.plant.surroundings import Memories
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Change
@@ -17,7 +18,7 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import carry_over
+from skyarm.simulate.loop_state import LoopState, carry_over
 from support.components import same_logs
 from support.flights import document, shared_programs
 
@@ -284,14 +285,24 @@ def test_a_snapshot_keeps_the_numbers_that_held(machine_code: bool) -> None:
 
 def test_memories_of_components_go_on_by_their_place() -> None:
     first = first_loop_state(BASE)
-    fresh = dataclasses.replace(first, components=(0.0, 0.1, 0.2, 0.3))
-    before = dataclasses.replace(first, components=(5.0, 6.0, 7.0))
-    old = ("wind", "air[0]", "force")
+
+    def loop(*memories: float) -> LoopState:
+        return first.with_agent(dataclasses.replace(first.agent, components=memories))
+
+    def carried(fresh: LoopState, *places: str) -> Memories:
+        old = (("wind", "air[0]", "force"),), ()
+        found = carry_over(fresh, loop(5.0, 6.0, 7.0), (((places,), ()), old), [()])
+        assert found.components == ()
+        return found.agent.components
+
     # a second air is new, and the force behind it is the one of before
-    assert carry_over(fresh, before, (("wind", "air[0]", "air[1]", "force"), old)).components == (5.0, 6.0, 0.2, 7.0)
+    assert carried(loop(0.0, 0.1, 0.2, 0.3), "wind", "air[0]", "air[1]", "force") == (5.0, 6.0, 0.2, 7.0)
     # an air that is gone leaves the force its own
-    fewer = dataclasses.replace(first, components=(0.0, 0.3))
-    assert carry_over(fewer, before, (("wind", "force"), old)).components == (5.0, 7.0)
+    assert carried(loop(0.0, 0.3), "wind", "force") == (5.0, 7.0)
+    # those that all vehicles share go on as well
+    fresh, before = (dataclasses.replace(loop(), components=each) for each in ((0.1, 0.2), (5.0,)))
+    places = (((),), ("air[0]", "world")), (((),), ("world",))
+    assert carry_over(fresh, before, places, [()]).components == (0.1, 5.0)
 
 
 def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:

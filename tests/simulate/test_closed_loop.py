@@ -15,7 +15,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.rigid_body import accelerate, coupled_rk4
+from skyarm.plant.rigid_body import coupled_rk4
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
@@ -23,6 +23,7 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import measure
 from skyarm.simulate import Log, Scenario, run
 from support.flights import document
+from support.one_vehicle import acceleration, after_step
 from support.worlds import wind as blown
 
 NOISY = document(
@@ -66,7 +67,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     for k in range(scenario.steps):
         wind = Surroundings(components=(_at(blowing, k),), memories=((),))
         before = acting[5 * k - 1] if k and 5 * k - 1 < len(acting) else standing
-        base, _ = accelerate(world, x, Command(efforts=before.efforts), wind)
+        base, _ = acceleration(world, x, Command(efforts=before.efforts), wind)
         noise = tuple(float(d) for d in draws[k]) if draws is not None else (0,) * (15 + 2 * n + rotors)
         readings.append(measure(scenario.noise, k / 200, x, Vec3(*base.linear), noise))
         reading = readings[max(0, k - late_readings)]
@@ -77,10 +78,10 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
         window = acting[5 * k : 5 * k + 5]
         change = late_steps % 5
         if change:
-            x, _ = coupled_rk4(world, x, window[0], wind, change / 1000)
-            x, _ = coupled_rk4(world, x, window[-1], wind, 0.005 - change / 1000)
+            x, _ = after_step(coupled_rk4, world, x, window[0], wind, change / 1000)
+            x, _ = after_step(coupled_rk4, world, x, window[-1], wind, 0.005 - change / 1000)
         else:
-            x, _ = coupled_rk4(world, x, window[0], wind, 0.005)
+            x, _ = after_step(coupled_rk4, world, x, window[0], wind, 0.005)
     return states, commands
 
 

@@ -59,10 +59,10 @@ def test_until_the_first_measurement_has_arrived_the_law_sees_that_one(old):
     period, carry = make_period(stages, RigidBodySteps(stages, lambda _: Steps(1))), first_loop_state(scenario)
     taken = []
     for k in range(7):
-        carry, sample = period(carry, InputRow(time=0.005 * k, reference=scenario.reference.at(0.0)), ())
+        carry, sample = period(carry, (InputRow(time=0.005 * k, reference=scenario.reference.at(0.0)),), ())
         assert sample.alive == 1.0
-        assert sample.measurement == seen[k]
-        taken.append(sample.state)
+        assert sample.agent.measurement == seen[k]
+        taken.append(sample.agent.state)
     assert taken[0].position == first_state(scenario).position
     assert len({state.position for state in taken}) == 7
     assert [each.position for each in seen] == [taken[max(0, k - old)].position for k in range(7)]

@@ -13,6 +13,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive, TorqueDrive
+from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
@@ -21,6 +22,7 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import Fault
 from support.components import Lag, Servo, same_logs, with_law
+from support.one_vehicle import motion_of
 
 BASE = load_scenario("case1", duration=0.1)
 
@@ -134,7 +136,7 @@ def test_the_joints_own_limit_and_faults_act_on_what_the_drive_gives():
         vehicle, links=tuple(dataclasses.replace(k, joint=j) for k, j in zip(vehicle.links, joints, strict=True))
     )
     stiff = Surroundings(drives=(Servo(stiffness=1e4), Servo(stiffness=0.1)), drive_memories=((), ()))
-    _, torques = applied_force(limited, start, Command(efforts=(1.0, 1.0)), stiff)
+    _, torques = applied_force(motion_of(Truth(vehicle=limited), start, stiff), Command(efforts=(1.0, 1.0)), stiff)
     assert torques[0] == 0.25
     assert torques[1] == pytest.approx(0.1 * (1.0 - 0.3), rel=1e-15)
     dead = Fault(joint="joint1", effectiveness=0.0, start=0.0)

@@ -149,7 +149,7 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
     row = InputRow(time=0.0, reference=inputs.reference_example)
 
     def step(now: Any, _parameters: Any, fed: InputRow, draws: Any) -> Any:
-        return period(now, fed, draws)
+        return period(now, (fed,), draws)
 
     loop = trace_loop(step, structure_of(first), (), row, stages.draws.channels)
     now = tuple(leaves(first))
@@ -173,7 +173,7 @@ def test_a_divided_step_is_the_steps_taken_by_hand(integrator):
     scenario = served(DAMPED, integrator=integrator)
     plant, around = plant_of(scenario)
     count = plant.substeps(0.005).near
-    silent = dataclasses.replace(around, drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
+    silent = dataclasses.replace(around.of(0), drives=(Servo(stiffness=20.0, damping=0.2),) * 2)
     alone = RigidBodyPlant(scenario.plant, silent, integrator, 0.005 / count)
     start = trimmed_state(scenario.plant, Vec3(0.0, 0.0, 5.0), 0.0, (0.25, -0.15))
     command, told = (485.0,) * 4 + (0.3, -0.2), tuple(leaves(around))
@@ -340,7 +340,7 @@ def test_a_sweep_takes_the_shortest_step_of_all_that_it_draws():
     ranges = {path: dataclasses.replace(like, low=0.01, high=high) for path, high in paths.items()}
     study = dataclasses.replace(study, vary=ranges, scenarios={"own": served(STIFF, duration=0.1)})
     drawn = {path: high for path, (_, high, *_) in extremes(study).items()}
-    drives = {each.joint: each.drive for each in prepare(study).stiffest.drives}
+    drives = {each.joint: each.drive for each in prepare(study).stiffest.agent.drives}
     # each number at the end that shortens the step; where it does not, as it was
     assert drives["joint1"].stiffness == drawn["plant.drives.joint1.stiffness"] > 50.0
     assert drives["joint2"].damping == drawn["plant.drives.joint2.damping"] > 0.1

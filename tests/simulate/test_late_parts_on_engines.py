@@ -75,7 +75,7 @@ def program() -> tuple[Loop, Any, np.ndarray, np.ndarray, np.ndarray]:
 
     def period(now: Any, values: Any, fed: InputRow, uniforms: Any = ()) -> Any:
         stages = Stages(with_numbers(scenario, dict(zip(VALUES, values, strict=True))))
-        return make_period(stages, RigidBodySteps(stages, lambda _: Steps(1)))(now, fed, uniforms)
+        return make_period(stages, RigidBodySteps(stages, lambda _: Steps(1)))(now, (fed,), uniforms)
 
     row = InputRow(time=0.0, reference=inputs.reference_example)
     base = tuple(number_at(scenario, path) for path in VALUES)

@@ -57,9 +57,9 @@ def heard_in_floats(scenario, periods):
     for k in range(periods):
         keys = (scenario.seed, scenario.episode)
         drawn = [float(u) for channel, n in stages.draws.channels for u in uniforms(*keys, channel, k, n)]
-        now, sample = period(now, InputRow(time=k / 200, reference=scenario.reference.at(0.0)), drawn)
+        now, sample = period(now, (InputRow(time=k / 200, reference=scenario.reference.at(0.0)),), drawn)
         assert sample.alive == 1.0
-        samples.append(sample)
+        samples.append(sample.agent)
     return heard, samples
 
 

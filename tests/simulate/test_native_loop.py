@@ -198,7 +198,7 @@ def test_turbulence_starts_from_the_two_steps_before_the_first():
     scenario = planned("case3_wind", environment__wind=TURBULENT, seed=17, episode=4)
     first, second = (Vec3(*normal(17, 4, 1, 2**32 - back, 3).tolist()) for back in (1, 2))
     wanted = dryden.start(first, second, 0.005, par=scenario.wind.turbulence)
-    assert first_loop_state(scenario).components == (wanted,)
+    assert first_loop_state(scenario).memories == (wanted,)
 
 
 def test_the_reference_in_python_is_machine_code_to_the_bit():

@@ -22,7 +22,7 @@ from skyarm.reference.trajectory import PASSED, Reference, Trajectory, phase_num
 from skyarm.scenario.in_flight import Overrides
 from skyarm.simulate.first_state import component_places, first_loop_state
 from skyarm.simulate.loop_state import carry_over
-from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clock_of_change, due, is_other_reference
+from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clocks_of_change, due, other_references
 from support.cases import sampled
 from support.engines import ENGINES, evaluate
 
@@ -252,13 +252,14 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     first = first_loop_state(scenario)
 
     def at_clock(clock):
-        return dataclasses.replace(first, ticks=37.0, agent=dataclasses.replace(first.agent, clock=clock))
+        return dataclasses.replace(first, ticks=37.0).with_agent(dataclasses.replace(first.agent, clock=clock))
 
     before = at_clock(())
 
     def taken(now, anew):
         places = component_places(scenario)
-        return carry_over(first, now, (places, places), clock_of_change(scenario, first, now, anew=anew)).agent.clock
+        clocks = clocks_of_change(scenario, first, now, anew=scenario.agents if anew else ())
+        return carry_over(first, now, (places, places), clocks).agent.clock
 
     # at the first guard that is not passed
     for ticks, guard in ((0.0, 0.0), (19.0, 0.0), (20.0, 0.0), (21.0, 1.0), (41.0, 2.0), (43.0, 3.0), (200.0, 4.0)):
@@ -270,7 +271,7 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     assert taken(waiting, False) == clock
     assert (taken(waiting, True).place, taken(waiting, True).failed) == (37.0, 0.0)
     assert taken(dataclasses.replace(waiting, alive=0.0), True) == clock
-    assert clock_of_change(scenario, before, dataclasses.replace(first, ticks=37.0), anew=True) == ()
+    assert clocks_of_change(scenario, before, dataclasses.replace(first, ticks=37.0), anew=scenario.agents) == [()]
     # a distance counts from where the tip was then
     tip = Vec3(0.3, 0.2, 0.1)
     seen = Seen(tip=tip, goal=tip, push=(), force=None)
@@ -292,7 +293,7 @@ def test_a_reference_is_another_one_where_it_is_replaced_as_a_whole(scenario):
         (Overrides(parts=(law, task)), replaced, False),
         (Overrides(parts=(("reference.base", {"kind": "hover"}),)), own, True),
     ):
-        assert is_other_reference(now, before) is other
+        assert other_references(scenario, now, before) == (("main",) if other else ())
 
 
 @pytest.mark.parametrize("asked", [{"force": 0.5}, {"force_below": 0.5}])

@@ -103,7 +103,7 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
         session.step()
     assert session.now.agent.clock.waited > 0.0  # it waits for the touch
     # margins look at the reference where it stands
-    row = episode_inputs(scenario).row_at(200, session.now)
+    row = episode_inputs(scenario).row_at(200, session.now.agent, session.now.ticks)
     assert [float(c) for c in row.reference.tip] == [float(c) for c in session.reference.tip]
     assert (row.time, row.path_time) == (1.0, session.now.agent.clock.place / 200.0)
     held, held_place = session.snapshot(), session.now.agent.clock.place

@@ -64,7 +64,7 @@ def tip_error(scenario: Scenario) -> float:
 def test_a_vehicle_file_carries_its_servos():
     scenario = flight()
     assert [each.name for each in scenario.plant.vehicle.drives] == ["shoulder", "elbow"]
-    assert all(isinstance(drive, PositionServo) for drive in scenario.all_drives)
+    assert all(isinstance(drive, PositionServo) for drive in scenario.agent.all_drives)
     assert isinstance(scenario.controller.par, ActuatorParameters)
     log = run(scenario)
     assert log.status == "completed"

@@ -376,10 +376,10 @@ def test_a_component_that_is_replaced_leaves_the_others_memories() -> None:
     session = Session(ADDED)
     for _ in range(7):
         session.step()
-    wind, air, push = session._engine.now.components
+    wind, air, push = session._engine.now.memories
     blowing = {"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
     session.change({"environment.wind": blowing})
-    started, *others = session._engine.now.components
+    started, *others = session._engine.now.memories
     assert wind == ()
     assert len(leaves(started)) == 5
     assert others == [air, push]

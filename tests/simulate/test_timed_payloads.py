@@ -178,14 +178,14 @@ def test_what_is_not_used_is_not_there(scenario):
     """Without any of it the loop carries, logs and is told no number more than one that never heard of it."""
     plain = dataclasses.replace(scenario, payloads=(), faults=(), air=(), forces=(), wind=skyarm.MovingAir())
     first = first_loop_state(plain)
-    assert first.components == ((),)
+    assert first.memories == ((),)
     around = first_surroundings(plain, first)
-    assert around.effectiveness is None
+    assert around.of(0).effectiveness is None
     assert leaves(around) == [0.0]  # the time
-    assert after_impact(plain.plant.vehicle, first.agent.state, around) is first.agent.state
-    assert loaded_vehicle(plain.plant.vehicle, around) is plain.plant.vehicle
+    assert after_impact(plain.plant.vehicle, first.agent.state, around.of(0)) is first.agent.state
+    assert loaded_vehicle(plain.plant.vehicle, around.of(0)) is plain.plant.vehicle
     faulty = dataclasses.replace(plain, faults=(skyarm.Fault(rotor="front", effectiveness=0.5),))
-    told = first_surroundings(faulty, first).effectiveness
+    told = first_surroundings(faulty, first).of(0).effectiveness
     assert told.stuck == ()
     assert "payload_mass" not in skyarm.run(dataclasses.replace(plain, duration=0.1)).arrays()
 

@@ -343,9 +343,9 @@ class BatchSession:
 
     def _period(self, now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
         numbers, command = values
-        stages = Stages(self._lane_scenario(numbers), None if self._law else command)
+        stages = Stages(self._lane_scenario(numbers), () if self._law else (command,))
         row = own_row(stages.scenario, now.ticks)
-        following, _ = make_period(stages, RigidBodySteps(stages, self._loop.substeps))(now, row, drawn)
+        following, _ = make_period(stages, RigidBodySteps(stages, self._loop.substeps))(now, (row,), drawn)
         return following, ()
 
     @property

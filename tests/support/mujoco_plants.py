@@ -43,12 +43,12 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import own_to_mujoco
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec, joint_addresses
-from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
+from skyarm.plant.rigid_body import before_euler_step, follow_commands
+from skyarm.plant.surroundings import Surroundings, Together, coupled_places
 from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 from skyarm.world.contact.carrier import Carrier
@@ -122,7 +122,7 @@ class PlantContact(Contact):
 
     def efforts(self, memory: Any, slope: ContactMemory, motion: PointMotion) -> list[Any]:
         """Generalized forces of grasps on the bodies of the world, one carrier after the other."""
-        pulls = self.on_carriers(memory, motion, ())
+        pulls = self.on_carriers(memory, motion, (), 0.0)
         rows = zip(self.carriers, memory.carried, slope.carried, pulls, strict=True)
         return [data(c) for carrier, held, rate, pull in rows for c in effort_of(carrier, held, rate, *pull)]
 
@@ -474,26 +474,27 @@ class MujocoContactPlant:
         self, world: Truth, around: Surroundings, integrator: str = INTEGRATOR, physics_step: float = 0.001
     ) -> None:
         require_plant(world.vehicle)
-        self.vehicle, self._world = world.vehicle, world
-        self._place, self._contact = contact_in(around)
+        self.vehicle, self._worlds = world.vehicle, (world,)
+        together = Together((around,))
+        self._place, self._contact = contact_in(together)
         if integrator != INTEGRATOR:
             raise ValueError(f"integrator = {integrator!r}: must be {INTEGRATOR!r}")
-        self._step = physics_step / divisions(physics_step, largest_step(around, euler=True))
+        self._step = physics_step / divisions(physics_step, largest_step(together, euler=True))
         alone = build_spec(world.vehicle, float(world.gravity), timestep=self._step, integrator=INTEGRATOR)
-        self._layout = layout = Layout(world.vehicle, alone.compile())
+        self._layout = layout = Layout(self._worlds, alone.compile())
         spec = build_spec(world.vehicle, float(world.gravity), timestep=self._step, integrator=INTEGRATOR)
         self.model, self._places = WorldBuilder(spec, world.vehicle, self._contact).compile(self._step)
         self._data = mujoco.MjData(self.model)
         self._to_base = self._data.xmat[1].reshape(3, 3).T
         self._gravity = self.model.opt.gravity
         self._felt = FeltReader(self.model, self._data, self._contact, self._places)
-        self._prepare_program(around, layout)
-        self._prepare_memory(around)
+        self._prepare_program(together, layout)
+        self._prepare_memory(together)
 
-    def _prepare_program(self, around: Surroundings, layout: Layout) -> None:
+    def _prepare_program(self, around: Together, layout: Layout) -> None:
         """The loads as one program, and views of its numbers."""
-        n = self.vehicle.n
-        inputs = (0.0,) * layout.end, (0.0,) * layout.rotors, (0.0,) * n, (0.0,) * layout.tilts
+        n, rotors, tilts = self.vehicle.sizes
+        inputs = (0.0,) * layout.end, (0.0,) * rotors, (0.0,) * n, (0.0,) * tilts
         self._program = Quick(self._forces_and_speeds, *inputs, around)
         self._commanded = self._program.inputs[layout.end :][: layout.driven + n]
         self._around = self._program.inputs[layout.end + layout.driven + n :]
@@ -506,9 +507,9 @@ class MujocoContactPlant:
         self._pushed, self._on_bodies = parts[:2]
         self._surfaces, self._driven_to, self._remembered = parts[2:5], *parts[5:]
 
-    def _prepare_memory(self, around: Any) -> None:
+    def _prepare_memory(self, around: Together) -> None:
         """Indices of the bodies' and the contact forces' numbers in the surroundings and in MuJoCo's."""
-        self._coupled = np.array(places_in(around), dtype=int)
+        self._coupled = np.array(coupled_places(around), dtype=int)
         memories = around.coupled_memories()
         before = sum(len(leaves(each)) for each in memories[: self._place])
         memory = memories[self._place]
@@ -529,25 +530,25 @@ class MujocoContactPlant:
 
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Any) -> Any:
         """Forces without contacts, the places of moving surfaces, and the results of one step without motions."""
-        state = self._layout.state(x)
-        command = Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
+        states = self._layout.states(x)
+        commands = (Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles),)
         around = self._without_touches(around)
-        around = before_euler_step(self._world, state, around, self._step)
-        forces = self._layout.generalized_forces(state, command, around)
-        slopes = slopes_of(self._world, state, around)
-        motion = PointMotion(self.vehicle, state, around.air_velocity, gravity=self._world.gravity)
+        around = before_euler_step(self._worlds, states, around, self._step)
+        forces = self._layout.generalized_forces(states, commands, around)
+        motions = around.motions(self._worlds, states)
+        slopes = around.slopes(motions)
         memory = around.coupled_memories()[self._place]
-        on_bodies = self._contact.efforts(memory, slopes[self._place], motion)
+        on_bodies = self._contact.efforts(memory, slopes[self._place], motions[0])
         moving = [surface.motion for surface in self._contact.surfaces if surface.moves]
         signals = [signal.derivatives(memory.clock[0]) for at in moving for signal in (at.x, at.y, at.z)]
         places, velocities, accelerations = ([each[order] for each in signals] for order in range(3))
-        lagged = with_lag(self.vehicle, state, command, self._step, around)
-        turned, leaning = lagged.rotor_speeds, lagged.tilts
-        memories = leaves(after_euler_step(around, slopes, self._step))
+        (after,) = follow_commands(self._worlds, states, commands, around, self._step)
+        turned, leaning = after.rotor_speeds, after.tilts
+        memories = leaves(around.after_euler_step(slopes, self._step))
         surfaces = *places, *velocities, *accelerations
         return tuple(data(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))
 
-    def _without_touches(self, around: Surroundings) -> Surroundings:
+    def _without_touches(self, around: Together) -> Together:
         """The surroundings without what the last period's contacts did."""
         memories = list(around.coupled_memories())
         memories[self._place] = self._contact.without_touches(memories[self._place])
@@ -604,15 +605,15 @@ class MujocoContactPlant:
         return fx, fy, fz
 
 
-def contact_in(around: Surroundings) -> tuple[int, PlantContact]:
+def contact_in(around: Together) -> tuple[int, PlantContact]:
     """The contact of the surroundings, and its number among the coupled components.
 
     Raises:
         ValueError: there is none.
     """
-    for place, i in enumerate(around.coupled):
-        if isinstance(around.components[i], PlantContact):
-            return place, around.components[i]  # type: ignore[return-value]
+    for place, (_, component, _) in enumerate(around.coupled):
+        if isinstance(component, PlantContact):
+            return place, component
     raise ValueError("plant.kind = 'mujoco_contacts': must be another without a [world]")
 
 
@@ -635,7 +636,7 @@ class Equations:
             self._model = build_spec(vehicle, gravity).compile()
         self._data, self._vehicle = mujoco.MjData(self._model), vehicle
         self._q, self._v = joint_addresses(vehicle, self._model)
-        self._G = own_to_mujoco(vehicle, self._model, self._v)
+        self._G = own_to_mujoco(Layout((Truth(vehicle=vehicle, gravity=gravity),), self._model))
 
     def at(
         self, position: Array, quaternion: Array, joints: Array, velocity: Array, force: Array

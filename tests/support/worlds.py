@@ -23,7 +23,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.flight_log import Log
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import trimmed_state
@@ -32,6 +32,7 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Component, WindSample
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
+from support.one_vehicle import places_in
 
 SKIDS = tuple(
     ContactPoint(name=f"skid_{i}", body="base", position=Vec3(0.1 * x, 0.1 * y, -0.12))

@@ -8,7 +8,7 @@ import re
 import flight_drawing
 
 from skyarm.simulate import period
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.stages import AgentStages, Stages
 
 PAGE = flight_drawing.DRAWING.parents[1] / "how_a_flight_works.md"
 NAMES = [stage.name for stage in flight_drawing.STAGES]
@@ -21,10 +21,11 @@ def test_the_drawing_is_that_of_its_script() -> None:
 
 
 def test_the_stages_are_those_of_a_period_in_their_order() -> None:
-    source = "".join(inspect.getsource(each) for each in (period.measure, period.make_period, period.act))
-    called = re.findall(r"(?:stages|plant)\.(\w+)\(", source)
+    source = "".join(inspect.getsource(each) for each in (period.measure, period.decide, period.act))
+    called = re.findall(r"(?:stages|each|plant)\.(\w+)\(", source)
     assert [name for name in called if name in NAMES] == NAMES
-    assert all(callable(getattr(Stages, name)) for name in NAMES[:-1])
+    assert callable(getattr(Stages, NAMES[0]))
+    assert all(callable(getattr(AgentStages, name)) for name in NAMES[1:-1])
 
 
 def test_the_page_explains_every_stage_in_its_order() -> None:

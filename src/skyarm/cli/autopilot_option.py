@@ -52,7 +52,7 @@ def load_under_autopilot(
     load = partial(load_scenario, source, plant=plant, seed=seed, duration=duration)
     same = False
     with contextlib.suppress(ValueError):  # the scenario's own law may not load where another stands in its place
-        own = autopilot_of(load().controller)
+        own = autopilot_of(load().agent.controller)
         same = own is not None and own.name == name
     return with_typed_options(load(controller=None if same else name), typed)
 
@@ -73,7 +73,7 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
             raise ValueError(
                 f"--autopilot = {shown(typed)}: {option} = {shown(value)}: {no_option(name, allowed, option)}"
             )
-    controller, par = planned.controller, innermost(planned.controller.par)
+    controller, par = planned.agent.controller, innermost(planned.agent.controller.par)
     table = Fields({"autopilot": name, **options}, "controller")
     made = innermost(by_words(table, plain_model(controller.par.model), {}).par)
     given = {option: getattr(made.autopilot, option) for option in options if option != "joint_gains"}
@@ -114,11 +114,11 @@ def _value(text: str) -> Entry:
 
 def outside_command(scenario: str, planned: Scenario) -> str:
     """Command line of the external program that takes over in hover; empty for a flight without one."""
-    record = autopilot_of(planned.controller)
+    record = planned.autopilot
     if record is None or not record.outside:
         return ""
     mavlink, joints = record.outside_ports
-    law = " --laws LAW" if autopilot_of(load_scenario(scenario).controller) is not None else ""
+    law = " --laws LAW" if autopilot_of(load_scenario(scenario).agent.controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-    vehicle = planned.controller.par.model.vehicle
+    vehicle = planned.agent.controller.par.model.vehicle
     return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

@@ -116,7 +116,11 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
         raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
     if is_scenario(what):
         scenario = load_scenario(what)
-        vehicle, applied, start = scenario.plant.vehicle, float(scenario.plant.gravity), first_state(scenario)
+        vehicle, applied, start = (
+            scenario.agent.plant.vehicle,
+            float(scenario.agent.plant.gravity),
+            first_state(scenario),
+        )
     else:
         vehicle, applied, start = load_vehicle(what), 9.81, None
     if gravity is not None:
@@ -163,8 +167,8 @@ def _law(
             if value is not None:
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller)
-        chosen, title = planned.controller, planned.name
-        estimator = planned.estimator.on_board
+        chosen, title = planned.agent.controller, planned.name
+        estimator = planned.agent.estimator.on_board
         if any(change.of_law for change in planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)

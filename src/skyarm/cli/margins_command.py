@@ -92,6 +92,6 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=controller)
     say_suspicious(loaded)
-    if not safety or isinstance(loaded.controller.par, SafetyParameters):
+    if not safety or isinstance(loaded.agent.controller.par, SafetyParameters):
         return loaded
-    return loaded.with_controller(with_safety_layer(loaded.controller))
+    return loaded.with_controller(with_safety_layer(loaded.agent.controller))

@@ -9,6 +9,7 @@ from typing import Any
 from skyarm.cli.output import PLAIN, Terminal, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.flight_summary import facts, summary
+from skyarm.log.team_log import TeamLog
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.assessment import Assessment
 from skyarm.studies.assess.check_sheet import sheet
@@ -22,28 +23,39 @@ from skyarm.view.pages import Line, heading, image, table_of
 WIDTH = 100
 """Number of characters of a line of a table."""
 
-PARTS = ("air", "forces", "faults", "sensors", "drives", "payloads", "changes", "endings")
-"""Fields of a scenario with any number of records, which are counted by class."""
+OF_AGENT, OF_ALL = ("faults", "sensors", "drives", "payloads"), ("air", "forces", "changes", "endings")
+"""Fields of a vehicle, and of what all vehicles share, with any number of records, which are counted by class."""
 
 
 def scenario_lines(scenario: Scenario) -> Iterable[Line]:
     """Lines of a scenario: title, vehicle, law, plant, surroundings."""
-    rows = {
-        "vehicle": scenario.plant.vehicle.name,
-        "law": scenario.controller.name,
-        "plant": f"{scenario.kind} ({scenario.integrator}), g = {float(scenario.plant.gravity):g} m/s^2",
+    several, rows, kinds = len(scenario.agents) > 1, dict[str, str](), dict[str, str]()
+    for name, agent in scenario.agents.items():
+        of = f" of {name}" if several else ""
+        rows |= {f"vehicle{of}": agent.plant.vehicle.name, f"law{of}": agent.controller.name}
+        kinds |= {f"{each}{of}": _kinds(getattr(agent, each)) for each in OF_AGENT}
+    gravity = float(next(iter(scenario.agents.values())).plant.gravity)
+    rows |= {
+        "plant": f"{scenario.kind} ({scenario.integrator}), g = {gravity:g} m/s^2",
         "duration": f"{scenario.duration:g} s, control at {scenario.rates.control} Hz, seed {scenario.seed}",
         "wind": type(scenario.wind).__name__,
+        **kinds,
+        **{each: _kinds(getattr(scenario, each)) for each in OF_ALL},
     }
-    rows |= {name: ", ".join(type(each).__name__ for each in getattr(scenario, name)) for name in PARTS}
     return heading(f"{scenario.name}: {scenario.title}"), table_of(
         ("", ""), [each for each in rows.items() if each[1]], left=2
     )
 
 
+def _kinds(records: Iterable[object]) -> str:
+    """Classes of some records, as text."""
+    return ", ".join(type(each).__name__ for each in records)
+
+
 SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[Line]], Callable[[Any], Any] | None]] = {
     Log: (lambda log: summary(log, facts(log)), lambda log: plot(log, kind="tracking")),
-    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.plant.vehicle)),
+    TeamLog: (lambda log: summary(log, facts(log)), None),
+    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.agent.plant.vehicle)),
     Vehicle: (lambda vehicle: vehicle_sheet(vehicle, vehicle_facts(vehicle, 9.81))[:1], vehicle_drawing),
     Assessment: (sheet, None),
 }

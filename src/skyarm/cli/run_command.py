@@ -28,7 +28,6 @@ from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
 from skyarm.cli.output import Advance, bar, give, say_cause, tell
 from skyarm.control.catalogue import require_different
-from skyarm.control.controller import autopilot_of
 from skyarm.log.flight_log import Log
 from skyarm.log.flight_summary import facts, headline, summary
 from skyarm.log.formats import require_format, save_log
@@ -170,7 +169,9 @@ def _fly_one(
     if planned.worlds:
         from skyarm.studies.assess.pressing_flights import lost_force, missed_contact
 
-        say_unlikely(planned.name, [*lost_force(planned, log), *missed_contact(planned, log)])
+        for name, own in zip(planned.agents, log.agents.values(), strict=True):
+            one, before = planned.of(name), f"{name}: " if len(log.agents) > 1 else ""
+            say_unlikely(planned.name, [before + line for line in (*lost_force(one, own), *missed_contact(one, own))])
     tell(
         *summary(log, values),
         *lines,
@@ -194,14 +195,14 @@ def _fly(
 
     def preparing(seconds: float, most: float) -> None:
         if seconds < most:
-            advance(last=f"take-off of {planned.controller.name}, {seconds:.0f} s")
+            advance(last=f"take-off of {planned.agent.controller.name}, {seconds:.0f} s")
         elif hint:
             say(f"it hovers: {hint}")
 
     if ros is not None:
         live = function_of_option("run --ros")(planned, ros, pace=pace, advance=advance, preparing=preparing)
         return live.log, live.interrupted, live.lines, live.facts
-    if autopilot_of(planned.controller) is None:
+    if planned.autopilot is None:
         return fly(planned, advance), None, (), {}
     return (*run_until_interrupted(planned, advance, preparing), (), {})
 

@@ -156,7 +156,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         raise ValueError(f"scenario or vehicle = {shown(target)}: {allowed}, or the path of a file")
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
-        words = law_entry(controller or scenario.controller.name)
+        words = law_entry(controller or scenario.agent.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
@@ -164,7 +164,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         document: Tables = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in LAYERS}
-        words = words or law_entry(scenario.controller.name)  # of a log
+        words = words or law_entry(scenario.agent.controller.name)  # of a log
     gains: Tables = {}
     tuned = controller if is_gains_file(controller) else words.get("tuned")
     if is_gains_file(tuned):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
@@ -21,7 +21,14 @@ class PointMotion:
         air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
         gravity: m/s^2, for what falls beside the vehicle; none if left out.
         step: s, of a method that takes forces once in the middle of its step; None of others.
+        name: name of the vehicle.
+
+    Attributes:
+        agents: motions of all vehicles by name, that of this one among them.
+        task_time: time (s) of the events of its task, at a control instant.
     """
+
+    task_time: Scalar = 0.0
 
     def __init__(
         self,
@@ -31,8 +38,15 @@ class PointMotion:
         *,
         gravity: Scalar = 0,
         step: Scalar | None = None,
+        name: str = "",
     ) -> None:
         self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
+        self.name = name
+        self.agents: Mapping[str, PointMotion] = {name: self}
+
+    def of(self, agent: str) -> PointMotion:
+        """Motion of a vehicle by name; this one for an empty name, or where vehicles have none."""
+        return self.agents[agent] if agent and self.name else self
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
         """World velocity of the air at a point given in a body's frame, m/s."""

@@ -32,7 +32,7 @@ from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.lane_loop import held_row
 from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
-from skyarm.simulate.period import FirstHalf, act, measure
+from skyarm.simulate.period import AgentHalf, Decided, FirstHalf, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
@@ -87,7 +87,7 @@ class EnvProgram:
         self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
-        self.size = task.actions.size(scenario.controller.par.model.vehicle)
+        self.size = task.actions.size(scenario.agent.controller.par.model.vehicle)
         self._plant = rigid_body_plant(task.randomised.stiffest)
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
@@ -125,7 +125,7 @@ class EnvProgram:
 
     def trace_start(self) -> Program:
         """Trace the reset of an episode into a program whose inputs are all the episode's parameters."""
-        started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).components)
+        started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).models)
         return trace(self.start, self.base, self.draws, started)
 
     def _begin(
@@ -135,9 +135,9 @@ class EnvProgram:
         stages = self._stages(numbers)
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
-            first = dataclasses.replace(first, agent=dataclasses.replace(first.agent, memory=()))
+            first = first.with_agent(dataclasses.replace(first.agent, memory=()))
         row = held_row(stages.scenario, first.ticks)
-        return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
+        return (*self._measure_next(stages, first, row, draws), stages.agent.law_reference(row))
 
     def step(
         self, now: EnvState, values: tuple[Scalars, Scalars], _row: tuple[()], draws: Scalars
@@ -148,18 +148,19 @@ class EnvProgram:
         action = tuple(clip(a, -1.0, 1.0) for a in given)
         loop, own, row = now.loop, now.loop.agent, held_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
-        around = stages.surroundings(loop.components, own.drives, row.time)
+        around = stages.surroundings(loop, row.time)
         nothing: Any = None
         read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
-        measured = FirstHalf(loop.components, around, stages.acting(own.queue), nothing, read)
+        half = AgentHalf(own.components, stages.agent.acting(own.queue), nothing, read)
         plant = RigidBodySteps(stages, self._plant.substeps)
-        flown = act(stages, plant, loop, measured, memory, command, own.clock)
+        decided = [Decided(memory, command, own.clock)]
+        flown = act(stages, plant, loop, FirstHalf(loop.components, around, (half,)), decided)
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
         # endings are a separate output of the step, and a period that ends an episode counts
-        agent = dataclasses.replace(flown.agent, state=state)
-        flown = dataclasses.replace(flown, agent=agent, alive=1.0, ticks=loop.ticks + 1.0)
+        flown = flown.with_agent(dataclasses.replace(flown.agent, state=state))
+        flown = dataclasses.replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measure_next(stages, flown, coming, draws)
@@ -167,7 +168,7 @@ class EnvProgram:
         result = Result(
             state=state,
             reference=coming.reference,
-            vehicle=stages.scenario.plant.vehicle,
+            vehicle=stages.scenario.agent.plant.vehicle,
             action=action,
             action_before=now.action,
             command=command,
@@ -181,7 +182,7 @@ class EnvProgram:
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = StepOutcome(
-            observation=self._observe(stages, measurement, stages.law_reference(coming), action),
+            observation=self._observe(stages, measurement, stages.agent.law_reference(coming), action),
             reward=_finite(reward),
             truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
             ending=ending,
@@ -202,26 +203,29 @@ class EnvProgram:
         values = iter(leaves(self._measurement))
         seen = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)]))
-        par = stages.scenario.controller.par
-        reference = stages.law_reference(row)
-        turn = Turn(now.loop.agent.memory, measurement, reference, stages.decide, par, self.task.told)
+        par = stages.scenario.agent.controller.par
+        reference = stages.agent.law_reference(row)
+        turn = Turn(now.loop.agent.memory, measurement, reference, stages.agent.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
-        return memory, with_rest(stages.scenario.plant.vehicle, command)
+        return memory, with_rest(stages.scenario.agent.plant.vehicle, command)
 
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
         """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
-        measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
-        agent = dataclasses.replace(now.agent, sensors=measured.read.sensors, estimate=measured.read.estimate)
-        return dataclasses.replace(now, agent=agent, components=measured.components), measured.read.measurement
+        measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, (row,), draws)
+        (half,) = measured.agents
+        agent = dataclasses.replace(
+            now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components
+        )
+        return dataclasses.replace(now.with_agent(agent), components=measured.components), half.read.measurement
 
     def _select_numbers(self, measurement: Measurement) -> Scalars:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
     def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
-        model = stages.scenario.controller.par.model
+        model = stages.scenario.agent.controller.par.model
         return observation_of(
             self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
         )

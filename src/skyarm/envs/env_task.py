@@ -50,7 +50,7 @@ class LearningTask:
     @property
     def told(self) -> tuple[bool, ...]:
         """One flag per joint: True if a drive's setpoint commands it, False if a torque or force does."""
-        return self.scenario.commands_setpoints
+        return self.scenario.agent.commands_setpoints
 
 
 def make_task(
@@ -85,12 +85,12 @@ def make_task(
     kind = _record_of("actions", actions, ACTIONS, Actions)
     seen = _several("observation", observation, OBSERVED, Observed, "quantity")
     if kind.asks_law:
-        flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
-        if flown.path_time is not None:
+        flown.agent.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
+        if flown.agent.path_time is not None:
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = flown.with_controller(dataclasses.replace(flown.controller, margin=None))
+        flown = flown.with_controller(dataclasses.replace(flown.agent.controller, margin=None))
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return LearningTask(
@@ -115,7 +115,7 @@ def _scenario(given: Scenario | PathLike, controller: str | None, duration: floa
     require_rigid_body(flown)
     if flown.changes:
         raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
-    if flown.reference.guards:
+    if flown.agent.reference.guards:
         raise ScenarioError("reference: phases that wait (until) must be left out of an environment")
     return flown
 

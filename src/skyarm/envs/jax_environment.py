@@ -90,7 +90,7 @@ class JaxEnvironment:
         self._program = EnvProgram(dataclasses.replace(task, randomised=whole), loops=False)
         drawn, loop = len(task.randomised.paths), self._program.loop
         self.paths = self._program.paths[drawn:]
-        self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).components if count]
+        self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).models if count]
         self._start = self._program.trace_start()
         self.observation_size, self.action_size = loop.logged - 3, self._program.size
         base = zip(self.paths, self._program.base[drawn:], strict=True)

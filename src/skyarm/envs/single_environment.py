@@ -128,7 +128,7 @@ class Environment(gymnasium.Env[Array, Array]):
         scenario = lanes.lane_scenario(0)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
         instant = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
-        goal = [float(c) for c in scenario.reference.at(instant).position]
+        goal = [float(c) for c in scenario.agent.reference.at(instant).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}

@@ -9,7 +9,8 @@ import numpy as np
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.flown_scenario import Info
 from skyarm.log.log_columns import COLUMNS, layout
-from skyarm.log.sensor_data import sources_of
+from skyarm.log.sensor_data import COMPONENTS, sources_of
+from skyarm.log.team_log import SHARED, WITHIN, TeamLog
 from skyarm.records.arrays import AnyArray
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
@@ -21,6 +22,9 @@ WORDS = "must be a log of schema 1"
 
 SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase")
 """Arrays with one number per instant."""
+
+AGENTS = "agents"
+"""Key of a file's description with those of the vehicles of a flight of several."""
 
 LAYOUT = "columns"
 """Key of a file's description with the names and units of the arrays' columns."""
@@ -55,6 +59,8 @@ KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 def log_info(log: Log) -> Info:
     """Metadata of a log for its file, with the column names of each array."""
+    if isinstance(log, TeamLog):
+        return {**log.info, AGENTS: {name: log_info(each) for name, each in log.agents.items()}}
     return {**log.info, LAYOUT: layout(log)}
 
 
@@ -65,6 +71,8 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
         ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
             one of a flight.
     """
+    if isinstance(info, dict) and AGENTS in info:
+        return _log_of_team(content, info)
     absent = ["info", "received", *(name for name in IF_ANY if name not in content)]
     names = [name for name in field_names(Log) or () if name not in absent]
     if not isinstance(info, dict) or info.get("schema") != SCHEMA:
@@ -88,6 +96,32 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
         arrays[name] = array
     _require_description(info)
     return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
+
+
+def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
+    """Make the log of several vehicles from the arrays and metadata of a file, after checks.
+
+    Raises:
+        ValueError: as :func:`log_of`.
+    """
+    agents, shared = info[AGENTS], info.get(SHARED, [])
+    if not isinstance(agents, dict) or not agents or not _is_texts(shared):
+        raise ValueError(WORDS)
+    every = {name: array for name, array in content.items() if WITHIN not in name}
+    logs, taken = dict[str, Log](), len(every)
+    for name, each in agents.items():
+        own = {key.partition(WITHIN)[2]: array for key, array in content.items() if key.startswith(f"{name}{WITHIN}")}
+        taken += len(own)
+        logs[name] = log_of({**own, **every}, each)
+    if taken != len(content) or sorted(every) != sorted(["time", *(f"{COMPONENTS}.{name}" for name in shared)]):
+        raise ValueError(WORDS)
+    _require_description(info)
+    return TeamLog(logs, {name: value for name, value in info.items() if name != AGENTS})
+
+
+def _is_texts(value: object) -> bool:
+    """True for a list of texts."""
+    return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
 
 def _axes(info: Info) -> dict[str, list[str] | None] | None:

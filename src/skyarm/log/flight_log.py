@@ -22,6 +22,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import LONGEST, immutable
 from skyarm.records.leaves import parts
+from skyarm.records.members import SOLE
 from skyarm.records.notebook import notebook_html
 from skyarm.records.registry import find
 from skyarm.records.units import Unit, units
@@ -146,6 +147,11 @@ class Log:
         if f"{COMPONENTS}.{name}" not in received:
             raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
         return received[f"{COMPONENTS}.{name}"]
+
+    @property
+    def agents(self) -> Mapping[str, Log]:
+        """Log of each vehicle of the flight by name; of one vehicle it is this log."""
+        return {SOLE: self}
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:

@@ -39,8 +39,13 @@ MOST_NAMED = 3
 
 
 def facts(log: Log) -> Facts:
-    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases."""
+    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases; of each vehicle."""
     info = log.info
+    if len(log.agents) > 1:
+        common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
+        forces = {name: _grasp_force(log, i) for i, name in enumerate(_grasps(log))}
+        own = {name: facts(each) for name, each in log.agents.items()}
+        return {name: info[name] for name in common} | {"agents": own} | ({"grasp_forces": forces} if forces else {})
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     if "autopilot" in info:
@@ -78,6 +83,17 @@ def facts(log: Log) -> Facts:
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
         values["governor"] = {what: summary(distance) for what, distance in distances.items()}
     return values
+
+
+def _grasps(log: Log) -> list[str]:
+    """Names of the grasps that hold bodies from the start of a flight."""
+    return component_labels(next(iter(log.agents.values())), "grasp_force")
+
+
+def _grasp_force(log: Log, index: int) -> dict[str, float]:
+    """Mean and largest force (N) in a grasp, and the last one."""
+    force = log.component("grasp_force")[:, index]
+    return {"mean": float(force.mean()), "max": float(force.max()), "last": float(force[-1])}
 
 
 def _took_off(values: Facts) -> bool:
@@ -136,10 +152,19 @@ def _mechanisms(log: Log) -> list[Facts]:
 
 
 def summary(log: Log, values: Facts) -> list[Line]:
-    """Text of a flight's summary: status, table of tracking errors, thrust and events."""
+    """Text of a flight's summary: status, table of tracking errors, thrust and events; of several vehicles of each."""
+    if len(log.agents) > 1:
+        lines: list[Line] = [heading(headline(log, values))]
+        for name, own in log.agents.items():
+            lines += [heading(name), *summary(own, values["agents"][name])[1:]]
+        rows = [
+            (name, *(shown_number(each, 4) for each in force.values()))
+            for name, force in values.get("grasp_forces", {}).items()
+        ]
+        return [*lines, table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)] if rows else lines
     if not _took_off(values):
         return [heading(headline(log, values))]
-    lines: list[Line] = [heading(headline(log, values)), printable(_flight_words(log))]
+    lines = [heading(headline(log, values)), printable(_flight_words(log))]
     if "steady_window_s" not in values:
         return lines
     start, stop = values["steady_window_s"]
@@ -167,7 +192,7 @@ def summary(log: Log, values: Facts) -> list[Line]:
 def headline(log: Log, values: Facts) -> str:
     """First line of a flight's summary: scenario, status, duration and cause of the end."""
     end, duration = (f"{values[name]:g} s" for name in ("end_time", "duration"))
-    if _took_off(values):
+    if len(log.agents) > 1 or _took_off(values):
         title = f"{values['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
     else:
         title = f"{values['scenario']}: {log.status}, no take-off in {end}"

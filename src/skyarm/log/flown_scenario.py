@@ -24,9 +24,13 @@ Info: TypeAlias = dict[str, Any]
 
 
 def written_scenario(info: Info) -> Info:
-    """Scenario of a log as plain data; empty if the log stores none."""
+    """Scenario of a log as plain data, of one vehicle with that one as ``agent``; empty if the log stores none."""
     record = info.get("scenario_record")
-    return record if isinstance(record, dict) else {}
+    if not isinstance(record, dict):
+        return {}
+    agents = record.get("agents")
+    only = [*agents.values()] if isinstance(agents, dict) else []
+    return record | {"agent": only[0]} if len(only) == 1 else record
 
 
 def written_at(info: Info, path: str) -> Any:
@@ -64,7 +68,7 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
     """Restore a log's scenario from its metadata, with some entries of the scenario file replaced by path."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not isinstance(written, dict) or written.get("type") != SCENARIO or "agent" not in written:
+    if not isinstance(written, dict) or written.get("type") != SCENARIO or not {"agent", "agents"} & {*written}:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")

@@ -8,7 +8,7 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
@@ -73,6 +73,10 @@ class FlightArrays(Arrays, Protocol):
     @property
     def info(self) -> Info:
         """Metadata of a logged flight."""
+
+    @property
+    def agents(self) -> Mapping[str, FlightArrays]:
+        """Log of each vehicle by name."""
 
     def arrays(self) -> dict[str, Array]:
         """All arrays of a log by name."""
@@ -141,7 +145,9 @@ def _records(info: Info, kind: type[Part], part: str) -> list[Part]:
 
 
 def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
-    """List the columns of a log, in the order of its arrays."""
+    """List the columns of a log, in the order of its arrays; of several vehicles each with the vehicle's name."""
+    if len(log.agents) > 1:
+        return _columns_of_team(log)
     names, listed = names_of(log), list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
@@ -153,6 +159,20 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
     listed += _sensor_columns(log, names)
     unique = distinct([each.name for each in listed])
     return tuple(replace(each, name=name) for name, each in zip(unique, listed, strict=True))
+
+
+def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
+    """List the columns of a log of several vehicles: those of each, then those of what all share."""
+    arrays, listed, shared = log.arrays(), list[LogColumn](), dict[str, LogColumn]()
+    for name, own in log.agents.items():
+        for each in columns(own):
+            if f"{name}/{each.array}" in arrays:
+                listed.append(replace(each, name=f"{word(name)}_{each.name}", array=f"{name}/{each.array}"))
+            elif each.array in arrays:
+                shared[each.name] = each
+    every = [shared.pop("time"), *listed, *shared.values()]
+    unique = distinct([each.name for each in every])
+    return tuple(replace(each, name=name) for name, each in zip(unique, every, strict=True))
 
 
 def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,7 +15,6 @@ from skyarm.compile.tracing.program import Flat as FlatFunction
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.joint_rate import joint_rate
@@ -28,9 +28,9 @@ from skyarm.plant.largest_step import (
     largest_step,
     verlet_step,
 )
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
-from skyarm.plant.surroundings import Surroundings
-from skyarm.vehicle.vehicle_records import require_plant
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impacts, far_step
+from skyarm.plant.surroundings import Surroundings, Together, several
+from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
@@ -56,76 +56,102 @@ class Steps(NamedTuple):
 
 
 def hold(
-    world: Truth, integrator: str, count: Steps, now: Moved, command: Command, around: Surroundings, seconds: Scalar
+    worlds: Sequence[Truth],
+    integrator: str,
+    count: Steps,
+    now: Moved,
+    commands: Sequence[Command],
+    around: Together,
+    seconds: Scalar,
 ) -> Moved:
-    """Integrate vehicle and contact states over an interval (s) with a constant command."""
+    """Integrate vehicle and contact states over an interval (s) with constant commands."""
     near = VERLET if count.verlet else integrator
 
-    there, motion = around.with_coupled(now[1]), PointMotion(world.vehicle, now[0])
-    steps: Scalar = float(count.near)
+    there = around.with_coupled(now[1])
+    motions, steps = there.motions(worlds, now[0]), float(count.near)
+    finer: Scalar = steps
     if count.most > 1:
-        memories, finer = there.hurry(motion, seconds)
-        now, steps = (now[0], memories), -floor(-steps * finer)
+        memories, more = there.hurry(motions, seconds)
+        now, finer = (now[0], memories), -floor(-steps * more)
 
     def step(both: Moved) -> Moved:
-        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / steps)
+        return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
 
-    far: Scalar = count.far > 0 and there.far(motion, seconds)
+    far: Scalar = count.far > 0 and there.far(motions, seconds)
     if far is False and count.most == 1:
         return repeat(count.near, step, now)
 
     def step_far(both: Moved) -> Moved:
-        return far_step(integrator, world, both, command, around, seconds / count.far, count.rounds)
+        return far_step(integrator, worlds, both, commands, around, seconds / count.far, count.rounds)
 
-    now = repeat_while(count.near * count.most, where(far, 0.0, steps), step, now)
+    now = repeat_while(count.near * count.most, where(far, 0.0, finer), step, now)
     if far is False:
         return now
     return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
 
 
 class RigidBodyPlant:
-    """Simulated vehicle by this library's own rigid-body dynamics, compiled once per interval length.
+    """Simulated vehicles by this library's own rigid-body dynamics, compiled once per interval length.
 
     Args:
-        world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
-        around: surroundings of one period as an example; their structural zeros are folded away.
+        world: true vehicle and gravity, or those of several vehicles. A planar model is refused: no real body has its
+            inertia.
+        around: surroundings of one period as an example, of all vehicles or of the only one; their structural zeros are
+            folded away.
         integrator: "rk4" takes one step per call, more where joint friction is stiff; "euler" takes ``physics_step``;
             both divide their step where the surroundings state a largest one. "rk4_staged", which other plants tell
             from "rk4", is "rk4" here.
         physics_step: s.
     """
 
+    several = True
+    """True of a plant that is made of several vehicles, too; others are made of one, and of its surroundings alone."""
+
     def __init__(
-        self, world: Truth, around: Surroundings, integrator: str = "rk4", physics_step: float = 0.001
+        self,
+        world: Truth | Sequence[Truth],
+        around: Surroundings | Together,
+        integrator: str = "rk4",
+        physics_step: float = 0.001,
     ) -> None:
-        require_plant(world.vehicle)
+        self._worlds, self.around = several(world, around)
+        for each in self._worlds:
+            require_plant(each.vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
-        self.vehicle = world.vehicle
-        self._world, self.around, self._integrator, self._physics_step = world, around, integrator, physics_step
-        sizes = world.vehicle.sizes
-        self._examples = (example_state(*sizes), example_command(*sizes), around)
+        self._integrator, self._physics_step = integrator, physics_step
+        sizes = [each.vehicle.sizes for each in self._worlds]
+        states, commands = (
+            tuple(example_state(*each) for each in sizes),
+            tuple(example_command(*each) for each in sizes),
+        )
+        self._examples = (states, commands, self.around)
         self._programs: dict[float, FlatFunction] = {}
         euler = integrator == "euler"
-        self._largest = largest_step(around, euler=euler)
-        self._largest_far = largest_step(around, coupled=False, euler=euler)
-        self._rate = joint_rate(world.vehicle)
-        self._verlet = None if euler else verlet_step(around)
+        self._largest = largest_step(self.around, euler=euler)
+        self._largest_far = largest_step(self.around, coupled=False, euler=euler)
+        self._rate = max(joint_rate(each.vehicle) for each in self._worlds)
+        self._verlet = None if euler else verlet_step(self.around)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """Vehicle, or the first of several."""
+        return self._worlds[0].vehicle
 
     @cached_property
     def _accelerometer(self) -> Program:
         return trace(self._reading, *self._examples)
 
-    def _reading(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        base, _ = accelerate(self._world, state, command, around)
+    def _reading(self, states: tuple[State, ...], commands: tuple[Command, ...], around: Together) -> tuple[Vec3, ...]:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
-        return Vec3(*(data(c) for c in base.linear))
+        accelerations = accelerate(self._worlds, states, commands, around)
+        return tuple(Vec3(*(data(c) for c in base.linear)) for base, _ in accelerations)
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""
         most = 1
         if self._integrator != "euler":  # whose step is said
-            most = max((self.around.components[i].most_hit_steps for i in self.around.coupled), default=1)
+            most = max((component.most_hit_steps for _, component, _ in self.around.coupled), default=1)
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
             return Steps(near, most=most)
@@ -146,19 +172,22 @@ class RigidBodyPlant:
         if seconds not in self._programs:
 
             def interval(
-                _: tuple[()], __: tuple[()], inputs: tuple[State, Command, Surroundings], ___: tuple[Scalar, ...]
+                _: tuple[()],
+                __: tuple[()],
+                inputs: tuple[tuple[State, ...], tuple[Command, ...], Together],
+                ___: tuple[Scalar, ...],
             ) -> tuple[tuple[()], Moved]:
-                state, command, around = inputs
-                now, count = (state, around.coupled_memories()), self.substeps(seconds)
-                return (), hold(self._world, self._integrator, count, now, command, around, seconds)
+                states, commands, around = inputs
+                now, count = (states, around.coupled_memories()), self.substeps(seconds)
+                return (), hold(self._worlds, self._integrator, count, now, commands, around, seconds)
 
             self._programs[seconds] = trace_loop(interval, (), (), self._examples, loops=True).stepper()
         return self._programs[seconds]((*state, *command, *around))
 
     @cached_property
     def _impact(self) -> Program:
-        def impact(state: State, around: Surroundings) -> State:
-            return after_impact(self.vehicle, state, around)
+        def impact(states: tuple[State, ...], around: Together) -> tuple[State, ...]:
+            return after_impacts(self._worlds, states, around)
 
         return trace(impact, self._examples[0], self.around)
 
@@ -166,7 +195,6 @@ class RigidBodyPlant:
         """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
         return self._impact.flat((*state, *around))
 
-    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
-        x, y, z = self._accelerometer.flat((*state, *command, *around))
-        return x, y, z
+    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Proper acceleration of each base origin, base axes, m/s^2: three numbers a vehicle."""
+        return self._accelerometer.flat((*state, *command, *around))

@@ -68,8 +68,8 @@ class Plant(Protocol):
         """
         ...
 
-    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """Reading of an ideal accelerometer at the base origin, base axes, m/s^2."""
+    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Reading of an ideal accelerometer at the base origin, base axes, m/s^2: three numbers a vehicle."""
         ...
 
 
@@ -89,7 +89,20 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 
 
 def make_plant(scenario: Any, around: Any) -> Plant:
-    """Make the plant of a scenario, such as rigid body or MuJoCo."""
+    """Make the plant of a scenario, such as rigid body or MuJoCo.
+
+    A class whose ``several`` is true is given the true vehicles of all agents and their surroundings together; another
+    one those of the only agent.
+
+    Raises:
+        ValueError: one line: there are several agents, and the plant is of one.
+    """
     kind = find("plant", scenario.kind, "plant.kind")
-    plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    if getattr(kind, "several", False):
+        world = tuple(each.plant for each in scenario.agents.values())
+    elif len(scenario.agents) > 1:
+        raise ValueError(f"plant.kind = {scenario.kind!r}: flies one agent, not {', '.join(scenario.agents)}")
+    else:
+        world, around = scenario.agent.plant, around.of(0)
+    plant: Plant = kind(world, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

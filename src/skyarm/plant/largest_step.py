@@ -8,7 +8,7 @@ from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.plant.surroundings import AnyComponent, Surroundings
+from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
 from skyarm.records import coerce
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
@@ -34,15 +34,15 @@ STAGES = 4
 """Number of force evaluations of a Runge-Kutta step."""
 
 
-def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
+def largest_step(around: Together, *, coupled: bool = True, euler: bool = False) -> float | None:
     """Longest integration step (s) that is stable for all environment models and joint drives; None for no limit.
 
     ``coupled`` says whether coupled components count: inactive ones allow any step.
     ``euler`` selects the steps of the semi-implicit Euler method.
     """
-    parts = [each for each in around.components if coupled or not each.coupled]
+    parts = [each for each in around.components_of_all if coupled or not each.coupled]
     own = (each.largest_euler_step if euler else each.largest_step for each in parts)
-    return _least((*own, *(drive.largest_step for drive in around.drives)))
+    return _least((*own, *(drive.largest_step for drive in around.drives_of_all)))
 
 
 def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar | None:
@@ -54,20 +54,20 @@ def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar 
     return min((step for step in steps if step is not None), default=None)
 
 
-def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
+def lanes_step(around: Together, *, euler: bool) -> float | None:
     """Longest integration step (s) that is stable in every SIMD lane of a batch of flights; None for no limit."""
-    records: tuple[AnyComponent | Drive, ...] = (*around.components, *around.drives)
+    records: tuple[AnyComponent | Drive, ...] = (*around.components_of_all, *around.drives_of_all)
     return _least(largest_stable_step(each, euler=euler) for each in records)
 
 
-def verlet_step(around: Surroundings) -> float | None:
+def verlet_step(around: Together) -> float | None:
     """Longest Stoermer-Verlet step (s) in contact; None if Runge-Kutta is used instead.
 
     Runge-Kutta is used if anything else needs short steps: drive loops and damped air tolerate less with Verlet.
     """
     if not around.coupled or largest_step(around, coupled=False) is not None:
         return None
-    steps = [around.components[i].largest_verlet_step for i in around.coupled]
+    steps = [component.largest_verlet_step for _, component, _ in around.coupled]
     return None if None in steps else _least(steps)
 
 
@@ -81,7 +81,9 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 def stated_step(scenario: Any) -> float | None:
     """Longest integration step (s) that is stable for a scenario's winds, forces and joint drives."""
-    around = Surroundings(components=scenario.components, drives=scenario.all_drives)
+    agents = scenario.agents.values()
+    each = tuple(Surroundings(components=scenario.own_components(a), drives=a.all_drives) for a in agents)
+    around = Together(each, tuple(scenario.agents), scenario.shared_components)
     return largest_step(around, euler=scenario.integrator == "euler")
 
 

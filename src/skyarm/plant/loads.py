@@ -10,11 +10,10 @@ from skyarm.algebra import ZERO3, Force, Vec3
 from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
-from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
+from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import AnyComponent, Surroundings
 from skyarm.records.leaves import Tree
 from skyarm.vehicle.linkage import BASE
@@ -61,27 +60,18 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     return dataclasses.replace(vehicle, links=tuple(links))
 
 
-def applied_force(
-    vehicle: Vehicle,
-    state: State,
-    command: Command,
-    around: Surroundings,
-    step: Scalar | None = None,
-) -> tuple[Force, tuple[Scalar, ...]]:
+def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, tuple[Scalar, ...]]:
     """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
 
     Args:
-        vehicle: true vehicle.
-        state: state of the vehicle, with its rotor speeds and the angles of rotors that tilt.
+        motion: motion of the true vehicle, whose rotors are turned to the angles of its state.
         command: setpoints of the joints' drives, torques or forces unless the drive defines another quantity, and
             rotor speeds that the rotors accelerate to, rad/s; empty for rotors at constant speed.
         around: air, forces, faults and drives of the period.
-        step: step (s) of a method that takes forces once in the middle of its step; None for others.
     """
-    vehicle = turn_rotors(vehicle, state.tilts)
-    motion = PointMotion(vehicle, state, around.air_velocity, step=step)
+    vehicle, state = motion.vehicle, motion.state
     speeds = state.rotor_speeds
-    total, pushed = _outside(around.wrenches(motion, speeds), motion)
+    total, pushed = _outside(around.wrenches(motion), motion)
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
     turning = around.rotor_commands(vehicle.rotors, command.rotor_speeds) if command.rotor_speeds else ()
@@ -105,23 +95,23 @@ def _with_aerodynamics(total: Force, motion: PointMotion, air_W: Vec3, left: Eff
     return total + rotor_forces(vehicle.rotors, state.rotor_speeds, v_air, state.rate, left.rotors)
 
 
-def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
+def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
     """Force on the base and air velocity at its origin, with all logged numbers of the environment models.
 
     The force is that of the environment models on the base, and what the motion of the air changes of the forces of
     rotors and airframe: their sum less that in calm air.
     """
-    motion = PointMotion(turn_rotors(world.vehicle, state.tilts), state, around.air_velocity, gravity=world.gravity)
+    vehicle, state = motion.vehicle, motion.state
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
         if component.coupled:
             continue  # has columns of its own
         for wrench in component.wrenches(memory, around.time, motion, state.rotor_speeds):
-            if wrench.body == BASE:
+            if wrench.body == BASE and wrench.agent in ("", motion.name):
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
     if any(type(c) is not int for c in air):
-        left = around.effectiveness or Effectiveness((1,) * len(world.vehicle.rotors), (1,) * world.vehicle.n)
+        left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
         none = Force(ZERO3, ZERO3)
         moved, calm = (_with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3))
         force = force + motion.to_world(moved - calm)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import warnings
+from collections.abc import Sequence
 from itertools import pairwise
 
 import mujoco
@@ -17,6 +18,7 @@ import numpy as np
 from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.compiled import example_command
 from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
@@ -26,13 +28,15 @@ from skyarm.plant.largest_step import (
     divisions,
     largest_step,
 )
-from skyarm.plant.loads import changes_inertia, rigid_loads, with_lag
+from skyarm.plant.loads import changes_inertia, rigid_loads
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
-from skyarm.plant.mujoco_model import build_spec, joint_addresses
+from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
-from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
+from skyarm.plant.rigid_body import before_euler_step, follow_commands
+from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.leaves import leaves
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 
 LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
@@ -69,14 +73,14 @@ def _ignore(_message: str) -> None:
 QUIET = _Quiet()
 
 
-def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surroundings) -> str:
+def _with_loads_at_stages(integrator: str, vehicles: Sequence[Vehicle], around: Together) -> str:
     """Integrator name, with "rk4" replaced by "rk4_staged" where forces are stiff.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
     """
-    springs = any(link.joint.has_stops for link in vehicle.links) or bool(around.coupled)
-    springs = springs or any(drive.largest_step is not None for drive in around.drives)
+    springs = any(link.joint.has_stops for each in vehicles for link in each.links) or bool(around.coupled)
+    springs = springs or any(drive.largest_step is not None for drive in around.drives_of_all)
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
@@ -96,30 +100,45 @@ class MujocoPlant:
     in it outlives the call.
 
     Args:
-        world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
-        around: surroundings of one period as an example; their structural zeros are folded away.
+        world: true vehicle and gravity, or those of several vehicles. A planar model is refused: no real body has its
+            inertia.
+        around: surroundings of one period as an example, of all vehicles or of the only one; their structural zeros are
+            folded away.
         integrator: MuJoCo's "rk4" or (semi-implicit) "euler"; "rk4_staged" of :mod:`skyarm.plant.mujoco_stages`.
         physics_step: s; all but "euler" take shorter steps where joint friction would be stiff; all do where the
             surroundings state a largest step.
     """
 
+    several = True
+    """True of a plant that is made of several vehicles, too, as of :class:`skyarm.plant.compiled.RigidBodyPlant`."""
+
     def __init__(
-        self, world: Truth, around: Surroundings, integrator: str = "rk4", physics_step: float = 0.001
+        self,
+        world: Truth | Sequence[Truth],
+        around: Surroundings | Together,
+        integrator: str = "rk4",
+        physics_step: float = 0.001,
     ) -> None:
-        require_plant(world.vehicle)
+        self._worlds, around = several(world, around)
+        vehicles = [each.vehicle for each in self._worlds]
+        for each in vehicles:
+            require_plant(each)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
-        self.vehicle, self._world = world.vehicle, world
-        integrator = _with_loads_at_stages(integrator, world.vehicle, around)
+        self.vehicle = vehicles[0]
+        integrator = _with_loads_at_stages(integrator, vehicles, around)
         if integrator in LARGEST_FRICTION_STEP:
-            rate = joint_rate(world.vehicle)
+            rate = max(map(joint_rate, vehicles))
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
         self._euler = integrator == "euler"
         physics_step /= divisions(physics_step, largest_step(around, euler=self._euler))
-        loads = [load for load, _ in rigid_loads(around)]
+        loads = [[load for load, _ in rigid_loads(around.of(i))] for i in range(len(vehicles))]
+        prefixes = ("", *(f"{name}/" for name in around.names[1:]))
         spec = build_spec(
-            world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator, loads=loads
+            vehicles[0], float(self._worlds[0].gravity), timestep=physics_step, integrator=integrator, loads=loads[0]
         )
+        for vehicle, held, prefix in list(zip(vehicles, loads, prefixes, strict=True))[1:]:
+            add_vehicle(spec, vehicle, held, prefix)
         with QUIET, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of masses beyond measure, whose flight ends as diverged
             self.model = spec.compile()
@@ -127,52 +146,47 @@ class MujocoPlant:
         self._data = mujoco.MjData(self.model)
         # views of MuJoCo's numbers: to ask its records for them costs a microsecond each time
         self._qpos, self._qvel, self._force = self._data.qpos, self._data.qvel, self._data.qfrc_applied
-        self._linear, self._gravity = self._data.qacc[:3], self.model.opt.gravity
-        self._to_base = self._data.xmat[1].reshape(3, 3).T
-        self._layout = layout = Layout(world.vehicle, self.model)
-        zeros = (0.0,) * layout.end
-        efforts = (0.0,) * world.vehicle.n
-        turning, angles = (0.0,) * layout.rotors, (0.0,) * layout.tilts
-        self._loads = Quick(self._forces_and_speeds, zeros, turning, efforts, angles, around)
+        self._layout = layout = Layout(self._worlds, self.model, prefixes)
+        self._gravity = self.model.opt.gravity
+        bodies = [self.model.body(prefix + body_name(v, BASE)).id for v, prefix in zip(vehicles, prefixes, strict=True)]
+        self._bases = [
+            (self._data.qacc[at : at + 3], self._data.xmat[body].reshape(3, 3).T)
+            for at, body in zip(layout.bases, bodies, strict=True)
+        ]
+        zeros, commands = (0.0,) * layout.end, tuple(example_command(*each.sizes) for each in vehicles)
+        self._loads = Quick(self._forces_and_speeds, zeros, commands, around)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
         ends = (0, layout.nv, layout.end - layout.nq, len(self._loads.outputs))
         self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
-        self._coupled = [*places_in(around)]
-        self._around = self._loads.inputs[layout.end + layout.driven + world.vehicle.n :]
-        self._commanded = self._loads.inputs[layout.end :][: layout.driven + world.vehicle.n]
+        self._coupled = [*coupled_places(around)]
+        commanded = len(leaves(commands))
+        self._around = self._loads.inputs[layout.end + commanded :]
+        self._commanded = self._loads.inputs[layout.end :][:commanded]
         self._written = NOTHING
-        dofs = joint_addresses(world.vehicle, self.model)[1]
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
-        if world.vehicle.followers:
-            self._forward = Coupling(world.vehicle, self.model, self._data, dofs).forward
+        if any(each.followers for each in vehicles):
+            self._forward = Coupling(layout, self._data).forward
         self._carried: Loads | None = None
-        if changes_inertia(around):
-            self._carried = Loads(world.vehicle, self.model, self._data, around, dofs)
+        if any(changes_inertia(around.of(i)) for i in range(len(vehicles))):
+            self._carried = Loads(layout, self.model, self._data, around, prefixes)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
-            self._staged = StagedRungeKutta(
-                layout, self.model, self._data, around, physics_step, self._forward, gravity=world.gravity
-            )
+            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
 
     def _forces_and_speeds(
-        self,
-        x: tuple[Scalar, ...],
-        commanded: tuple[Scalar, ...],
-        setpoints: tuple[Scalar, ...],
-        angles: tuple[Scalar, ...],
-        around: Surroundings,
+        self, x: tuple[Scalar, ...], commands: tuple[Command, ...], around: Together
     ) -> tuple[Scalar, ...]:
         """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step."""
-        state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
+        states, dt = self._layout.states(x), self._physics_step
         if self._euler:
-            around = before_euler_step(self._world, state, around, self._physics_step)
-        forces = self._layout.generalized_forces(state, command, around)
-        lagged = with_lag(self.vehicle, state, command, self._physics_step, around)
-        slopes = slopes_of(self._world, state, around)
-        memories = leaves(after_euler_step(around, slopes, self._physics_step))
-        return tuple(data(value) for value in (*forces, *lagged.rotor_speeds, *lagged.tilts, *memories))
+            around = before_euler_step(self._worlds, states, around, dt)
+        forces = self._layout.generalized_forces(states, commands, around)
+        after = follow_commands(self._worlds, states, commands, around, dt)
+        slopes = around.slopes(around.motions(self._worlds, states))
+        driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
+        return tuple(data(value) for value in (*forces, *driven, *leaves(around.after_euler_step(slopes, dt))))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.
@@ -241,12 +255,13 @@ class MujocoPlant:
         self._written = NOTHING
         return ours
 
-    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """Reading of an ideal accelerometer at the base origin, base axes, m/s^2."""
+    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Reading of an ideal accelerometer at each base origin, base axes, m/s^2: three numbers a vehicle."""
         self._set(state, command, around)
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:
             self._forward(self.model, self._data)
-        fx, fy, fz = (self._to_base @ (self._linear - self._gravity)).tolist()
-        return fx, fy, fz
+        return tuple(
+            value for linear, to_base in self._bases for value in (to_base @ (linear - self._gravity)).tolist()
+        )

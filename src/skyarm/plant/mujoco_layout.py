@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from operator import itemgetter
 from typing import Any, Protocol, TypeVar
 
@@ -11,11 +12,11 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State, example_state
+from skyarm.plant.interface import Truth
 from skyarm.plant.loads import applied_force
-from skyarm.plant.mujoco_model import joint_addresses
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.mujoco_model import free_name, joint_addresses
+from skyarm.plant.surroundings import Together
 from skyarm.records.leaves import rebuild
-from skyarm.vehicle.vehicle_records import Vehicle
 
 Number = TypeVar("Number")
 
@@ -28,54 +29,79 @@ class Reordering(Protocol):
 
 
 class Layout:
-    """Index maps between this library's and MuJoCo's orders of the vehicle's state variables.
+    """Index maps between this library's and MuJoCo's orders of the state variables of all vehicles.
+
+    Args:
+        worlds: true vehicles and gravity. model: MuJoCo's, of a tree for each. prefixes: of the names in each tree.
 
     Attributes:
-        nq, nv, rotors, tilts: count of the numbers of each kind. end: count of all.
+        nq, nv: count of MuJoCo's positions and velocities. end: count of all numbers.
         driven: count of rotor speeds and tilt angles together.
-        to_mujoco, to_ours: reordering of a state's numbers, as tuples.
+        bases: address of each vehicle's first velocity. dofs: addresses of its links' and followers' velocities.
+        to_mujoco, to_ours: reordering of the states' numbers, as tuples.
     """
 
-    def __init__(self, vehicle: Vehicle, model: Any) -> None:
-        self.vehicle = vehicle
-        self.nq, self.nv, self.rotors = int(model.nq), int(model.nv), len(vehicle.rotors)
-        self.tilts = len(vehicle.tilts)
-        self.driven = self.rotors + self.tilts
+    def __init__(self, worlds: Sequence[Truth], model: Any, prefixes: Sequence[str] = ("",)) -> None:
+        self.worlds, self.vehicles = tuple(worlds), tuple(world.vehicle for world in worlds)
+        self.nq, self.nv = int(model.nq), int(model.nv)
+        self.driven = sum(len(each.rotors) + len(each.tilts) for each in self.vehicles)
         self.end = self.nq + self.nv + self.driven
-        q, v = joint_addresses(vehicle, model)
-        self._every, n = v, vehicle.n
-        self._dofs = v[:n]
-        # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds, tilt angles
-        moving, speeds = range(self.nq, self.nq + 6), range(self.nq + self.nv, self.end)
-        ours = (*range(7), *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds)
-        whole = (*range(7), *moving, *q, *(self.nq + i for i in v), *speeds)
+        self.bases, self.dofs = list[int](), list[list[int]]()
+        ours, whole, first = list[int](), list[int](), self.nq + self.nv
+        for vehicle, prefix in zip(self.vehicles, prefixes, strict=True):
+            (q, v), free, n = (
+                joint_addresses(vehicle, model, prefix),
+                model.joint(prefix + free_name(vehicle)),
+                vehicle.n,
+            )
+            place, base = int(free.qposadr[0]), int(free.dofadr[0])
+            count = len(vehicle.rotors) + len(vehicle.tilts)
+            # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds, tilt angles
+            pose, speeds = range(place, place + 7), range(first, first + count)
+            moving = range(self.nq + base, self.nq + base + 6)
+            ours += [*pose, *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds]
+            whole += [*pose, *moving, *q, *(self.nq + i for i in v), *speeds]
+            self.bases.append(base)
+            self.dofs.append(v)
+            first += count
         self._theirs: Reordering = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
-        self.to_mujoco: Reordering = self._with_followers if vehicle.followers else self._theirs
+        followed = any(each.followers for each in self.vehicles)
+        self.to_mujoco: Reordering = self._with_followers if followed else self._theirs
         self.to_ours: Reordering = itemgetter(*ours)
 
     def _with_followers(self, numbers: Sequence[Any]) -> tuple[Any, ...]:
         """State variables in MuJoCo's order, including the follower joints."""
-        n = self.vehicle.n
-        joints = every_joint(self.vehicle, numbers[13 : 13 + n])
-        rates = every_rate(self.vehicle, numbers[13 + n : 13 + 2 * n])
-        return self._theirs((*numbers[:13], *joints, *rates, *numbers[13 + 2 * n :]))
+        given, every = iter(numbers), list[Any]()
+        for vehicle in self.vehicles:
+            n, driven = vehicle.n, len(vehicle.rotors) + len(vehicle.tilts)
+            base, joints, rates, speeds = (list(islice(given, count)) for count in (13, n, n, driven))
+            every += [*base, *every_joint(vehicle, joints), *every_rate(vehicle, rates), *speeds]
+        return self._theirs(every)
 
-    def state(self, x: Sequence[Scalar]) -> State:
-        """Vehicle state in this library's order, from state variables in MuJoCo's order."""
-        return rebuild(example_state(*self.vehicle.sizes), iter(self.to_ours(x)))
+    def states(self, x: Sequence[Scalar]) -> tuple[State, ...]:
+        """Vehicle states in this library's order, from state variables in MuJoCo's order."""
+        return rebuild(tuple(example_state(*each.sizes) for each in self.vehicles), iter(self.to_ours(x)))
 
-    def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-        """Accelerations of base (world axes) and joints, from MuJoCo's generalised accelerations."""
-        return Vec3(*qacc[0:3]), Vec3(*qacc[3:6]), tuple(qacc[i] for i in self._dofs)
+    def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, tuple[Scalar, ...]]]:
+        """Accelerations of each base (world axes) and of its joints, from MuJoCo's generalised accelerations."""
+        rows = zip(self.vehicles, self.bases, self.dofs, strict=True)
+        return [
+            (Vec3(*qacc[at : at + 3]), Vec3(*qacc[at + 3 : at + 6]), tuple(qacc[i] for i in dofs[: vehicle.n]))
+            for vehicle, at, dofs in rows
+        ]
 
-    def generalized_forces(self, state: State, command: Command, around: Surroundings) -> list[Scalar]:
-        """Generalised forces at a state without gravity, in MuJoCo's order.
+    def generalized_forces(
+        self, states: Sequence[State], commands: Sequence[Command], around: Together
+    ) -> list[Scalar]:
+        """Generalised forces at states without gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
-        force, torques = applied_force(self.vehicle, state, command, around)
-        generalized: list[Scalar] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
-        # what acts on a follower acts on its leader already
-        generalized += [0] * len(self.vehicle.followers)
-        place = [*range(6), *self._every]
+        generalized, place = list[Scalar](), list[int]()
+        for i, (motion, command) in enumerate(zip(around.motions(self.worlds, states), commands, strict=True)):
+            force, torques = applied_force(motion, command, around.of(i))
+            # what acts on a follower acts on its leader already
+            still = [0] * len(motion.vehicle.followers)
+            generalized += [*motion.rotation.apply(force.force), *force.torque, *torques, *still]
+            place += [*range(self.bases[i], self.bases[i] + 6), *self.dofs[i]]
         return [generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)]

@@ -21,26 +21,23 @@ from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat
 from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
+from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import load_name
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Together
 from skyarm.records.arrays import Array
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def own_to_mujoco(vehicle: Vehicle, model: mujoco.MjModel, dofs: Sequence[int]) -> Array:
-    """Matrix (nv, 6 + joints) that maps base and joint velocities to MuJoCo's generalised velocities.
-
-    Args:
-        vehicle: vehicle with or without followers.
-        model: MuJoCo's model.
-        dofs: addresses of links and followers in ``model``.
-    """
-    G = np.zeros((int(model.nv), 6 + vehicle.n))
-    G[:6, :6] = np.eye(6)
-    for i in range(vehicle.n):
-        G[dofs[i], 6 + i] = 1.0
-    for k, each in enumerate(vehicle.followers):
-        G[dofs[vehicle.n + k], 6 + each.leader] = float(each.ratio)
+def own_to_mujoco(layout: Layout) -> Array:
+    """Matrix (nv, 6 + joints of each vehicle) that maps base and joint velocities to MuJoCo's velocities."""
+    vehicles = layout.vehicles
+    G, first = np.zeros((layout.nv, sum(6 + each.n for each in vehicles))), 0
+    for vehicle, base, dofs in zip(vehicles, layout.bases, layout.dofs, strict=True):
+        G[base : base + 6, first : first + 6] = np.eye(6)
+        for i in range(vehicle.n):
+            G[dofs[i], first + 6 + i] = 1.0
+        for k, each in enumerate(vehicle.followers):
+            G[dofs[vehicle.n + k], first + 6 + each.leader] = float(each.ratio)
+        first += 6 + vehicle.n
     return G
 
 
@@ -48,12 +45,11 @@ class Coupling:
     """Constraint in MuJoCo's data by which a vehicle's follower joints move with their leader joints.
 
     Args:
-        vehicle: vehicle with followers. model, data: MuJoCo's.
-        dofs: addresses of links and followers in ``model``.
+        layout: layout of vehicles with followers. data: MuJoCo's.
     """
 
-    def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData, dofs: Sequence[int]) -> None:
-        self._G = own_to_mujoco(vehicle, model, dofs)
+    def __init__(self, layout: Layout, data: mujoco.MjData) -> None:
+        self._G = own_to_mujoco(layout)
         self._columns = np.ascontiguousarray(self._G.T)
         self._moved = np.zeros(self._columns.shape)
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
@@ -78,25 +74,35 @@ class Loads:
     """Payloads and stuck joints in a MuJoCo model, updated every control period.
 
     Args:
-        vehicle: vehicle without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
-        around: surroundings as an example. dofs: addresses of links and followers in ``model``.
+        layout: layout of the vehicles. model, data: MuJoCo's, made with bodies for the loads of ``around``.
+        around: surroundings as an example. prefixes: of the names in each vehicle's tree.
     """
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        layout: Layout,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        around: Surroundings,
-        dofs: Sequence[int],
+        around: Together,
+        prefixes: Sequence[str] = ("",),
     ) -> None:
-        self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
-        self._bodies = [model.body(load_name(i)).id for i in range(len(rigid_loads(around)))]
+        self._model, self._data = model, data
+        beside = [around.of(i) for i in range(len(prefixes))]
+        names = [
+            prefix + load_name(i)
+            for prefix, own in zip(prefixes, beside, strict=True)
+            for i in range(len(rigid_loads(own)))
+        ]
+        self._bodies = [model.body(name).id for name in names]
+        joints = [dofs[: vehicle.n] for vehicle, dofs in zip(layout.vehicles, layout.dofs, strict=True)]
+        stuck = [dofs for dofs, own in zip(joints, beside, strict=True) if stuck_of(own)]
+        self._dofs = np.array([dof for dofs in stuck for dof in dofs], dtype=int)
+        own_dofs = [(*range(base, base + 6), *dofs) for base, dofs in zip(layout.bases, joints, strict=True)]
+        self._own = np.array([dof for dofs in own_dofs for dof in dofs], dtype=int)
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
-        self._given: tuple[float, ...] = ()
         self._set: tuple[bytes, bytes] | None = None
-        self._G = own_to_mujoco(vehicle, model, dofs)
+        self._G = own_to_mujoco(layout)
 
     def _of(self, around: Flat) -> tuple[Array, Array]:
         """Mass, moments of inertia and grasp flag of each payload, and stuck flags of the joints."""
@@ -131,8 +137,7 @@ class Loads:
         # what is grasped now was at rest, and no brake has acted yet
         before = self._mass_matrix(loads[:, :4] * (1.0 - loads[:, 4:]), np.zeros_like(stuck))
         after = self._mass_matrix(loads[:, :4], stuck)
-        own = np.concatenate([qvel[:6], qvel[self._dofs]])
-        return self._G @ np.linalg.solve(after, before @ own)
+        return self._G @ np.linalg.solve(after, before @ qvel[self._own])
 
     def _mass_matrix(self, loads: Array, stuck: Array) -> Array:
         """Mass matrix of base and joint coordinates, computed from MuJoCo's."""
@@ -145,9 +150,9 @@ class Loads:
         return self._G.T @ whole @ self._G
 
 
-def _numbers(around: Surroundings) -> tuple[Scalar, ...]:
+def _numbers(around: Together) -> tuple[Scalar, ...]:
     """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of the joints."""
-    numbers: list[Scalar] = []
-    for load, memory in rigid_loads(around):
+    numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
+    for load, memory in (pair for own in beside for pair in rigid_loads(own)):
         numbers += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
-    return tuple(data(value) for value in (*numbers, *stuck_of(around)))
+    return tuple(data(value) for value in (*numbers, *(share for own in beside for share in stuck_of(own))))

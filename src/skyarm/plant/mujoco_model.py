@@ -81,27 +81,43 @@ def build_spec(
     spec.option.disableflags = int(
         off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_EULERDAMP | off.mjDSBL_AUTORESET
     )
-    bodies = {BASE: spec.worldbody.add_body(name=body_name(vehicle, BASE))}
-    free = unused_name(BASE_NAME, [link.joint.name for link in vehicle.moving])
-    bodies[BASE].add_freejoint(name=free, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    add_vehicle(spec, vehicle, loads)
+    return spec
+
+
+def add_vehicle(spec: mujoco.MjSpec, vehicle: Vehicle, loads: Sequence[TimedPayload] = (), prefix: str = "") -> None:
+    """Add the tree of a vehicle to a MuJoCo model specification.
+
+    Args:
+        spec: specification of :func:`build_spec`.
+        vehicle: vehicle with concrete numbers.
+        loads: loads of :func:`build_spec`.
+        prefix: prefix of all names in the tree, which tells those of several vehicles apart.
+    """
+    bodies = {BASE: spec.worldbody.add_body(name=prefix + body_name(vehicle, BASE))}
+    bodies[BASE].add_freejoint(name=prefix + free_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
         at = link.joint
         bodies[i] = bodies[link.parent].add_body(
-            name=body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
+            name=prefix + body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
         )
-        _add_joint(bodies[i], at)
+        _add_joint(bodies[i], at, prefix)
         _give_inertia(bodies[i], link.body)
     for i, load in enumerate(loads):
         grasp = vehicle.frame(load.frame or None)
-        place = grasp.position + grasp.rotation.apply(load.com)
-        body = bodies[grasp.link].add_body(name=load_name(i), pos=_array(place), quat=_quaternion(grasp.rotation))
+        place, name = grasp.position + grasp.rotation.apply(load.com), prefix + load_name(i)
+        body = bodies[grasp.link].add_body(name=name, pos=_array(place), quat=_quaternion(grasp.rotation))
         body.explicitinertial = True
         body.mass, body.inertia = 0.0, np.zeros(3)
         body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    _add_sites(vehicle, bodies)
+    _add_sites(vehicle, bodies, prefix)
     _add_shapes(vehicle, bodies)
-    return spec
+
+
+def free_name(vehicle: Vehicle) -> str:
+    """Name of the free joint of a vehicle's base."""
+    return unused_name(BASE_NAME, [link.joint.name for link in vehicle.moving])
 
 
 def load_name(index: int) -> str:
@@ -109,9 +125,9 @@ def load_name(index: int) -> str:
     return f"load {index}"
 
 
-def joint_addresses(vehicle: Vehicle, model: mujoco.MjModel) -> tuple[list[int], list[int]]:
-    """Addresses of the joints in MuJoCo's qpos and qvel, in the order of the vehicle's links."""
-    joints = [model.joint(link.joint.name) for link in vehicle.moving]
+def joint_addresses(vehicle: Vehicle, model: mujoco.MjModel, prefix: str = "") -> tuple[list[int], list[int]]:
+    """Addresses of a tree's joints in MuJoCo's qpos and qvel, in the order of the vehicle's links."""
+    joints = [model.joint(prefix + link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
 
 
@@ -136,10 +152,11 @@ def body_name(vehicle: Vehicle, link: int) -> str:
     return unused_name(BASE_NAME, names) if link == BASE else names[link]
 
 
-def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
+def _add_joint(body: mujoco.MjsBody, joint: Joint, prefix: str) -> None:
     """Add a joint without friction, limits or springs."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
-    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis), armature=float(joint.armature))
+    name, armature = prefix + joint.name, float(joint.armature)
+    body.add_joint(name=name, type=kinds[joint.kind], axis=_array(joint.axis), armature=armature)
 
 
 def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
@@ -158,14 +175,15 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     body.ipos, body.inertia, body.iquat = _array(source.com), moments, _mat2quat(axes)
 
 
-def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
+def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str) -> None:
     """Add a site for each frame and each rotor hub (z along the thrust)."""
     for frame in vehicle.frames:
         bodies[frame.link].add_site(
-            name=frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
+            name=prefix + frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
-        bodies[BASE].add_site(name=name, pos=_array(rotor.position), quat=_along(rotor.axis), size=[0.005] * 3)
+        at, along = _array(rotor.position), _along(rotor.axis)
+        bodies[BASE].add_site(name=prefix + name, pos=at, quat=along, size=[0.005] * 3)
 
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:

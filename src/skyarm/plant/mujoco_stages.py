@@ -19,10 +19,10 @@ from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
-from skyarm.plant.interface import Truth
-from skyarm.plant.loads import with_lag
+from skyarm.plant.compiled import example_command
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
+from skyarm.plant.rigid_body import follow_commands
+from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, parts, rebuild
@@ -68,10 +68,9 @@ class StagedRungeKutta:
     """Fourth-order Runge-Kutta integrator that takes accelerations from MuJoCo and forces from this library.
 
     Args:
-        layout: layout of the vehicle. model, data: MuJoCo's; a step works in ``data``.
+        layout: layout of the vehicles. model, data: MuJoCo's; a step works in ``data``.
         around: surroundings as an example. dt: length of a step, s.
         forward: MuJoCo's forward dynamics, or with the forces that hold followers.
-        gravity: m/s^2, on bodies that move beside the vehicle.
     """
 
     def __init__(
@@ -79,27 +78,23 @@ class StagedRungeKutta:
         layout: Layout,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        around: Surroundings,
+        around: Together,
         dt: float,
         forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
-        *,
-        gravity: Scalar = 0,
     ) -> None:
-        self._truth = Truth(vehicle=layout.vehicle, gravity=gravity)
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
         self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         nq, nv = layout.nq, layout.nv
-        own = 6 + layout.vehicle.n  # velocities but the followers'
+        vehicles = layout.vehicles
+        own = sum(6 + each.n for each in vehicles)  # velocities but the followers'
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
-        self._coupled = (0.0,) * len(places_in(around))
+        self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
-            start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * 3, total=slopes,
-            rates=self._coupled, acceleration=(0.0,) * nv, weights=(0.0,) * 4,
+            start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
+            total=slopes, rates=self._coupled, acceleration=(0.0,) * nv, weights=(0.0,) * 4,
         )  # fmt: skip
-        command = Command(
-            rotor_speeds=(0.0,) * layout.rotors, efforts=(0.0,) * layout.vehicle.n, tilts=(0.0,) * layout.tilts
-        )  # fmt: skip
-        self._program = Quick(self._stage, inputs, command, around)
+        commands = tuple(example_command(*each.sizes) for each in vehicles)
+        self._program = Quick(self._stage, inputs, commands, around)
         ends = accumulate((len(part) for part in parts(inputs).values()), initial=0)
         views = [self._program.inputs[a:b] for a, b in pairwise(ends)]
         self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = views[:7]
@@ -107,7 +102,7 @@ class StagedRungeKutta:
         self._given = self._program.inputs[len(leaves(inputs)) :]
         # state, memories, rotation vector and sums stand side by side among inputs and outputs: one copy
         before = layout.end + len(self._coupled)
-        width = before + 3 + 2 * own + len(self._coupled)
+        width = before + len(inputs.turn) + 2 * own + len(self._coupled)
         self._moving, self._move_state = self._program.inputs[before:][:width], self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
@@ -115,31 +110,31 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         self._tableau[:, 2] = [row[2] for row in STAGES]
 
-    def _stage(self, inputs: RungeKuttaInputs, command: Command, around: Surroundings) -> Numbers:
-        """Compute one Runge-Kutta stage: the next state, its rotation vector, sums of slopes and forces."""
-        first, x = self._layout.state(inputs.start), self._layout.state(inputs.now)
+    def _stage(self, inputs: RungeKuttaInputs, commands: tuple[Command, ...], around: Together) -> Numbers:
+        """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums of slopes and forces."""
+        layout = self._layout
+        first, now = layout.states(inputs.start), layout.states(inputs.now)
         own, share, earlier, time = inputs.weights
         shape = around.coupled_memories()
         there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
-        faster = leaves(slopes_of(self._truth, x, there))
+        faster = leaves(there.slopes(there.motions(layout.worlds, now)))
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
         around = around.with_coupled(rebuild(shape, iter(memory)))
-        slope = self._slope(x, Vec3(*inputs.turn), inputs.acceleration)
-        change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(inputs.total, slope, strict=True)]
-        following = _move_state(with_lag(self._layout.vehicle, first, command, time, around), change)
-        sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slope, strict=True)]
-        loads = self._layout.generalized_forces(following, command, around)
-        numbers = self._layout.to_mujoco(leaves(following))
-        return tuple(data(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
-
-    def _slope(self, x: State, u: Vec3, qacc: Numbers) -> list[Scalar]:
-        """Time derivatives of position, rotation vector, joint positions and velocities."""
-        linear, angular, joints = self._layout.accelerations(qacc)
-        across = u.cross(x.rate)
-        turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
-        return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
+        slopes, turns, total = list[Scalar](), iter(inputs.turn), iter(inputs.total)
+        turned, following = list[Scalar](), list[State]()
+        lags = follow_commands(layout.worlds, first, commands, around, time)
+        for x, lag, acceleration in zip(now, lags, layout.accelerations(inputs.acceleration), strict=True):
+            slope = _slope(x, Vec3(next(turns), next(turns), next(turns)), *acceleration)
+            change = [add(mul(earlier, next(total)), mul(own, k)) for k in slope]
+            following.append(_move_state(lag, change))
+            turned += change[3:6]
+            slopes += slope
+        sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
+        loads = layout.generalized_forces(following, commands, around)
+        numbers = layout.to_mujoco(leaves(tuple(following)))
+        return tuple(data(value) for value in (*numbers, *memory, *turned, *sums, *rates, *loads))
 
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int
@@ -165,6 +160,13 @@ class StagedRungeKutta:
                 program()
                 self._moving[:] = self._move_state
         return self._now.tolist(), self._memory.tolist()
+
+
+def _slope(x: State, u: Vec3, linear: Vec3, angular: Vec3, joints: Sequence[Scalar]) -> list[Scalar]:
+    """Time derivatives of position, rotation vector, joint positions and velocities of one vehicle."""
+    across = u.cross(x.rate)
+    turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
+    return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
 
 
 def _move_state(first: State, change: Sequence[Scalar]) -> State:

@@ -27,16 +27,7 @@ from skyarm.plant.loads import (
     stuck_of,
     with_lag,
 )
-from skyarm.plant.surroundings import (
-    Memories,
-    Surroundings,
-    after_euler_step,
-    before_euler_step,
-    bend_coupled,
-    drift_coupled,
-    push_coupled,
-    slopes_of,
-)
+from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import moved_by
@@ -54,53 +45,84 @@ class Rate:
     joint_rates: tuple[Scalar, ...]
 
 
-def accelerate(world: Truth, state: State, command: Command, around: Surroundings) -> tuple[Motion, tuple[Scalar, ...]]:
-    """Proper acceleration of the base (base axes) and joint accelerations."""
-    force, torques = applied_force(world.vehicle, state, command, around)
-    moving = loaded_vehicle(world.vehicle, around)
+def accelerate(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
+) -> list[tuple[Motion, tuple[Scalar, ...]]]:
+    """Proper acceleration of the base (base axes) and joint accelerations of each vehicle."""
+    return [
+        _accelerate(motion, command, around.of(i))
+        for i, (motion, command) in enumerate(zip(around.motions(worlds, states), commands, strict=True))
+    ]
+
+
+def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, tuple[Scalar, ...]]:
+    """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
+    state, (force, torques) = motion.state, applied_force(motion, command, around)
+    moving = loaded_vehicle(motion.vehicle, around)
     return dynamics.forward_dynamics(moving, state.joints, state.rate, state.joint_rates, force, torques)
 
 
-def derivative(world: Truth, state: State, command: Command, around: Surroundings) -> Rate:
-    """Time derivative of the vehicle state by the equations of motion."""
-    base, joint_accelerations = accelerate(world, state, command, around)
-    linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
-    return Rate(
-        position=state.velocity,
-        quaternion=state.quaternion.derivative(state.rate),
-        velocity=linear,
-        rate=angular,
-        joints=state.joint_rates,
-        joint_rates=joint_accelerations,
-    )
+def derivative(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
+) -> tuple[tuple[Rate, ...], Memories]:
+    """Time derivatives of the vehicle states by the equations of motion, and of the coupled models' memories."""
+    motions, rates = around.motions(worlds, states), list[Rate]()
+    for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
+        state, (base, joint_accelerations) = motion.state, _accelerate(motion, command, around.of(i))
+        linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
+        rates.append(
+            Rate(
+                position=state.velocity,
+                quaternion=state.quaternion.derivative(state.rate),
+                velocity=linear,
+                rate=angular,
+                joints=state.joint_rates,
+                joint_rates=joint_accelerations,
+            )
+        )
+    return tuple(rates), around.slopes(motions)
 
 
-Moved = tuple[State, Memories]
-"""State, and internal states of coupled components, after a step."""
+Moved = tuple[tuple[State, ...], Memories]
+"""State of each vehicle, and internal states of coupled components, after a step."""
 
 
-def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """Vehicle and contact state after one classical fourth-order Runge-Kutta step.
+def follow_commands(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+) -> tuple[State, ...]:
+    """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
+    rows = enumerate(zip(worlds, states, commands, strict=True))
+    return tuple(with_lag(world.vehicle, state, command, dt, around.of(i)) for i, (world, state, command) in rows)
+
+
+def coupled_rk4(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+) -> Moved:
+    """Vehicle and contact states after one classical fourth-order Runge-Kutta step.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
-    coupled components are integrated with the state.
+    coupled components are integrated with the states.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = (with_lag(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
+    half, whole = (follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
-    def slope(at: State, memories: Memories) -> tuple[Rate, Memories]:
-        now = around.with_coupled(memories)
-        return derivative(world, at, command, now), slopes_of(world, at, now)
+    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
+        return derivative(worlds, at, commands, around.with_coupled(memories))
 
-    k1, m1 = slope(state, first)
-    k2, m2 = slope(_move_state(half, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
-    k3, m3 = slope(_move_state(half, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
-    k4, m4 = slope(_move_state(whole, k3, dt), moved_by(first, m3, dt))
+    k1, m1 = slope(states, first)
+    k2, m2 = slope(_move(half, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
+    k3, m3 = slope(_move(half, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
+    k4, m4 = slope(_move(whole, k3, dt), moved_by(first, m3, dt))
     after, memories = whole, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
-        after, memories = _move_state(after, k, part), moved_by(memories, m, part)
-    return replace(after, quaternion=after.quaternion.normalized()), memories
+        after, memories = _move(after, k, part), moved_by(memories, m, part)
+    return tuple(replace(each, quaternion=each.quaternion.normalized()) for each in after), memories
+
+
+def _move(states: Sequence[State], rates: Sequence[Rate], dt: Scalar) -> tuple[State, ...]:
+    """Vehicle states after an explicit Euler increment: ``dt`` times a time derivative."""
+    return tuple(_move_state(state, rate, dt) for state, rate in zip(states, rates, strict=True))
 
 
 def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
@@ -121,34 +143,40 @@ def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     )
 
 
-def coupled_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """Vehicle and contact state after one semi-implicit Euler step: velocities first, then positions.
+def coupled_euler(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+) -> Moved:
+    """Vehicle and contact states after one semi-implicit Euler step: velocities first, then positions.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
     move by their rates before the step, bodies among them as the vehicle; bristles move before forces are taken, so
     that they follow the new velocities, too. First order.
     """
-    around = before_euler_step(world, state, around, dt)
-    rate = derivative(world, state, command, around)
-    velocity = state.velocity + rate.velocity * dt
-    w = state.rate + rate.rate * dt
-    joint_rates = _along(state.joint_rates, rate.joint_rates, dt)
-    slopes = slopes_of(world, state, around)
-    after = replace(
-        with_lag(world.vehicle, state, command, dt, around),
-        position=state.position + velocity * dt,
-        quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
-        velocity=velocity,
-        rate=w,
-        joints=_along(state.joints, joint_rates, dt),
-        joint_rates=joint_rates,
-    )
-    return after, after_euler_step(around, slopes, dt)
+    around = before_euler_step(worlds, states, around, dt)
+    rates, slopes = derivative(worlds, states, commands, around)
+    after = []
+    for before, rate, state in zip(states, rates, follow_commands(worlds, states, commands, around, dt), strict=True):
+        velocity = before.velocity + rate.velocity * dt
+        w = before.rate + rate.rate * dt
+        joint_rates = _along(before.joint_rates, rate.joint_rates, dt)
+        moved = replace(
+            state,
+            position=before.position + velocity * dt,
+            quaternion=before.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
+            velocity=velocity,
+            rate=w,
+            joints=_along(before.joints, joint_rates, dt),
+            joint_rates=joint_rates,
+        )
+        after.append(moved)
+    return tuple(after), around.after_euler_step(slopes, dt)
 
 
-def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """Vehicle and contact state after a Stoermer-Verlet step: positions half-way, velocities, positions to the end.
+def coupled_verlet(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+) -> Moved:
+    """Vehicle and contact states after a Stoermer-Verlet step: positions half-way, velocities, positions to the end.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
     a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
@@ -156,31 +184,44 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
-    half, vehicle = 0.5 * dt, world.vehicle
-    middle = _drift(with_lag(vehicle, state, command, half, around), half)
-    there = drift_coupled(around, half)
-    motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
-    there = bend_coupled(there, there.slopes(motion, middle.rotor_speeds), dt)
-    moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
+    half = 0.5 * dt
+    middle = tuple(_drift(each, half) for each in follow_commands(worlds, states, commands, around, half))
+    there = around.drift(half)
+    motions = there.motions(worlds, middle, step=dt)
+    there = there.bend(there.slopes(motions), dt)
+    moving = [loaded_vehicle(world.vehicle, there.of(i)) for i, world in enumerate(worlds)]
 
-    def push(at: State, beside: Surroundings, seconds: Scalar) -> State:
-        """Vehicle state at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
-        force, torques = applied_force(vehicle, at, command, beside, step=dt)
-        base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
-        linear, angular = coordinate_acceleration(R, base, world.gravity)
-        return replace(
-            middle,
-            velocity=middle.velocity + linear * seconds,
-            rate=middle.rate + angular * seconds,
-            joint_rates=_along(middle.joint_rates, joints, seconds),
-        )
+    def push(at: Sequence[PointMotion], beside: Together, seconds: Scalar) -> tuple[State, ...]:
+        """Vehicle states at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
+        after = []
+        for i, (motion, command, still) in enumerate(zip(at, commands, middle, strict=True)):
+            now, (force, torques) = motion.state, applied_force(motion, command, beside.of(i))
+            base, joints = dynamics.forward_dynamics(moving[i], now.joints, now.rate, now.joint_rates, force, torques)
+            linear, angular = coordinate_acceleration(motions[i].rotation, base, motion.gravity)
+            moved = replace(
+                still,
+                velocity=still.velocity + linear * seconds,
+                rate=still.rate + angular * seconds,
+                joint_rates=_along(still.joint_rates, joints, seconds),
+            )
+            after.append(moved)
+        return tuple(after)
 
-    pushed = push(middle, there, half), push_coupled(there, there, motion, half)
-    felt = PointMotion(vehicle, pushed[0], around.air_velocity, gravity=world.gravity, step=dt)
-    after = _drift(push(*pushed, dt), half)
-    memories = drift_coupled(push_coupled(there, pushed[1], felt, dt), half).coupled_memories()
-    q, whole = after.quaternion.renormalized(), with_lag(vehicle, state, command, dt, around)
-    return replace(after, quaternion=q, rotor_speeds=whole.rotor_speeds, tilts=whole.tilts), memories
+    pushed, beside = push(motions, there, half), there.push(there, motions, half)
+    felt = there.motions(worlds, pushed, step=dt)
+    after = [_drift(each, half) for each in push(felt, beside, dt)]
+    memories = there.push(beside, felt, dt).drift(half).coupled_memories()
+    whole = follow_commands(worlds, states, commands, around, dt)
+    ends = zip(after, whole, strict=True)
+    return tuple(
+        replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
+        for each, end in ends
+    ), memories
+
+
+def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:
+    """Surroundings from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
+    return around.bend(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around
 
 
 def _drift(state: State, dt: Scalar) -> State:
@@ -194,25 +235,37 @@ def _drift(state: State, dt: Scalar) -> State:
 
 
 def far_step(
-    name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Scalar, rounds: int
+    name: str,
+    worlds: Sequence[Truth],
+    now: Moved,
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
+    rounds: int,
 ) -> Moved:
-    """Vehicle and contact state after one integration step while no contact can occur.
+    """Vehicle and contact states after one integration step while no contact can occur.
 
     Args:
         name: integrator's name.
-        world: true vehicle and gravity.
-        now: state, and memories of the coupled components.
-        command: command of the period.
+        worlds: true vehicles and gravity.
+        now: states, and memories of the coupled components.
+        commands: commands of the period.
         around: surroundings of the period.
         dt: s.
         rounds: steps that the coupled components need in its place.
     """
     there = around.with_coupled(now[1])
-    after, _ = COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)
-    return after, there.alone(dt, rounds, world.gravity)
+    after, _ = COUPLED_STEP[name](worlds, now[0], commands, there.without_coupled(), dt)
+    return after, there.alone(dt, rounds, worlds[0].gravity)
 
 
 COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4, VERLET: coupled_verlet}
+
+
+def after_impacts(worlds: Sequence[Truth], states: Sequence[State], around: Together) -> tuple[State, ...]:
+    """States of the vehicles right after the impulses of grasps or of joints that get stuck."""
+    rows = enumerate(zip(worlds, states, strict=True))
+    return tuple(after_impact(world.vehicle, state, around.of(i)) for i, (world, state) in rows)
 
 
 def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:

@@ -1,19 +1,21 @@
-"""Inputs of a plant over one control period: wind, forces, contacts, faults and joint drives."""
+"""Inputs of a plant over one control period: wind, forces, contacts, faults and joint drives of all vehicles."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, maximum
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
+from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves
+from skyarm.records.members import SOLE
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
 
@@ -26,7 +28,7 @@ Memories = tuple[Tree, ...]
 
 @immutable
 class Surroundings:
-    """Environment models, actuator faults and joint drives with their internal states, for one control period.
+    """Environment models, actuator faults and joint drives of one vehicle, with their states, in one control period.
 
     Attributes:
         components: air and forces, in the order in which they add up. memories: internal states of the components.
@@ -50,67 +52,18 @@ class Surroundings:
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
-    def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
+    def wrenches(self, motion: PointMotion) -> list[Wrench]:
         """Forces and torques of all environment models on the vehicle's bodies."""
         wrenches: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
-            wrenches += component.wrenches(memory, self.time, motion, rotor_speeds)
-        return wrenches
+            wrenches += component.wrenches(memory, self.time, motion, motion.state.rotor_speeds)
+        return [each for each in wrenches if each.agent in ("", motion.name)]
 
     def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Rotor speed commands (rad/s) limited by the battery."""
         for component, memory in zip(self.components, self.memories, strict=True):
             commands = component.rotor_commands(memory, rotors, commands)
         return commands
-
-    @property
-    def coupled(self) -> tuple[int, ...]:
-        """Indices of the contact models, whose internal states are integrated with the vehicle's."""
-        return tuple(i for i, component in enumerate(self.components) if component.coupled)
-
-    def coupled_memories(self) -> Memories:
-        """Internal states of the contact models."""
-        return tuple(self.memories[i] for i in self.coupled)
-
-    def with_coupled(self, memories: Sequence[Tree]) -> Surroundings:
-        """Copy of the plant inputs with other internal states of the contact models."""
-        places = self.coupled
-        if not places:
-            return self
-        every = list(self.memories)
-        for place, memory in zip(places, memories, strict=True):
-            every[place] = memory
-        return replace(self, memories=tuple(every))
-
-    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Memories:
-        """Time derivatives of the contact models' internal states."""
-        return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
-
-    def far(self, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if no contact can occur within ``seconds``."""
-        far: Scalar = True
-        for i in self.coupled:
-            there = self.components[i].far(self.memories[i], motion, seconds)
-            far = there if far is True else logical_and(far, there)
-        return far
-
-    def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Scalar]:
-        """Internal states of the contact models, and number of integration substeps for the next ``seconds``."""
-        pairs = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
-        finer: Scalar = 1.0
-        for _, steps in pairs:
-            finer = maximum(finer, steps)
-        return tuple(memory for memory, _ in pairs), finer
-
-    def without_coupled(self) -> Surroundings:
-        """Copy of the plant inputs without the contact models."""
-        alone = [i for i, component in enumerate(self.components) if not component.coupled]
-        components, memories = tuple(self.components[i] for i in alone), tuple(self.memories[i] for i in alone)
-        return replace(self, components=components, memories=memories)
-
-    def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> Memories:
-        """Internal states of the contact models after ``seconds`` without contact."""
-        return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Effort (N m or N) of a joint's drive before its limit and joint friction."""
@@ -119,60 +72,186 @@ class Surroundings:
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
-def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
-    """Time derivatives of the contact models' internal states for a vehicle state."""
-    if not around.coupled:
-        return ()
-    motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
-    return around.slopes(motion, state.rotor_speeds)
+@immutable(kw_only=False)
+class Together:
+    """Surroundings of all vehicles in one control period: those of each, and the environment models that all share.
+
+    Attributes:
+        each: surroundings of each vehicle, of the models that it has for itself. names: names of the vehicles.
+        components: shared models. memories: internal states of these.
+    """
+
+    each: tuple[Surroundings, ...]
+    names: tuple[str, ...] = (SOLE,)
+    components: tuple[AnyComponent, ...] = ()
+    memories: Memories = ()
+
+    def of(self, index: int) -> Surroundings:
+        """Surroundings of one vehicle: its own environment models, then those that all share."""
+        own = self.each[index]
+        components, memories = (*own.components, *self.components), (*own.memories, *self.memories)
+        return replace(own, components=components, memories=memories) if self.components else own
+
+    def motions(
+        self, worlds: Sequence[Truth], states: Sequence[State], step: Scalar | None = None
+    ) -> tuple[PointMotion, ...]:
+        """Motion of each vehicle, with those of the others; ``step`` (s) as of :class:`PointMotion`."""
+        air = [self.of(i).air_velocity for i in range(len(self.each))]
+        return motions_of(worlds, states, self.names, air, step)
+
+    @property
+    def components_of_all(self) -> tuple[AnyComponent, ...]:
+        """All environment models: those of each vehicle, then the shared ones."""
+        return (*(component for own in self.each for component in own.components), *self.components)
+
+    @property
+    def drives_of_all(self) -> tuple[Drive, ...]:
+        """Joint drives of all vehicles."""
+        return tuple(drive for own in self.each for drive in own.drives)
+
+    @property
+    def _every(self) -> tuple[tuple[int, AnyComponent, Tree], ...]:
+        """Vehicle, model and internal state of all environment models; the vehicle of shared ones is the first."""
+        lists = [(i, own.components, own.memories) for i, own in enumerate(self.each)]
+        lists.append((0, self.components, self.memories))
+        return tuple((i, *pair) for i, some, states in lists for pair in zip(some, states, strict=True))
+
+    @property
+    def coupled(self) -> tuple[tuple[int, AnyComponent, Tree], ...]:
+        """Vehicle, model and internal state of the models that are integrated with the vehicles, such as contacts."""
+        return tuple(each for each in self._every if each[1].coupled)
+
+    def coupled_memories(self) -> Memories:
+        """Internal states of the coupled models."""
+        return tuple(memory for _, _, memory in self.coupled)
+
+    def with_coupled(self, memories: Sequence[Tree]) -> Together:
+        """Copy of the surroundings with other internal states of the coupled models."""
+        if not self.coupled:
+            return self
+        given = iter(memories)
+
+        def fill_in(components: Sequence[AnyComponent], before: Memories) -> Memories:
+            return tuple(next(given) if c.coupled else m for c, m in zip(components, before, strict=True))
+
+        each = tuple(replace(own, memories=fill_in(own.components, own.memories)) for own in self.each)
+        return replace(self, each=each, memories=fill_in(self.components, self.memories))
+
+    def with_drives(self, drives: Sequence[Memories]) -> Together:
+        """Copy of the surroundings with other internal states of each vehicle's joint drives."""
+        rows = zip(self.each, drives, strict=True)
+        return replace(self, each=tuple(replace(own, drive_memories=some) if some else own for own, some in rows))
+
+    def without_coupled(self) -> Together:
+        """Copy of the surroundings without the coupled models."""
+
+        def rest(components: Sequence[AnyComponent], memories: Memories) -> tuple[tuple[AnyComponent, ...], Memories]:
+            pairs = [pair for pair in zip(components, memories, strict=True) if not pair[0].coupled]
+            return tuple(c for c, _ in pairs), tuple(m for _, m in pairs)
+
+        left = [rest(own.components, own.memories) for own in self.each]
+        each = tuple(
+            replace(own, components=some, memories=states) for own, (some, states) in zip(self.each, left, strict=True)
+        )
+        components, memories = rest(self.components, self.memories)
+        return replace(self, each=each, components=components, memories=memories)
+
+    def slopes(self, motions: Sequence[PointMotion]) -> Memories:
+        """Time derivatives of the coupled models' internal states."""
+        time = self.each[0].time
+        return tuple(c.slope(m, time, motions[i], motions[i].state.rotor_speeds) for i, c, m in self.coupled)
+
+    def far(self, motions: Sequence[PointMotion], seconds: Scalar) -> Scalar:
+        """True if no contact can occur within ``seconds``."""
+        far: Scalar = True
+        for i, component, memory in self.coupled:
+            there = component.far(memory, motions[i], seconds)
+            far = there if far is True else logical_and(far, there)
+        return far
+
+    def hurry(self, motions: Sequence[PointMotion], seconds: Scalar) -> tuple[Memories, Scalar]:
+        """Internal states of the coupled models, and number of integration substeps for the next ``seconds``."""
+        pairs = [component.hurry(memory, motions[i], seconds) for i, component, memory in self.coupled]
+        finer: Scalar = 1.0
+        for _, steps in pairs:
+            finer = maximum(finer, steps)
+        return tuple(memory for memory, _ in pairs), finer
+
+    def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> Memories:
+        """Internal states of the coupled models after ``seconds`` without contact."""
+        return tuple(component.alone(memory, seconds, rounds, gravity) for _, component, memory in self.coupled)
+
+    def bend(self, slopes: Memories, dt: Scalar) -> Together:
+        """Copy of the surroundings with the contact friction bristles advanced by ``dt`` (s)."""
+        going = zip(self.coupled, slopes, strict=True)
+        return self.with_coupled([component.before_euler_step(m, rate, dt) for (_, component, m), rate in going])
+
+    def after_euler_step(self, slopes: Memories, dt: Scalar) -> Memories:
+        """Internal states of the coupled models after a semi-implicit Euler step of ``dt`` (s)."""
+        going = zip(self.coupled, slopes, strict=True)
+        return tuple(component.euler_step(memory, slope, dt) for (_, component, memory), slope in going)
+
+    def drift(self, dt: Scalar) -> Together:
+        """Copy of the surroundings with movable bodies advanced by ``dt`` (s) at constant velocities."""
+        return self.with_coupled([component.drift(memory, dt) for _, component, memory in self.coupled])
+
+    def push(self, felt: Together, motions: Sequence[PointMotion], dt: Scalar) -> Together:
+        """Copy of the surroundings with movable bodies accelerated for ``dt`` (s) by forces at other states."""
+        time, going = self.each[0].time, zip(self.coupled, felt.coupled_memories(), strict=True)
+        return self.with_coupled(
+            [
+                component.push(memory, time, motions[i], motions[i].state.rotor_speeds, dt, now)
+                for (i, component, memory), now in going
+            ]
+        )
 
 
-def before_euler_step(world: Truth, state: State, around: Surroundings, dt: Scalar) -> Surroundings:
-    """Plant inputs from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
-    if not around.coupled:
-        return around
-    return bend_coupled(around, slopes_of(world, state, around), dt)
+def motions_of(
+    worlds: Sequence[Truth],
+    states: Sequence[State],
+    names: Sequence[str],
+    air: Sequence[Callable[[Vec3], Vec3] | None] = (),
+    step: Scalar | None = None,
+) -> tuple[PointMotion, ...]:
+    """Motion of each vehicle with its rotors turned to their angles, with those of the others by name.
 
-
-def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
-    """Copy of the plant inputs with the contact friction bristles advanced by ``dt`` (s)."""
-    going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
-    return around.with_coupled([around.components[i].before_euler_step(memory, rate, dt) for i, memory, rate in going])
-
-
-def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
-    """Internal states of the contact models after a semi-implicit Euler step of ``dt`` (s)."""
-    going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
-    return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
-
-
-def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
-    """Copy of the plant inputs with movable bodies advanced by ``dt`` (s) at constant velocities."""
-    going = zip(around.coupled, around.coupled_memories(), strict=True)
-    return around.with_coupled([around.components[i].drift(memory, dt) for i, memory in going])
-
-
-def push_coupled(around: Surroundings, felt: Surroundings, motion: PointMotion, dt: Scalar) -> Surroundings:
-    """Copy of the plant inputs with movable bodies accelerated for ``dt`` (s) by forces at the states in ``felt``."""
-    speeds = motion.state.rotor_speeds
-    going = zip(around.coupled, around.coupled_memories(), felt.coupled_memories(), strict=True)
-    return around.with_coupled(
-        [around.components[i].push(memory, around.time, motion, speeds, dt, now) for i, memory, now in going]
+    Args:
+        worlds: true vehicles and gravity.
+        states: states of these.
+        names: names of these.
+        air: velocity of the air of each, as of :class:`PointMotion`; calm if left out.
+        step: step (s) as of :class:`PointMotion`.
+    """
+    motions = tuple(
+        PointMotion(turn_rotors(world.vehicle, state.tilts), state, wind, gravity=world.gravity, step=step, name=name)
+        for world, state, name, wind in zip(worlds, states, names, air or (None,) * len(names), strict=True)
     )
+    agents = {each.name: each for each in motions}
+    for each in motions:
+        each.agents = agents
+    return motions
 
 
-def places_in(around: Surroundings) -> tuple[int, ...]:
-    """Indices of the contact states among all numbers of the plant inputs."""
-    first = len(leaves(around.components))
-    return tuple(first + place for place in places_among(around.memories, around.coupled))
+def several(world: Truth | Sequence[Truth], around: Surroundings | Together) -> tuple[tuple[Truth, ...], Together]:
+    """True vehicles and their surroundings, of one vehicle or of several, as tuples of all."""
+    worlds = (world,) if isinstance(world, Truth) else tuple(world)
+    return worlds, around if isinstance(around, Together) else Together((around,))
 
 
-def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
-    """Indices of the contact states among the internal states of all environment models."""
+def coupled_places(around: Together) -> tuple[int, ...]:
+    """Indices of the coupled models' internal states among all numbers of the surroundings."""
     places, first = list[int](), 0
-    for i, memory in enumerate(memories):
+    for own in around.each:
+        places += _coupled_in(own.components, own.memories, first)
+        first += len(leaves(own))
+    return (*places, *_coupled_in(around.components, around.memories, first))
+
+
+def _coupled_in(components: Sequence[AnyComponent], memories: Memories, first: int) -> list[int]:
+    """Indices of the coupled models' internal states, where number ``first`` is the first one of the models."""
+    places, first = list[int](), first + len(leaves(tuple(components)))
+    for component, memory in zip(components, memories, strict=True):
         count = len(leaves(memory))
-        if i in coupled:
-            places += range(first, first + count)
+        places += range(first, first + count) if component.coupled else ()
         first += count
-    return tuple(places)
+    return places

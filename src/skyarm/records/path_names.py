@@ -54,6 +54,20 @@ class Viewed(Protocol):
         ...
 
 
+OF_AGENT = "agents."
+"""Beginning of a path that names a vehicle: agents.NAME.plant.gravity."""
+
+
+def agent_of(path: str) -> str:
+    """Name of the vehicle that a parameter path begins with; empty for a path of the only one, or of all."""
+    return path.split(".")[1] if path.startswith(OF_AGENT) and path.count(".") else ""
+
+
+def word_of(path: str) -> str:
+    """Parameter path without the name of the vehicle that it begins with, as in a scenario of that vehicle alone."""
+    return path.split(".", 2)[2] if path.startswith(OF_AGENT) and path.count(".") > 1 else path
+
+
 def path_names(record: object) -> Names:
     """Names that may continue a parameter path inside a given dataclass or tuple, each with what it denotes."""
     own: Callable[[], Names] | None = getattr(record, "path_names", None)

@@ -13,6 +13,7 @@ from typing import Any, Protocol, TypeAlias
 
 from skyarm.records.immutable import declarations, memoize
 from skyarm.records.leaves import field_names
+from skyarm.records.members import SOLE, alone
 
 NOT_FINITE = ("inf", "-inf", "nan")
 """Texts of the floats that strict JSON cannot represent."""
@@ -100,7 +101,9 @@ def fields_of(value: object) -> list[tuple[str, object]]:
     names = field_names(type(value))
     if names is not None:
         fields = [(name, getattr(value, name)) for name in names]
-        unwritten = written_if_any(type(value))
+        unwritten, group = written_if_any(type(value)), group_of(type(value))
+        if group and tuple(dict(fields)[group[0]]) == (SOLE,):
+            fields = [(group[1], each[SOLE]) if name == group[0] else (name, each) for name, each in fields]
         return [pair for pair in fields if pair[0] not in unwritten or pair[1]] if unwritten else fields
     slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
@@ -110,6 +113,12 @@ def fields_of(value: object) -> list[tuple[str, object]]:
 def written_if_any(kind: type) -> tuple[str, ...]:
     """Fields of a dataclass that plain data contains only if their values are not empty."""
     return tuple(field.name for field in declarations(kind) if "written_if_any" in field.metadata)
+
+
+@memoize
+def group_of(kind: type) -> tuple[str, str] | tuple[()]:
+    """Field of a dataclass that holds members by name, and the name of its only member; empty without such a field."""
+    return next(((field.name, alone(field)) for field in declarations(kind) if alone(field)), ())
 
 
 def _bound(function: object) -> list[object]:

@@ -15,7 +15,8 @@ from typing import Any
 from skyarm.records.files import shown
 from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
-from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
+from skyarm.records.members import SOLE
+from skyarm.records.plain import NOT_FINITE, dotted_name, group_of, plain, written_if_any
 from skyarm.records.registry.plugins import code_of
 
 FUNCTIONS = ("skyarm.control.", "skyarm.links.autopilots.autopilot:move_arm")
@@ -80,6 +81,8 @@ def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
     table = {key: value for key, value in data.items() if key != "type"}
+    if (group := group_of(kind)) and group[1] in table:
+        table[group[0]] = {SOLE: table.pop(group[1])}
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")

@@ -12,8 +12,9 @@ from functools import cache
 from typing import Any, Literal, NamedTuple
 
 from skyarm.records.field_rules import defaults
-from skyarm.records.immutable import immutable, memoize
+from skyarm.records.immutable import declarations, immutable, memoize
 from skyarm.records.leaves import Place, field_names
+from skyarm.records.members import alone
 from skyarm.records.units import Unit, declared_fields
 
 EACH = "*"
@@ -94,14 +95,20 @@ def slots(kind: type) -> tuple[Slot, ...]:
 
 @cache
 def groups(kind: type) -> dict[str, type]:
-    """Fields of a dataclass that group keys of the same table, each with the class of the group."""
-    types = typing.get_type_hints(kind)
-    return {name: types[name] for name, word in _words_in(kind) if word.group}
+    """Fields of a dataclass that group keys of the same table, each with the class of the group.
+
+    Of members by name it is the property for the only one (:mod:`skyarm.records.members`), with the class of a member.
+    """
+    types, sole = typing.get_type_hints(kind), {field.name: alone(field) for field in declarations(kind)}
+    named = [name for name, word in _words_in(kind) if word.group]
+    return {sole[name] or name: typing.get_args(types[name])[1] if sole[name] else types[name] for name in named}
 
 
 def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
     declared, usual = declared_fields(kind), defaults(kind)
-    for name, word in _words_in(kind):
+    sole = {field.name: alone(field) for field in declarations(kind)}
+    for field, word in _words_in(kind):
+        name = sole[field] or field
         path = name if word.at is None else word.at
         path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
         if word.group:

@@ -142,11 +142,11 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
         ControllerError: unknown name, or a controller that does not fit the model.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    before = scenario.controller.par
-    made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
+    before = scenario.agent.controller.par
+    made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.agent.delays))
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
-    inner, servos = before.own, bool(scenario.controller.memory.drives)
+    inner, servos = before.own, bool(scenario.agent.controller.memory.drives)
     return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
 
 
@@ -167,7 +167,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     from skyarm.control.safety.limits import usual_joint_errors
 
     limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
-    usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.controller.keeps_tip)
+    usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.agent.controller.keeps_tip)
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]

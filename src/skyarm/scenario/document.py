@@ -7,21 +7,29 @@ scheduled change of a part is read by the reader of that part in a file.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from skyarm.records.files import Fields, number
+from skyarm.records.files import Fields, number, shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
+from skyarm.records.members import SOLE
 from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
 from skyarm.records.words import EACH, Slot, slots
-from skyarm.reference.task_records import Setting
+from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario import readers
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
+
+AGENTS = "agents"
+"""Key of the tables of several agents."""
+
+OF_AGENT_ALONE = {"environment.faults": "faults"}
+"""Keys that have another name in the table of an agent."""
 
 LEFT_OUT = object()
 """Marker of a key that a file leaves out."""
@@ -45,13 +53,19 @@ def slot_of(path: str) -> Slot:
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
-def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords) -> Any:
-    """Read the value of a scenario field from the entry that a scenario file has for it.
+def words_of_agent() -> tuple[str, ...]:
+    """Keys that may stand in the table of one of several agents."""
+    paths = [OF_AGENT_ALONE.get(slot.path, slot.path) for slot in slots(Scenario) if slot.place[0] == "agent"]
+    return tuple(dict.fromkeys(path.split(".")[0] for path in paths))
+
+
+def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords, at: str = "") -> Any:
+    """Read the value of a scenario field from the entry that a scenario file has for it, at another path if given.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    word, path = slot.word, slot.table
+    word, path = slot.word, at or slot.table
     if word.reader:
         return getattr(readers, word.reader)(entry, path, reading)
     if EACH in slot.path:
@@ -87,6 +101,8 @@ class Document:
         law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
 
+    _whole: Document | None = None
+
     def __init__(
         self, tables: Mapping[str, object], folder: Path, replaced: Mapping[str, object], law: str | None = None
     ) -> None:
@@ -94,6 +110,32 @@ class Document:
         self._tables = {"": Fields(dict(tables), "")}
         self._words = dict[str, Any]()
         self._vehicles = dict[str, Vehicle]()
+        named = self.table("").take(AGENTS, None)
+        if named is not None and (not isinstance(named, dict) or not named):
+            raise ValueError(f"{AGENTS} = {shown(named)}: must be tables of agents, as [{AGENTS}.left]")
+        self._prefix, self._own = "", frozenset[str]()
+        self._members = {name: self._member(name) for name in named or ()} or {SOLE: self}
+
+    def _member(self, name: str) -> Document:
+        """Reader of the keys of one agent: each from its own table, as a whole, or else from the top."""
+        if not name.isidentifier():
+            raise ValueError(f"{AGENTS} = {shown(name)}: must be names that are words: letters, digits and underscores")
+        member = copy.copy(self)
+        member._prefix = f"{AGENTS}.{name}"
+        member._own = frozenset(self.table(member._prefix).table)
+        member._words, member._members = {}, {name: member}
+        member._whole = self
+        return member
+
+    @property
+    def members(self) -> Mapping[str, Document]:
+        """Reader of each agent's words, by the agent's name; of a file without names it is this one."""
+        return self._members
+
+    def at(self, path: str) -> str:
+        """Path of a word in the file: below the agent's own table if that has it."""
+        named = OF_AGENT_ALONE.get(path, path)
+        return f"{self._prefix}.{named}" if named.split(".")[0] in self._own else path
 
     def table(self, path: str) -> Fields:
         """Reader of the table at a path of a scenario file, shared by all keys of the table."""
@@ -102,21 +144,31 @@ class Document:
             self._tables[path] = self.table(within).inner(name)
         return self._tables[path]
 
+    def stated_table(self, path: str) -> Fields:
+        """Reader of a table that the file must have, by the path of its word."""
+        at = self.at(path)
+        within, _, name = at.rpartition(".")
+        return Fields(self.table(within).take(name), at)
+
     def word(self, path: str) -> Any:
         """Value of a scenario-file key, read at its first use; the field's default if the file leaves the key out."""
+        slot = slot_of(path)
+        if self._whole is not None and slot.place[0] != "agent":
+            return self._whole.word(path)
         if path not in self._words:
-            slot = slot_of(path)
             entry = self.entry(slot)
-            self._words[path] = slot.default if entry is LEFT_OUT else read_part(slot, entry, self)
+            at = self.at(slot.table)
+            self._words[path] = slot.default if entry is LEFT_OUT else read_part(slot, entry, self, at)
         return self._words[path]
 
     def entry(self, slot: Slot) -> object:
         """Entry of a key in the scenario file, without nested keys that are read into scenario fields of their own."""
-        within, _, name = slot.table.rpartition(".")
+        within, _, name = self.at(slot.table).rpartition(".")
         if slot.path in self.replaced:
             self.table(within).take(name, None)
             return self.replaced[slot.path]
-        if within in PATHS and not isinstance(self.table("").table.get(within, {}), dict):
+        above, _, last = within.rpartition(".")
+        if slot.table.rpartition(".")[0] in PATHS and not isinstance(self.table(above).table.get(last, {}), dict):
             return LEFT_OUT  # the reader of the word above says what must be there
         required = slot.default is dataclasses.MISSING and slot.path not in OPTIONAL
         entry = self.table(within).take(name, *(() if required else (OPTIONAL.get(slot.path, LEFT_OUT),)))
@@ -127,9 +179,9 @@ class Document:
 
     def vehicle(self, path: str) -> Vehicle:
         """Vehicle that [plant] or [model] names, loaded once, without the table's payload and joint values."""
-        named = self.table(path).take("vehicle")
+        named = self.table(self.at(path)).take("vehicle")
         if not isinstance(named, str) or named not in self._vehicles:
-            self._vehicles[str(named)] = readers.vehicle(named, f"{path}.vehicle", self.folder)
+            self._vehicles[str(named)] = readers.vehicle(named, f"{self.at(path)}.vehicle", self.folder)
         return self._vehicles[str(named)]
 
     @cached_property
@@ -138,9 +190,24 @@ class Document:
         stated = number(self.table("").take("duration", 0.0), "duration")  # by the file, whatever is flown of it
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
-    def fields(self, within: str = "") -> dict[Place, Any]:
-        """Values of the scenario fields below a key path; those in :data:`OF_SCENARIO` are given their defaults."""
-        slots_below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
+    @property
+    def events(self) -> list[tuple[str, Sequence[TaskEvent]]]:
+        """Events of the task of each agent's reference, with the agent's name; "" if it is the only one."""
+        several, events = len(self.members) > 1, list[tuple[str, Sequence[TaskEvent]]]()
+        for name, member in self.members.items():
+            member.word("reference")
+            events.append((name if several else "", member.setting.events))
+        return events
+
+    def fields(self, within: str = "", agent: bool | None = None) -> dict[Place, Any]:
+        """Values of the scenario fields below a key path; those in :data:`OF_SCENARIO` are given their defaults.
+
+        Args:
+            within: the path; empty for all.
+            agent: True for fields of one agent, False for those of all; None for both.
+        """
+        below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
+        slots_below = (slot for slot in below if agent is None or (slot.place[0] == "agent") is agent)
         return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in slots_below}
 
     def plan_time(self, scenario: Scenario) -> Scenario:

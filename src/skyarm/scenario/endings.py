@@ -74,7 +74,7 @@ class Divergence(Ending):
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message naming the first number that is not finite, else the first that is too large."""
-        words, x = state_words(scenario.plant.vehicle), leaves(state)
+        words, x = state_words(scenario.agent.plant.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
                 return f"{name} is not finite"
@@ -108,7 +108,7 @@ class JointLimits(Ending):
 
     def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Scalar, Link]]:
         """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
-        every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
+        every = zip(state.joints, scenario.agent.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
@@ -129,12 +129,12 @@ class LawUndefined(Ending):
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if the attitude is within the law's domain of definition; always true for a law without a limit."""
-        margin = scenario.controller.margin
+        margin = scenario.agent.controller.margin
         return True if margin is None else margin(state.quaternion) >= slack
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message of the control law about the attitude at which its equations are singular."""
-        return scenario.controller.limit
+        return scenario.agent.controller.limit
 
 
 @immutable
@@ -146,11 +146,11 @@ class Ground(Ending):
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every point of the vehicle is above the ground."""
         planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
-        return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
+        return lowest_point(scenario.agent.plant.vehicle, state) >= slack if scenario.ground and not planes else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message with the height of the vehicle's lowest point."""
-        return f"lowest point at z = {float(lowest_point(scenario.plant.vehicle, state)):.4g} m"
+        return f"lowest point at z = {float(lowest_point(scenario.agent.plant.vehicle, state)):.4g} m"
 
 
 @immutable
@@ -211,7 +211,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str
     """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
     R, clearances = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
-        for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
+        for rotor in turn_rotors(scenario.agent.plant.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
             for surface in contact.still:
                 clearances.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
@@ -220,7 +220,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str
 
 def body_depths(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Depth of the base's origin and of each joint in each fixed surface: (depth in m, point, surface)."""
-    vehicle, depths = scenario.plant.vehicle, list[tuple[Scalar, str, str]]()
+    vehicle, depths = scenario.agent.plant.vehicle, list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
         points = [("the base", state.position)]

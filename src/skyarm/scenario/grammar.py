@@ -163,6 +163,7 @@ def _of_numbers() -> Iterator[GrammarRow]:
     yield GrammarRow("plugins", "", "table")
     yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
     yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
+    yield GrammarRow("agents", "", "table of agents by name", meaning="tables of one of several agents")
 
 
 def _of_signals() -> Iterator[GrammarRow]:

@@ -20,13 +20,23 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, replace_at
+from skyarm.records.path_names import OF_AGENT, agent_of, word_of
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
 from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.paths import (
+    alone,
+    by_agent,
+    delay_words,
+    errors_of_agent,
+    is_below,
+    place_of_delay,
+    roots,
+    variable_words,
+)
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -53,10 +63,15 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
-    model = scenario.controller.par.model
+    if len(scenario.agents) > 1:
+        changed = by_agent(scenario, {path: value}, lambda one, own: with_part(one, *next(iter(own.items()))))
+        check_scenario(changed)
+        return changed
+    scenario, path = alone(scenario, path)
+    model = scenario.agent.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
-        changed: Scenario = replace_at(scenario, fields)
+        changed = replace_at(scenario, fields)
         check_scenario(changed, fields)
         return changed
 
@@ -68,12 +83,12 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
-        fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
-        fixed = PLANNED if scenario.path_time is not None else fixed
+        fixed = "must stay as it is where the reference has a tip" if scenario.agent.reference.tip is not None else ""
+        fixed = PLANNED if scenario.agent.path_time is not None else fixed
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        trajectory = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
+        trajectory = trajectory_from({entry: value}, scenario.agent.plant.vehicle.n, "reference", document.setting)
         return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
     return document.planned_fields()
 
@@ -150,12 +165,14 @@ NONE = Overrides()
 
 def is_part(path: str, value: object) -> bool:
     """True if a scheduled change replaces a whole section, such as the controller, and not a single number."""
-    return path in whole_parts() and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
+    word = word_of(path)
+    return word in whole_parts() and (word != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
 def _replaces(part: str, path: str) -> bool:
     """True if replacing a section of a scenario also replaces the parameter at a given path."""
-    return is_below(path, part) or (part == LAW and path.startswith("controller."))
+    law = word_of(part) == LAW and is_below(path, part.removesuffix(".law"))
+    return is_below(path, part) or law
 
 
 @immutable(kw_only=False)
@@ -190,8 +207,9 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 def is_traceable(scenario: Scenario) -> bool:
     """True if machine code can fly a whole flight: all its laws can be traced, and none is an external autopilot."""
-    flown = [stretch.overrides.parts_of(scenario).controller for stretch in stretches(scenario)]
-    return all(each.compiled and autopilot_of(each) is None for each in flown)
+    flown = [stretch.overrides.parts_of(scenario) for stretch in stretches(scenario)]
+    laws = [each.controller for one in flown for each in one.agents.values()]
+    return all(law.compiled and autopilot_of(law) is None for law in laws)
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
@@ -296,6 +314,13 @@ def _name_change_in_errors(where: str) -> Iterator[None]:
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
     """Raise an error if a parameter or section of the scenario may not change during a flight."""
+    one, word = alone(scenario, path)
+    with errors_of_agent(agent_of(path) if word != path else ""):
+        _require_changeable_word(one, word)
+
+
+def _require_changeable_word(scenario: Scenario, path: str) -> None:
+    """Raise an error if a parameter or section of a scenario of one vehicle may not change during a flight."""
     if path in whole_parts() or place_of_delay(scenario, path) is not None:
         return
     if path in delay_words():
@@ -338,8 +363,8 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     Raises:
         ScenarioError: names it.
     """
-    after = _held_throughout(new)
-    for name, began in _held_throughout(old).items():
+    after = _held_by_all(new)
+    for name, began in _held_by_all(old).items():
         value = after.get(name, began)
         if value != began:
             late = "readings" if name.startswith("sensors.") else "setpoints" if ".drives." in name else ""
@@ -347,9 +372,20 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
             raise ScenarioError(f"{name} = {shown(value)}: must be {what}as the session began{why}")
 
 
+def _held_by_all(scenario: Scenario) -> dict[str, object]:
+    """Settings of all vehicles that must stay the same throughout a flight, by name."""
+    several = len(scenario.agents) > 1
+    names = {name: f"{OF_AGENT}{name}." if several else "" for name in scenario.agents}
+    return {
+        before + setting: value
+        for name, before in names.items()
+        for setting, value in _held_throughout(scenario.of(name)).items()
+    }
+
+
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
     """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
-    vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
+    vehicle, delays, model = scenario.agent.plant.vehicle, scenario.agent.delays, scenario.agent.controller.par.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
     settings: dict[str, object] = {
@@ -357,10 +393,10 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
         **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
     }
-    for named in scenario.sensors:
+    for named in scenario.agent.sensors:
         settings |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
     for root, links, drives in (
-        ("plant", vehicle.links, scenario.all_drives),
+        ("plant", vehicle.links, scenario.agent.all_drives),
         ("model", model.vehicle.links, believed_drives(model)),
     ):
         for link, drive in zip(links, drives, strict=False):

@@ -33,9 +33,9 @@ from skyarm.records import coerce
 from skyarm.records.field_rules import accept_scalar
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, Record, part, replace_at
-from skyarm.records.path_names import Viewed
+from skyarm.records.path_names import Viewed, agent_of, word_of
 from skyarm.records.units import OF_SIGNAL, Unit, units
-from skyarm.scenario.paths import Target, places_of, target_of
+from skyarm.scenario.paths import Target, alone, by_agent, errors_of_agent, places_of, target_of
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 
@@ -50,6 +50,13 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
+    if len(scenario.agents) > 1:
+        for name in ("", *scenario.agents):
+            own = [word_of(path) if name else path for path in paths if agent_of(path) == name]
+            one = [alone(scenario, path)[0] for path in paths if agent_of(path) == name][:1]
+            with errors_of_agent(name):
+                require_apart(one[0] if one else scenario.of(next(iter(scenario.agents))), own)
+        return
     scenario = _with_initial_state(scenario, paths)
     seen: dict[Place, str] = {}
     viewed: dict[Place, str] = {}
@@ -69,6 +76,9 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     """True if two parameter paths denote the same number of a scenario."""
+    if len(scenario.agents) > 1 and agent_of(path) != agent_of(other):
+        return False
+    (scenario, path), (_, other) = alone(scenario, path), alone(scenario, other)
     scenario = _with_initial_state(scenario, (path, other))
     return not set(places_of(scenario, path)).isdisjoint(places_of(scenario, other))
 
@@ -76,6 +86,7 @@ def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
 def is_added(scenario: Scenario, path: str) -> bool:
     """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
     try:
+        scenario, path = alone(scenario, path)
         view = target_of(_with_initial_state(scenario, (path,)), path).view
     except ScenarioError:
         return False
@@ -84,13 +95,14 @@ def is_added(scenario: Scenario, path: str) -> bool:
 
 def is_computed(scenario: Scenario, path: str) -> bool:
     """True if the value at a path is computed from fields, or belongs to the reference or the initial state."""
+    scenario, path = alone(scenario, path)
     target = target_of(_with_initial_state(scenario, (path,)), path)
     return target.view is not None or target.places[0][:2] in (INITIAL, ("agent", "reference"))
 
 
 def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
     """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
-    if scenario.initial is not None or not any(path.startswith("initial.") for path in paths):
+    if scenario.agent.initial is not None or not any(path.startswith("initial.") for path in paths):
         return scenario
     return scenario.with_initial(first_state(scenario))
 
@@ -101,8 +113,10 @@ def number_at(scenario: Scenario, path: str) -> float:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
     """
-    scenario = _with_initial_state(scenario, (path,))
-    return _number(scenario, path, target_of(scenario, path))
+    one, word = alone(scenario, path)
+    with errors_of_agent(agent_of(path) if word != path else ""):
+        one = _with_initial_state(one, (word,))
+        return _number(one, word, target_of(one, word))
 
 
 def _number(scenario: Scenario, path: str, target: Target) -> float:
@@ -134,6 +148,11 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
+    if len(scenario.agents) > 1:
+        changed = by_agent(scenario, values, with_numbers)
+        check_scenario(changed, numbers=True)
+        return changed
+    values = {alone(scenario, path)[1]: value for path, value in values.items()}
     started = _with_initial_state(scenario, values)
     fields, start = dict[Place, Scalar](), dict[Place, Scalar]()
     views: dict[Place, dict[str, Scalar]] = {}
@@ -147,8 +166,8 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
-    after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
-    if after is not changed.controller:
+    after = with_consequences(changed.agent.controller, law, 1.0 / scenario.rates.control)
+    if after is not changed.agent.controller:
         changed = changed.with_controller(after)
     if start or angles:
         changed = changed.with_initial(_start_with(started, changed, start, angles))
@@ -196,13 +215,18 @@ def _start_with(
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
-    initial = changed.initial
-    if initial is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
-        initial = started.initial
+    initial = changed.agent.initial
+    if (
+        initial is None
+        and changed.agent.plant is started.agent.plant
+        and changed.agent.reference is started.agent.reference
+        and not joints
+    ):
+        initial = started.agent.initial
     if initial is None:
-        at = changed.reference.at(0.0)
+        at = changed.agent.reference.at(0.0)
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
-        trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
+        trim = trimmed_state(changed.agent.plant, at.position, data(at.yaw), posture)
         initial = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
     state = _replace_numbers(initial, inside, {(): angles} if angles else {})
     if angles or not any(place[0] == "quaternion" for place in inside):
@@ -236,6 +260,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     Raises:
         ScenarioError: no number is there.
     """
+    scenario, path = alone(scenario, path)
     scenario = _with_initial_state(scenario, (path,))
     target = target_of(scenario, path)
     return _declaration(scenario, target.places[0]) if target.view is None else target.view.unit

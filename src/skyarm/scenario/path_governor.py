@@ -98,17 +98,17 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     Raises:
         ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
     """
-    bare = dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, path_time=None))
+    bare = scenario.with_agent(dataclasses.replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
     if plan.beyond > MISSED:
-        name = PathLimits(bare.controller.par.model, options).names()[plan.limit]
+        name = PathLimits(bare.agent.controller.par.model, options).names()[plan.limit]
         line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
         return bare
-    return dataclasses.replace(bare, agent=dataclasses.replace(bare.agent, path_time=plan.path_time))
+    return bare.with_agent(dataclasses.replace(bare.agent, path_time=plan.path_time))
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
@@ -120,20 +120,20 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
     for each in () if scenario.world is None else scenario.world.grippers:
         if each.closed.signal.switch_times():
             yield f"where gripper {each.name!r} closes or opens at an instant"
-    if scenario.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
+    if scenario.agent.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
         yield "where the law's model takes up payloads (believed = true)"
-    if scenario.reference.guards:
+    if scenario.agent.reference.guards:
         yield "of a reference whose phases wait (until)"
 
 
 def _switches(scenario: Scenario) -> list[float]:
     """Times within the flight at which the reference may be discontinuous, s."""
-    return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
+    return [t for t in scenario.agent.reference.switch_times() if 0.0 < t < scenario.duration]
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.reference, PathLimits(scenario.controller.par.model, options)
+    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:
@@ -148,7 +148,7 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     corners = []
     first = trajectory.at(0.0)
     rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
-    if scenario.initial is None and _is_corner(rest, first):
+    if scenario.agent.initial is None and _is_corner(rest, first):
         corners.append(0.0)
     return [*corners, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
 

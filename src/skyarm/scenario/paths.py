@@ -6,17 +6,22 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
+from typing import Any, TypeVar
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.files import did_you_mean
+from skyarm.records.files import did_you_mean, must_be_one_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part
-from skyarm.records.path_names import Names, NumberView, path_names
+from skyarm.records.leaves import Place, part, replace_at, walk
+from skyarm.records.path_names import OF_AGENT, Names, NumberView, agent_of, path_names, word_of
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+
+V = TypeVar("V")
 
 LATE = "delays.command"
 """Path of the command delay, which is not a parameter of a flight without one."""
@@ -24,6 +29,80 @@ LATE = "delays.command"
 
 OF_STUDIES = "the same for all episodes; fly two studies"
 """Advice in messages about structural numbers, for those who vary them between episodes."""
+
+
+def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
+    """Flight of the vehicle that a parameter path names, as a scenario, and the path in it.
+
+    Of a path that names none the flight is the whole scenario, or that of the first of several vehicles.
+
+    Raises:
+        ScenarioError: there is no such vehicle, or the path is of one vehicle and does not say which.
+    """
+    name, word = agent_of(path), word_of(path)
+    if name and word != path:
+        if name not in scenario.agents:
+            known = must_be_one_of(scenario.agents, name)
+            raise ScenarioError(f"path = {path!r}: agents.{name}: {known}")
+        return scenario.of(name), word
+    if len(scenario.agents) > 1 and is_of_agent(path):
+        names = ", ".join(scenario.agents)
+        raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
+    return scenario.of(next(iter(scenario.agents))), path
+
+
+def is_of_agent(path: str) -> bool:
+    """True if a key path of a scenario file is of one vehicle, such as plant.gravity, and not of all."""
+    return any(
+        is_below(path, slot.table) or is_below(slot.table, path) for slot in slots(Scenario) if slot.place[0] == "agent"
+    )
+
+
+def by_agent(
+    scenario: Scenario, values: Mapping[str, V], change: Callable[[Scenario, Mapping[str, V]], Scenario]
+) -> Scenario:
+    """Scenario of several vehicles with values replaced, in each vehicle's own flight or in what all share.
+
+    Args:
+        scenario: scenario of several vehicles.
+        values: path -> value.
+        change: function that replaces values in a scenario of one vehicle.
+
+    Raises:
+        ScenarioError: as :func:`alone`, and as ``change`` with the vehicle's name in the path.
+    """
+    groups: dict[str, dict[str, V]] = {}
+    for path, value in values.items():
+        _, word = alone(scenario, path)
+        groups.setdefault(agent_of(path) if word != path else "", {})[word] = value
+    changed, shared = scenario, groups.pop("", {})
+    later = {path: shared.pop(path) for path in [*shared] if path.startswith("changes.")}
+    if later:
+        changed = replace_at(changed, {tuple(path.split(".")): value for path, value in later.items()})
+    if shared:
+        one = change(scenario.of(next(iter(scenario.agents))), shared)
+        changed = dataclasses.replace(changed, environment=one.environment, endings=one.endings)
+    agents = dict(changed.agents)
+    for name, own in groups.items():
+        with errors_of_agent(name):
+            agents[name] = change(changed.of(name), own).agent
+    return dataclasses.replace(changed, agents=agents) if groups else changed
+
+
+@contextmanager
+def errors_of_agent(name: str) -> Iterator[None]:
+    """Context manager that puts a vehicle's name into the path with which an error message begins; "" for none."""
+    try:
+        yield
+    except ValueError as error:
+        if not name:
+            raise
+        words = str(error)
+        if words.startswith("path = '"):
+            raise ScenarioError(words.replace("path = '", f"path = '{OF_AGENT}{name}.", 1)) from None
+        raise ScenarioError(
+            f"{OF_AGENT}{name}.{words}" if is_of_agent(words.split(" ", maxsplit=1)[0].rstrip(":")) else words
+        ) from None
 
 
 @immutable(kw_only=False)
@@ -65,7 +144,7 @@ def target_of(scenario: Scenario, path: str) -> Target:
             raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
         if slot.type is Scalar and path == slot.path:
             return Target((slot.place,))
-    if path.startswith("reference.") and scenario.path_time is not None:
+    if path.startswith("reference.") and scenario.agent.path_time is not None:
         raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
         raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
@@ -86,6 +165,13 @@ def path_of(scenario: Scenario, place: Place) -> str:
         name = str(part(scenario, (*slot.record, name)).name)
     head = slot.path.replace(EACH, name) if EACH in slot.place else slot.path
     return ".".join((head, *place[len(slot.place) :]))
+
+
+def walk_words(scenario: Scenario) -> Iterator[tuple[Place, Any]]:
+    """Place and value of each number or text of a scenario of one vehicle, whose own are below ``agent``."""
+    inside = ("agents", "records", "0")
+    for place, value in walk(scenario):
+        yield ("agent", *place[len(inside) :]) if place[: len(inside)] == inside else place, value
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
@@ -138,7 +224,8 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
-        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.plant.vehicle.drives)
+        f"plant.drives.{each.name}": (*carried, str(i), "drive")
+        for i, each in enumerate(scenario.agent.plant.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:

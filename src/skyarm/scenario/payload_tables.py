@@ -114,7 +114,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
 
 
 def with_commands(
-    world: Component[Tree] | None, events: Sequence[TaskEvent], control_rate: float
+    world: Component[Tree] | None, events: Sequence[TaskEvent], control_rate: float, agent: str = ""
 ) -> Component[Tree] | None:
     """Contact model whose grippers close and open in the task phases that name them.
 
@@ -122,9 +122,10 @@ def with_commands(
         world: contact model of the file; None without one.
         events: events of the phases that name a gripper.
         control_rate: Hz; instants are whole control periods.
+        agent: name of the vehicle whose task it is; empty for the only one.
 
     Raises:
-        ValueError: one line: a gripper that is not there, or one that has its command from elsewhere.
+        ValueError: one line: a gripper that is not there, is of another vehicle, or has its command from elsewhere.
     """
     grippers = {each.name: each for each in getattr(world, "grippers", ())}
     for event in events:
@@ -133,6 +134,8 @@ def with_commands(
         if gripper is None:
             near, there = did_you_mean(event.gripper, grippers), ", ".join(grippers) or "none"
             raise ValueError(f"{at}: {near}must be the name of one of [[world.grippers]]; there are {there}")
+        if gripper.agent != agent and agent:
+            raise ValueError(f"{at}: must be a gripper of {agent}, not of {gripper.agent or 'no agent'}")
         if gripper.kind == "hook" or gripper.closed != type(gripper.closed)():
             raise ValueError(f"{at}: must be a gripper without a command of its own (closed)")
     if world is None or not events:

@@ -63,6 +63,11 @@ class ScenarioWords(Protocol):
         """Vehicle, gravity, duration and other facts of a flight that its reference table is read with."""
         ...
 
+    @property
+    def events(self) -> Sequence[tuple[str, Sequence[TaskEvent]]]:
+        """Events of the task of each agent's reference, with the agent's name; "" if it is the only one."""
+        ...
+
     def word(self, path: str) -> Any:
         """Value of a scenario field by its key path in the scenario file."""
         ...
@@ -79,7 +84,11 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
+    fields, beside = Fields(entry, path), ["kind", "integrator", "drives"]
+    if path != "plant":  # of one of several agents
+        for name in {"kind", "integrator"} & fields.table.keys():
+            raise ValueError(f"{fields.at(name)}: must be left out; [plant] at the top has it for all agents")
+    carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     return Truth(vehicle=carrier, gravity=gravity)
 
 
@@ -112,7 +121,7 @@ def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequenc
         except ValueError as error:
             words, at = str(error), fields.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
-    if fields.where == "model" and "drives" in fields.table:
+    if fields.where.split(".")[-1] == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
         vehicle = dataclasses.replace(vehicle, drives=mounted_drives(drives, fields.at("drives")))
     vehicle = _with_joint_numbers(vehicle, fields.inner("joints"))
@@ -164,8 +173,10 @@ def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[T
     component: Component[Tree] | None = None
     if entry is not None:
         component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
-    events = [event for event in _events(reading) if event.gripper]
-    return with_commands(component, events, reading.word("rates").control) if events else component
+    for agent, every in reading.events:
+        events = [event for event in every if event.gripper]
+        component = with_commands(component, events, reading.word("rates").control, agent) if events else component
+    return component
 
 
 def payloads(entry: object, path: str, reading: ScenarioWords) -> tuple[TimedPayload, ...]:
@@ -276,7 +287,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     """Feasibility of the tip's reference against reach and limits; None where the tip has no reference."""
     from skyarm.reference.feasibility import feasibility
 
-    return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
+    return feasibility(scenario.agent.reference, setting_of(scenario.agent.plant, scenario.duration))
 
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
@@ -285,16 +296,25 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
 
 
-def at_start(scenario: Scenario, initial: object) -> Scenario:
-    """Scenario with a given initial state, objects in static equilibrium, and no initial penetration."""
+def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> Scenario:
+    """Scenario with given initial states, objects in static equilibrium, and no initial penetration.
+
+    Args:
+        scenario: scenario with the vehicles at their references.
+        initials: by the agent's name the entry of its initial state, None for hover trim, and the entry's path.
+    """
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
-        rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
+        gravity = float(next(iter(scenario.agents.values())).plant.gravity)
+        rested = with_standing_objects(scenario.world, gravity)
         scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, world=rested))
-    if initial is not None:
-        scenario = scenario.with_initial(initial_state(Fields(initial, "initial"), scenario))
-        check_scenario(scenario, [INITIAL])
+    for name, (initial, path) in initials.items():
+        if initial is not None:
+            one = scenario.of(name)
+            one = one.with_initial(initial_state(Fields(initial, path), one))
+            check_scenario(one, [INITIAL])
+            scenario = dataclasses.replace(scenario, agents={**scenario.agents, name: one.agent})
     if scenario.world is not None:
         require_start_outside(scenario)
     return scenario
@@ -303,12 +323,12 @@ def at_start(scenario: Scenario, initial: object) -> Scenario:
 def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
-    start = scenario.reference.at(0.0)
-    joints = rules(State)["joints"]("initial.joints", fields.numbers("joints", [float(q) for q in start.joints]))
-    n = scenario.plant.vehicle.n
+    start = scenario.agent.reference.at(0.0)
+    joints = rules(State)["joints"](fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints]))
+    n = scenario.agent.plant.vehicle.n
     if len(joints) != n:
-        raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
-    trim = trimmed_state(scenario.plant, start.position, float(start.yaw), joints)
+        raise ValueError(f"{fields.at('joints')}: {len(joints)} values, must be {n}, one for each joint")
+    trim = trimmed_state(scenario.agent.plant, start.position, float(start.yaw), joints)
     if stands:
         _require_standing(fields, scenario)
         trim = dataclasses.replace(trim, rotor_speeds=(0.0,) * len(trim.rotor_speeds))
@@ -331,7 +351,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         return state
     from skyarm.world.contact.static_equilibrium import stand_vehicle
 
-    return stand_vehicle(scenario.plant.vehicle, float(scenario.plant.gravity), scenario.worlds[0], state)
+    return stand_vehicle(scenario.agent.plant.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:

@@ -26,7 +26,7 @@ from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.paths import path_of
+from skyarm.scenario.paths import path_of, walk_words
 from skyarm.scenario.readers import with_other_paths
 from skyarm.scenario.scenario_differences import ABSENT, scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
@@ -101,10 +101,10 @@ def tables_of(
     """
     target = _until_end(scenario)
     stated = {name: each for name, each in tables.items() if name != "numbers"}
-    law = target.controller.name
+    law = target.agent.controller.name
     if controller is not None:
         return _tables_from(target, _under_law(stated, controller, folder), folder)
-    if law != scenario_from(stated, folder).controller.name:
+    if law != scenario_from(stated, folder).agent.controller.name:
         return _tables_from(target, _under_law(stated, law, folder), folder)
     try:
         return _tables_from(target, stated, folder)
@@ -289,7 +289,7 @@ def _without_entry(tables: Tables, path: list[str]) -> Tables:
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     """Numbers by parameter path that turn one scenario into another; dependent ones are left out unless needed."""
-    ours, theirs = list(walk(begun)), list(walk(scenario))
+    ours, theirs = list(walk_words(begun)), list(walk_words(scenario))
     if [place for place, _ in ours] != [place for place, _ in theirs]:
         return {}  # of another structure, which numbers do not mend
     places = [

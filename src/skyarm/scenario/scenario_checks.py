@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -21,13 +22,14 @@ from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
+from skyarm.plant.surroundings import motions_of
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
-from skyarm.scenario.paths import is_below
+from skyarm.scenario.paths import errors_of_agent, is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
@@ -66,16 +68,23 @@ RULES: list[Rule] = []
 """Consistency checks in the order of their messages; the first failure is reported."""
 
 
-def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:
+SHARED_RULES: list[Rule] = []
+"""Checks of what all vehicles share, which are given the whole scenario; :data:`RULES` are given that of each."""
+
+
+def rule(
+    *reads: str, numbers: bool = True, shared: bool = False
+) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:
     """Add a function to the consistency checks of a scenario.
 
     Args:
         reads: words of a scenario's file, or paths below them, that the function reads.
         numbers: numbers as of :class:`Rule`.
+        shared: True for a function that takes the scenario of all vehicles.
     """
 
     def add(check: Callable[[Scenario], None]) -> Callable[[Scenario], None]:
-        RULES.append(Rule(check, reads, numbers))
+        (SHARED_RULES if shared else RULES).append(Rule(check, reads, numbers))
         return check
 
     return add
@@ -92,8 +101,14 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
     Raises:
         ScenarioError: one line with field, value and what is allowed.
     """
+    rules = [r for r in RULES if changed is None or ((r.numbers or not numbers) and touches(r, changed))]
+    for name in scenario.agents:
+        one, of = scenario.of(name), name if len(scenario.agents) > 1 else ""
+        with errors_as(ScenarioError), errors_of_agent(of):
+            for each in rules:
+                each.check(one)
     with errors_as(ScenarioError):
-        for each in RULES:
+        for each in SHARED_RULES:
             if changed is None or ((each.numbers or not numbers) and touches(each, changed)):
                 each.check(scenario)
 
@@ -125,14 +140,14 @@ def read_places(word: str) -> tuple[Place, ...]:
 @rule("controller", numbers=False)
 def law_has_model(scenario: Scenario) -> None:
     """Check that the constants of the control law contain a model of the vehicle."""
-    if not isinstance(getattr(scenario.controller.par, "model", None), Model):
-        raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
+    if not isinstance(getattr(scenario.agent.controller.par, "model", None), Model):
+        raise ValueError(f"controller.par = {shown(scenario.agent.controller.par)}: must have a model, a skyarm.Model")
 
 
 @rule("plant.vehicle", numbers=False)
 def joints_can_be_compiled(scenario: Scenario) -> None:
     """Check that the plant has no more joints than machine code can be made for."""
-    truth = scenario.plant.vehicle
+    truth = scenario.agent.plant.vehicle
     if truth.n > MOST_JOINTS:
         raise ValueError(
             f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
@@ -142,14 +157,14 @@ def joints_can_be_compiled(scenario: Scenario) -> None:
 @rule("initial", "plant.vehicle")
 def initial_state_is_possible(scenario: Scenario) -> None:
     """Check an initial state that is stated against the plant's joints, rotors and tilts."""
-    if scenario.initial is not None:
-        _check_initial(scenario.initial, scenario.plant.vehicle)
+    if scenario.agent.initial is not None:
+        _check_initial(scenario.agent.initial, scenario.agent.plant.vehicle)
 
 
 @rule("rates", "delays", "duration", "plant.kind")
 def times_are_whole(scenario: Scenario) -> None:
     """Check that duration and delays are whole numbers of steps, and that a varied delay stays below its maximum."""
-    rates, delays = scenario.rates, scenario.delays
+    rates, delays = scenario.rates, scenario.agent.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
         most = f"{LONGEST_FLIGHT / rates.control:g} s"
         raise ValueError(f"duration = {scenario.duration!r}: must be at most {most} at this control rate")
@@ -189,7 +204,7 @@ def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
 @rule("controller", "rates")
 def clocks_of_law_agree(scenario: Scenario) -> None:
     """Check that control periods and filter cutoffs among a law's constants match the scenario's clocks."""
-    par, rates = innermost(scenario.controller.par), scenario.rates
+    par, rates = innermost(scenario.agent.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
     if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
         raise ValueError(
@@ -206,15 +221,15 @@ def clocks_of_law_agree(scenario: Scenario) -> None:
 @rule("reference", "duration", "plant.vehicle")
 def reference_fits(scenario: Scenario) -> None:
     """Check that the law starts tracking within the flight and that a planned time law covers all of it."""
-    if concrete(scenario.tracking_start):
-        start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
+    if concrete(scenario.agent.tracking_start):
+        start = number(scenario.agent.tracking_start, "reference.tracking_start", low=0.0)
         if start > scenario.duration:
             raise ValueError(
                 f"reference.tracking_start = {start!r}: must not exceed the duration of {scenario.duration:g} s"
             )
-    if scenario.path_time is not None:
-        scenario.path_time.check(scenario.duration, bool(scenario.reference.guards))
-    count, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
+    if scenario.agent.path_time is not None:
+        scenario.agent.path_time.check(scenario.duration, bool(scenario.agent.reference.guards))
+    count, joints = len(scenario.agent.reference.joints), scenario.agent.plant.vehicle.n
     if count != joints:
         raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
 
@@ -222,9 +237,9 @@ def reference_fits(scenario: Scenario) -> None:
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")
 def sensors_suffice(scenario: Scenario) -> None:
     """Check named sensors: periods, unique names, and all sensors that the law, phases and estimator need."""
-    rates, vehicle = scenario.rates, scenario.plant.vehicle
+    rates, vehicle = scenario.rates, scenario.agent.plant.vehicle
     sensors: dict[str, Sensor] = {}
-    for each in scenario.sensors:
+    for each in scenario.agent.sensors:
         where = f"sensors.{each.name}"
         if each.name in sensors:
             raise ValueError(f"{where}: the name is taken")
@@ -236,29 +251,31 @@ def sensors_suffice(scenario: Scenario) -> None:
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
         with errors_as(ValueError, f"{where}."):
             each.sensor.require_vehicle(vehicle)
-    par, named_sensors = scenario.controller.par, tuple(sensors.items())
+    par, named_sensors = scenario.agent.controller.par, tuple(sensors.items())
     if senses_force(par):
         _require_tip_sensor("controller", named_sensors, vehicle)
-    _check_guards(scenario.reference, named_sensors, vehicle)
+    _check_guards(scenario.agent.reference, named_sensors, vehicle)
     grippers = () if scenario.world is None else scenario.world.grippers
     reported = any(each.frame in ("", vehicle.end_effector) for each in grippers)
-    if learns_load(par) and scenario.reference.load is None and not reported:
+    if learns_load(par) and scenario.agent.reference.load is None and not reported:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
-        most = shown(part_of(scenario.controller.par, "load").limit)
+        most = shown(part_of(scenario.agent.controller.par, "load").limit)
         words = "must be 0 without reference.load or a gripper at the tip, which says when a load is held"
         raise ValueError(f"controller.load = {most}: {words}")
-    scenario.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
+    scenario.agent.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
     # the scenario's own drives, too, of which the model need not know
-    scenario.estimator.require_torques(vehicle.name, {each.joint: each.drive for each in scenario.joint_drives})
+    scenario.agent.estimator.require_torques(
+        vehicle.name, {each.joint: each.drive for each in scenario.agent.joint_drives}
+    )
 
 
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
-    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
+    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
+    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.agent.drives]
     added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
-    for fitted in scenario.joint_drives:
+    for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
         latency = getattr(fitted.drive, "latency", 0.0)
@@ -278,13 +295,13 @@ def drives_fit(scenario: Scenario) -> None:
 @rule("controller")
 def law_can_be_called(scenario: Scenario) -> None:
     """Check a user's law by calling it."""
-    check_controller(scenario.controller)
+    check_controller(scenario.agent.controller)
 
 
 @rule("plant.vehicle")
 def plant_can_fly(scenario: Scenario) -> None:
     """Check that the plant can be simulated: its rotors span torque and thrust, whether they can lift it or not."""
-    truth = scenario.plant.vehicle
+    truth = scenario.agent.plant.vehicle
     with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
         require_plant(truth)
         make_mixer(truth)
@@ -294,13 +311,13 @@ def plant_can_fly(scenario: Scenario) -> None:
 @rule("plant.vehicle", "controller", numbers=False)
 def law_fits_plant(scenario: Scenario) -> None:
     """Check that plant and model have as many joints and rotors, and that lists of the law have matching lengths."""
-    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
+    truth, model = scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
                 f"model.vehicle = {model.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
             )
-    for field, values, count in _counts_of_law(scenario.controller.par, model.n, len(model.rotors)):
+    for field, values, count in _counts_of_law(scenario.agent.controller.par, model.n, len(model.rotors)):
         if len(values) != count:
             raise ValueError(f"controller.{field}: {len(values)} values, must be {count}")
 
@@ -329,19 +346,41 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
             yield "mixer.across", mixer.across, rotors
 
 
-@rule("environment", "payloads", "world", "plant.vehicle", "plant.gravity", "rates")
+@rule("environment", "payloads", "plant.vehicle", "plant.gravity", "rates")
 def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
-    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
-    for i, fault in enumerate(scenario.faults):
+    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
+    for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-    for where, component in scenario.placed_components:
-        try:
-            component.require_vehicle(vehicle, period, scenario.plant.gravity)
-        except ValueError as error:
-            words = str(error)
-            raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
+    for where, component in scenario.placed_own:
+        with _at_its_place(where):
+            component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
+
+
+@rule("environment", "world", "plant.vehicle", "plant.gravity", "rates", shared=True)
+def shared_surroundings_fit(scenario: Scenario) -> None:
+    """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
+    period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
+    first = next(iter(gravities))
+    for name, gravity in gravities.items():
+        if concrete(gravity, gravities[first]) and gravity != gravities[first]:
+            words = f"must be {gravities[first]!r} as of {first}; there is one world"
+            raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
+    for where, whole in scenario.placed_shared:
+        component = whole.of_agent(first) if scenario.others else whole
+        with _at_its_place(where):
+            component.require_vehicles(scenario.vehicles, period, gravities[first])
+
+
+@contextmanager
+def _at_its_place(where: str) -> Iterator[None]:
+    """Context manager that puts the path of an environment model before the messages about its fields."""
+    try:
+        yield
+    except ValueError as error:
+        words = str(error)
+        raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
 
 
 def _fields_of_users(slot: Slot, scenario: Scenario) -> None:
@@ -392,12 +431,18 @@ def require_flight(scenario: object) -> None:
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
+    if scenario.others:
+        raise ScenarioError(
+            f"agents = {', '.join(scenario.agents)}: flies beside {', '.join(scenario.others)}; fly all"
+        )
     check_scenario(scenario)
-    for slot in slots(Scenario):
-        for field, value in named_leaves(part(scenario, slot.record), slot.table):
-            # the table of a change holds what a file would, plain numbers only
-            if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
-                raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
+    for one in map(scenario.of, scenario.agents):
+        for slot in slots(Scenario):
+            for field, value in named_leaves(part(one, slot.record), slot.table):
+                # the table of a change holds what a file would, plain numbers only
+                if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
+                    said = f"{field} = {shown(value)}"
+                    raise ScenarioError(f"{said}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
         with errors_as(ScenarioError):
             require_start_outside(scenario)
@@ -409,11 +454,21 @@ def require_start_outside(scenario: Scenario) -> None:
     Raises:
         ValueError: one line.
     """
+    for name in scenario.agents:
+        _require_start_outside(scenario.of(name), name)
+    for contact in scenario.worlds:
+        alone = [scenario.of(name) for name in scenario.agents]
+        truths, states = [each.agent.plant for each in alone], [first_state(each) for each in alone]
+        contact.require_within_reach(motions_of(truths, states, tuple(scenario.agents))[0])
+
+
+def _require_start_outside(scenario: Scenario, name: str) -> None:
+    """Raise an error if one vehicle, of a name, starts inside a surface, or with an excessive contact force."""
     from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
-    state, vehicle, gravity = first_state(scenario), scenario.plant.vehicle, scenario.plant.gravity
-    for contact in scenario.worlds:
+    state, vehicle, gravity = first_state(scenario), scenario.agent.plant.vehicle, scenario.agent.plant.gravity
+    for contact in (each.of_agent(name) for each in scenario.worlds):
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself
         require_outside(contact, vehicle, float(gravity), state)

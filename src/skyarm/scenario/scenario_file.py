@@ -35,6 +35,8 @@ A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these table
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     [numbers]     numbers by their path, applied last (:mod:`skyarm.scenario.numbers`)
+    [agents.NAME] the tables of one of several vehicles, but those of what they share; what stands at the top is of all
+                  vehicles that do not say otherwise; faults = [...] are its own
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
@@ -43,6 +45,7 @@ vehicle and gravity, but knows of no payload. Every error is one line: file, fie
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import warnings
 from collections.abc import Iterable, Mapping
@@ -52,19 +55,22 @@ from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import Fields, PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
+from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
+from skyarm.records.members import SOLE
+from skyarm.records.path_names import OF_AGENT, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said, under_law
-from skyarm.scenario.document import Document, slot_of
+from skyarm.scenario.document import AGENTS, Document, slot_of, words_of_agent
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.paths import OF_STUDIES, is_below
 from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Agent, Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.world import TimedPayload
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 
@@ -196,37 +202,55 @@ def scenario_from(
 
 def _scenario_of(document: Document) -> Scenario:
     """Make the scenario of all keys of a file; unknown keys raise an error."""
-    top = document.table("")
+    top, members = document.table(""), document.members
     top.require_schema()
-    vehicle, _ = document.word("plant").vehicle, document.word("duration")
+    for each in members.values():
+        each.word("plant")
+    document.word("duration")
     readers.require_plugins(top)
-    require_servos_said(Fields(top.take("controller"), "controller"), vehicle, document.word("model"))
-    flown = _payloads_and_changes(document)
-    scenario = Scenario(**{place[-1]: value for place, value in document.fields().items()} | flown)
+    agents, changes = dict[str, Agent](), document.word("changes")
+    changes = [each for each in changes if not (each.of_law and document.law is not None)]
+    for name, each in members.items():
+        controller = each.stated_table("controller")
+        require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
+        payloads, more = _payloads_and_changes(each, name if len(members) > 1 else "")
+        fields = {place[-1]: value for place, value in each.fields(agent=True).items()}
+        agents[name] = Agent(**fields | {"payloads": payloads})
+        changes += more
+    shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
+    scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})
     check_scenario(scenario)
     document.table("environment").done()
     if "duration" not in document.replaced:  # what takes its place shortens the flight, not the file
         scenario.windows.require_within(scenario.duration)
         _require_within(scenario.changes, scenario.steps, scenario.rates.control)
-    numbers, initial = document.table("numbers").table, document.entry(slot_of("initial"))
+    numbers, initial = document.table("numbers").table, slot_of("initial")
     if document.law is not None:  # gains of a law that does not fly, as changes of it are
-        numbers = {path: value for path, value in numbers.items() if not is_below(path, "controller")}
+        numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
+    initials = {name: (each.entry(initial), each.at("initial")) for name, each in members.items()}
+    for name in members if members.keys() != {SOLE} else ():
+        document.table(f"{AGENTS}.{name}").done(words_of_agent())
     top.done()
     if scenario.changes:
         require_changes(scenario)
-    made = document.plan_time(readers.at_start(scenario, initial))
+    made = readers.at_start(scenario, initials)
+    planned = {name: each.plan_time(made.of(name)).agent for name, each in members.items()}
+    made = dataclasses.replace(made, agents=planned)
     with errors_as(ScenarioError, "numbers: "):
         return _with_stated_numbers(made, numbers) if numbers else made
 
 
-def _payloads_and_changes(document: Document) -> dict[str, Any]:
-    """Payloads and scheduled changes by field, with changes by which the law's model follows known payloads."""
-    changes = tuple(each for each in document.word("changes") if not (each.of_law and document.law is not None))
+def _payloads_and_changes(document: Document, name: str) -> tuple[tuple[TimedPayload, ...], list[Change]]:
+    """Payloads of one agent, and scheduled changes by which its law's model follows known payloads.
+
+    ``name`` is the agent's, or empty for the only one.
+    """
     if not (payloads := document.word("payloads")):
-        return {"changes": changes}
+        return payloads, []
     flight = document.word("reference"), document.word("duration"), document.word("rates").control
-    payloads, more = with_model_changes(payloads, *flight)
-    return {"payloads": payloads, "changes": (*changes, *more)}
+    payloads, changes = with_model_changes(payloads, *flight)
+    before = f"{OF_AGENT}{name}." if name else ""
+    return payloads, [dataclasses.replace(each, path=before + each.path) for each in changes]
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:

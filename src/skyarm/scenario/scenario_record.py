@@ -7,11 +7,11 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
-from skyarm.control.controller import Controller
+from skyarm.control.controller import Controller, autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -25,7 +25,9 @@ from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
+from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
@@ -36,6 +38,7 @@ from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
@@ -56,6 +59,9 @@ LATEST = 1e7
 """Latest time (s) of a scenario: ten million control periods at 1 Hz."""
 
 PERFECT_SENSORS = SensorNoise()
+
+SEVERAL = "agents = {}: must be one here; scenario.of(NAME) is the flight of one of them"
+"""Message about a scenario of several vehicles where the word of one is read, completed by their names."""
 
 Record = TypeVar("Record")
 
@@ -248,7 +254,7 @@ class Change:
     @property
     def of_law(self) -> bool:
         """True for a change of the controller; such changes are dropped when the law is replaced."""
-        return self.path.split(".", maxsplit=1)[0] == "controller"
+        return word_of(self.path).split(".", maxsplit=1)[0] == "controller"
 
     @property
     def table(self) -> Any:
@@ -403,6 +409,45 @@ class Agent:
                 require_fields(self.initial, "initial")
             object.__setattr__(self, "initial", _as_data(self.initial))
 
+    @property
+    def power(self) -> tuple[BatteryDrain, ...]:
+        """Model of the electrical load on the plant's battery, as a tuple of one; empty without a battery."""
+        vehicle = self.plant.vehicle
+        if vehicle.battery is None:
+            return ()
+        from skyarm.world.battery_drain import BatteryDrain
+
+        return (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
+
+    @property
+    def has_estimator(self) -> bool:
+        """True if the law receives an estimator's output in place of the state."""
+        return type(self.estimator) is not PassThrough
+
+    @property
+    def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
+        """All sensors by name: the full-state sensor first, then the named sensors."""
+        return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
+
+    @property
+    def joint_drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
+        named = [each.joint for each in self.drives]
+        carried = (each for each in self.plant.vehicle.drives if each.name not in named)
+        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+
+    @property
+    def commands_setpoints(self) -> tuple[bool, ...]:
+        """For each joint, true if the law commands a setpoint of the joint's drive, not a torque or force."""
+        drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
+        return tuple(not drive.takes_torque for drive in drives)
+
+    @property
+    def all_drives(self) -> tuple[Drive, ...]:
+        """Drive of each joint in order; empty if every joint is commanded by torque."""
+        given = {each.joint: each.drive for each in self.joint_drives}
+        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
+
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
     """Decorator of a dataclass that also accepts fields of its groups as keywords, such as ``wind`` of ``environment``.
@@ -426,13 +471,22 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     Raises:
         TypeError: a field is missing, or there is no such field or word.
     """
-    fields: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
+    fields: dict[str, Any] = {name: words.pop(name) for name in (*defaults(kind), *groups(kind)) if name in words}
+    members = fields.get("agents")
+    if isinstance(members, Mapping) and len(members) == 1:
+        (_, only), _ = *members.items(), fields.pop("agents")
+        fields.setdefault("agent", only)
     for group, group_kind in groups(kind).items() if words else ():
         if inner := {word: words.pop(word) for word in field_names(group_kind) or () if word in words}:
+            if group == "agent" and "agents" in fields:
+                raise ScenarioError(f"{next(iter(inner))}: {SEVERAL.format(', '.join(fields['agents']))}")
             if group not in fields:
                 fields[group] = group_kind(**inner)
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
                 fields[group] = dataclasses.replace(fields[group], **inner)
+    if "agent" in fields:
+        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)), ())
+        fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
@@ -466,7 +520,11 @@ class Scenario:
     duration: Annotated[float, Unit("s", "duration of the flight", low=0.0, strict=True), STRUCTURAL]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
-    agent: Annotated[Agent, Word("", group=True)]
+    agents: Annotated[
+        Mapping[str, Agent],
+        Unit("", "vehicles by name, in order; the one of a file without names is main", rule=members_of("Agent")),
+        Word("", group=True),
+    ] = dataclasses.field(metadata={"alone": "agent"})
     environment: Annotated[Environment, Word(group=True)] = Environment()
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
@@ -483,7 +541,7 @@ class Scenario:
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
             world = self.environment.world
-            if world is not None and (fitted := world.on(self.agent.plant.vehicle)) is not world:
+            if world is not None and (fitted := world.on(self.vehicles)) is not world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
 
     def _repr_html_(self) -> str:
@@ -494,30 +552,92 @@ class Scenario:
         """Scenario at the start of the flight, without scheduled changes."""
         return dataclasses.replace(self, changes=()) if self.changes else self
 
+    @property
+    def agent(self) -> Agent:
+        """The only vehicle of the scenario.
+
+        Raises:
+            ScenarioError: there are several; the message names them.
+        """
+        if len(self.agents) > 1:
+            raise ScenarioError(SEVERAL.format(", ".join(self.agents)))
+        return next(iter(self.agents.values()))
+
+    @property
+    def _members(self) -> Members[Agent]:
+        """Vehicles by name, as the check of the field stored them."""
+        return cast("Members[Agent]", self.agents)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Names of the vehicles that fly beside the one of this scenario, which :meth:`of` made; () of a whole one."""
+        return self._members.others
+
+    def of(self, name: str) -> Scenario:
+        """Flight of one vehicle of the scenario, in the surroundings of all, as a scenario.
+
+        Raises:
+            ScenarioError: there is none of this name.
+        """
+        if name not in self.agents:
+            raise ScenarioError(f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}")
+        if len(self.agents) == 1:
+            return self
+        of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
+        changes = tuple(dataclasses.replace(each, path=word_of(each.path)) for each in of_it)
+        return dataclasses.replace(self, agents=self._members.only(name), changes=changes)
+
+    @property
+    def vehicles(self) -> dict[str, Vehicle]:
+        """True vehicle of each agent by name."""
+        return {name: each.plant.vehicle for name, each in self.agents.items()}
+
+    @property
+    def autopilot(self) -> Any:
+        """External autopilot that flies the only vehicle (:mod:`skyarm.links.autopilots`); None for control laws.
+
+        Raises:
+            ScenarioError: an autopilot in a scenario of several vehicles.
+        """
+        autopilots = {name: autopilot_of(each.controller) for name, each in self.agents.items()}
+        for name, each in autopilots.items() if len(autopilots) > 1 else ():
+            if each is not None:
+                raise ScenarioError(f"agents.{name}.controller.autopilot: must be left out; an autopilot flies alone")
+        return next(iter(autopilots.values()))
+
+    @property
+    def is_compiled(self) -> bool:
+        """True if the laws of all vehicles can be traced into machine code."""
+        return all(each.controller.compiled for each in self.agents.values())
+
+    def with_agent(self, agent: Agent) -> Scenario:
+        """Copy of the scenario of one vehicle with another one in its place."""
+        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))
+
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""
         changes = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=changes, agent=dataclasses.replace(self.agent, controller=controller))
+        return dataclasses.replace(self, changes=changes).with_controller(controller)
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
-        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, controller=controller))
+        return self.with_agent(dataclasses.replace(self.agent, controller=controller))
 
     def with_plant(self, plant: Truth) -> Scenario:
         """Scenario with another true vehicle or gravity; the law's model stays."""
-        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, plant=plant))
+        return self.with_agent(dataclasses.replace(self.agent, plant=plant))
 
     def with_reference(self, reference: Trajectory) -> Scenario:
         """Copy of the scenario with another reference trajectory."""
-        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, reference=reference))
+        return self.with_agent(dataclasses.replace(self.agent, reference=reference))
 
     def with_delays(self, delays: Delays) -> Scenario:
         """Copy of the scenario with other delays of measurements and commands."""
-        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, delays=delays))
+        return self.with_agent(dataclasses.replace(self.agent, delays=delays))
 
     def with_initial(self, initial: State) -> Scenario:
         """Copy of the scenario with another initial state of the vehicle."""
-        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, initial=initial))
+        return self.with_agent(dataclasses.replace(self.agent, initial=initial))
 
     def with_kind(self, kind: str) -> Scenario:
         """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
@@ -630,20 +750,47 @@ class Scenario:
 
     @property
     def components(self) -> tuple[AnyComponent, ...]:
-        """All environment models: wind, air, added forces, timed payloads, contact, and the battery's load."""
-        return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
+        """All environment models of one vehicle: wind, air, forces, payloads and battery, then those that all share."""
+        return (*self.own_components(self.agent), *self.shared_components)
 
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """All environment models with their parameter paths, such as ``environment.air[0]``."""
-        loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.payloads))
-        touched = tuple(("world", each) for each in self.worlds)
+        """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
+        return (*self.placed_own_of(self.agent), *self.placed_shared)
+
+    def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
+        """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
+        return tuple(component for _, component in self.placed_own_of(agent))
+
+    @property
+    def shared_components(self) -> tuple[AnyComponent, ...]:
+        """Environment models that all vehicles share: contact, and air and forces that say so."""
+        return tuple(component for _, component in self.placed_shared)
+
+    @property
+    def places_of_components(self) -> tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]:
+        """Parameter paths of each vehicle's own environment models, and of those that all share."""
+        own = tuple(tuple(at for at, _ in self.placed_own_of(each)) for each in self.agents.values())
+        return own, tuple(at for at, _ in self.placed_shared)
+
+    @property
+    def placed_own(self) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models of the only vehicle that it has for itself, with their parameter paths."""
+        return self.placed_own_of(self.agent)
+
+    def placed_own_of(self, agent: Agent) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that a vehicle has for itself, with their parameter paths."""
         return (
-            *self.placed_winds_and_forces,
-            *loads,
-            *touched,
-            *(("plant.vehicle.battery", each) for each in self.power),
+            *((at, each) for at, each in self.placed_winds_and_forces if not each.shared),
+            *((f"payloads[{i}]", each) for i, each in enumerate(agent.payloads)),
+            *(("plant.vehicle.battery", each) for each in agent.power),
         )
+
+    @property
+    def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that all vehicles share, with their parameter paths."""
+        together = ((at, each) for at, each in self.placed_winds_and_forces if each.shared)
+        return (*together, *(("world", each) for each in self.worlds))
 
     @property
     def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:
@@ -656,45 +803,6 @@ class Scenario:
     def worlds(self) -> tuple[Contact, ...]:
         """The contact model (surfaces, grippers) as a tuple of one; empty if there is nothing to touch."""
         return () if self.world is None else (self.world,)
-
-    @property
-    def power(self) -> tuple[BatteryDrain, ...]:
-        """Model of the electrical load on the plant's battery, as a tuple of one; empty without a battery."""
-        vehicle = self.plant.vehicle
-        if vehicle.battery is None:
-            return ()
-        from skyarm.world.battery_drain import BatteryDrain
-
-        return (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
-
-    @property
-    def has_estimator(self) -> bool:
-        """True if the law receives an estimator's output in place of the state."""
-        return type(self.estimator) is not PassThrough
-
-    @property
-    def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
-        """All sensors by name: the full-state sensor first, then the named sensors."""
-        return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
-
-    @property
-    def joint_drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
-        named = [each.joint for each in self.drives]
-        carried = (each for each in self.plant.vehicle.drives if each.name not in named)
-        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
-
-    @property
-    def commands_setpoints(self) -> tuple[bool, ...]:
-        """For each joint, true if the law commands a setpoint of the joint's drive, not a torque or force."""
-        drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
-        return tuple(not drive.takes_torque for drive in drives)
-
-    @property
-    def all_drives(self) -> tuple[Drive, ...]:
-        """Drive of each joint in order; empty if every joint is commanded by torque."""
-        given = {each.joint: each.drive for each in self.joint_drives}
-        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
 
 
 def with_words(scenario: Scenario, **words: Any) -> Scenario:
@@ -738,10 +846,11 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scala
 
 def first_state(scenario: Scenario) -> State:
     """Initial state of a scenario: the stated one, else hover trim at the reference."""
-    if scenario.initial is not None:
-        return scenario.initial
-    start = scenario.reference.at(0.0)
-    return trimmed_state(scenario.plant, start.position, data(start.yaw), tuple(start.joints))
+    own = scenario.agent
+    if own.initial is not None:
+        return own.initial
+    start = own.reference.at(0.0)
+    return trimmed_state(own.plant, start.position, data(start.yaw), tuple(start.joints))
 
 
 def _as_data(state: State) -> State:

@@ -66,14 +66,14 @@ LOOKS = 200
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about suspicious but allowed values of a scenario; empty if there are none."""
-    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.plant.vehicle))
+    vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.agent.plant.vehicle))
     lines = (*unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario), *part_warnings(scenario))
     return (*vehicle, *lines)
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
     """Warnings from a scenario's environment models, and about those that cannot affect its flight."""
-    vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
+    vehicle, step = scenario.agent.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:
         texts = part.warnings(vehicle, step)
@@ -86,8 +86,8 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
     records = {
-        "plant": scenario.plant, "model": scenario.controller.par.model, "environment.wind": scenario.wind,
-        "sensors": scenario.noise, "delays": scenario.delays, "initial": scenario.initial,
+        "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "environment.wind": scenario.wind,
+        "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
     }  # fmt: skip
     declared = (line for where, record in records.items() for line in _unusual(record, where))
     return (*_model(scenario), *declared, *_reference(scenario))
@@ -148,13 +148,13 @@ def _size(value: Any) -> float:
 
 
 def _reference(scenario: Scenario) -> Iterator[str]:
-    links, start = scenario.plant.vehicle.links, scenario.initial
+    links, start = scenario.agent.plant.vehicle.links, scenario.agent.initial
     times = np.linspace(0.0, scenario.duration, LOOKS + 1)
-    looks = scenario.reference.at(times)
+    looks = scenario.agent.reference.at(times)
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
     yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
     yield from _too_large("reference.yaw =", float(np.asarray(looks.yaw).flat[0]), TURN[0], "rad", " at the start")
-    for where, value in named_leaves(scenario.reference, "reference"):
+    for where, value in named_leaves(scenario.agent.reference, "reference"):
         if where.endswith(".phase"):
             yield from _too_large(f"{where} =", float(value), PHASE, "rad")
     for i, link in enumerate(links):
@@ -167,7 +167,7 @@ def _reference(scenario: Scenario) -> Iterator[str]:
 
 
 def _model(scenario: Scenario) -> Iterator[str]:
-    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
+    truth, model = scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle
     if model != truth:
         truth_lines = set(unlikely_in_vehicle(truth))
         yield from (f"model: {line}" for line in unlikely_in_vehicle(model) if line not in truth_lines)
@@ -224,8 +224,8 @@ def law_warnings(scenario: Scenario) -> Iterator[str]:
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
     """
-    free = undriven_joints(scenario.plant.vehicle, [each.joint for each in scenario.joint_drives])
-    name = scenario.controller.name.removeprefix("guarded_")
+    free = undriven_joints(scenario.agent.plant.vehicle, [each.joint for each in scenario.agent.joint_drives])
+    name = scenario.agent.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
     if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:
         joints = f"joint{'s' if len(free) > 1 else ''} {', '.join(free)}"

@@ -18,6 +18,8 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import AnyArray
@@ -61,6 +63,8 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
     lines = list[str]()
+    if len(scenario.agents) > 1:
+        return tuple(f"{name}: {line}" for name in scenario.agents for line in without_effect(scenario.of(name)))
     for judge in (_idle_components, _unread_sensors):
         with suppress(Exception):
             lines += judge(scenario)
@@ -87,7 +91,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
                 axes = ", ".join(sorted(idle))
                 undragged = idle <= _blind_axes(scenario, parts, TILTED)
                 lacks = "no drag: no" if undragged else "drag by its tilt alone: hardly any"
-                lacks = f"where {scenario.plant.vehicle.name!r} has {lacks} effect of that"
+                lacks = f"where {scenario.agent.plant.vehicle.name!r} has {lacks} effect of that"
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
                 yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
@@ -98,14 +102,15 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
     No axis if a part cannot be evaluated: it may react to moving air.
     """
-    vehicle, blind = scenario.plant.vehicle, {*"xyz"}
+    vehicle, blind = scenario.agent.plant.vehicle, {*"xyz"}
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
     def forces(part: Component[Tree], air: Vec3) -> AnyArray:
         around = (WindSample(air_velocity_W=air), part)
         surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
-        return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
+        motion = PointMotion(turn_rotors(vehicle, state.tilts), state, surroundings.air_velocity)
+        return np.array(leaves(applied_force(motion, command, surroundings)))
 
     with suppress(Exception):
         for part in parts:
@@ -138,12 +143,12 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     for t in (*middles, *(k * period for k in range(0, scenario.steps, every))):
         if not component.uniforms:
             memory = component.act(component.advance(memory, t, every * period, UNKNOWN, ()), t, period, UNKNOWN)
-        air = component.velocity(memory, t, scenario.reference.at(t).position)
+        air = component.velocity(memory, t, scenario.agent.reference.at(t).position)
         moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
         if not acts:
             pushes = component.wrenches(memory, t, UNKNOWN, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or component.rotor_commands(memory, scenario.plant.vehicle.rotors, speeds) is not speeds
+            acts = acts or component.rotor_commands(memory, scenario.agent.plant.vehicle.rotors, speeds) is not speeds
         still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
         if (acts or moved) and moved | still >= blind:
             break
@@ -165,27 +170,27 @@ class _Readings(UserDict[str, object]):
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
-    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
-    for named in scenario.sensors:
+    for named in scenario.agent.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
         readings[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
     return readings
 
 
 def _unread_sensors(scenario: Scenario) -> Iterator[str]:
-    sensors = tuple((each.name, each.sensor) for each in scenario.sensors)
-    if not sensors or autopilot_of(scenario.controller) is not None:
+    sensors = tuple((each.name, each.sensor) for each in scenario.agent.sensors)
+    if not sensors or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = scenario.controller.par.model, scenario.plant.vehicle, first_state(scenario)
+    model, vehicle, state = scenario.agent.controller.par.model, scenario.agent.plant.vehicle, first_state(scenario)
     readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
-    guards, readings.read = scenario.reference.guards, set()
-    estimator = scenario.estimator.believing(model.vehicle, model.gravity)
+    guards, readings.read = scenario.agent.reference.guards, set()
+    estimator = scenario.agent.estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
     used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
     tip = tip_sensor(sensors, vehicle)
-    if tip is not None and (senses_force(scenario.controller.par) or any(guard.sensed for guard in guards)):
+    if tip is not None and (senses_force(scenario.agent.controller.par) or any(guard.sensed for guard in guards)):
         used.add(tip[0])
     for name, _ in sensors:
         if name not in used:

@@ -189,6 +189,7 @@ PATHS: Mapping[str, WordText] = {
         "`need`: list of [plugins](extending.md) that must be loaded; a file loads none itself", "none"
     ),
     "plugins.need": WordText("", "none"),
+    "agents": WordText("[several agents](#several-agents), each with keys of its own", "none"),
     "numbers": WordText("[numbers by path](#numbers-by-path-and-a-scenario-written-back), applied last", "none"),
 }
 """Key of a scenario file -> its description."""
@@ -260,6 +261,13 @@ FIELDS: Mapping[tuple[str, str], WordText] = {
     ("Contact", "objects"): WordText("free rigid bodies", "none"),
     ("Contact", "mechanisms"): WordText("doors, valves, drawers and buttons", "none"),
     ("Contact", "grippers"): WordText("grippers of the vehicle", "none"),
+    ("Contact", "grasps"): WordText("joints between vehicles and objects from the start", "none"),
+    ("ContactPoint", "agent"): WordText("agent that has the point", "the only one"),
+    ("Gripper", "agent"): WordText("agent that has the gripper", "the only one"),
+    ("Grasp", "agent"): WordText("agent that holds the object", "the only one"),
+    ("Grasp", "frame"): WordText("frame of the vehicle that holds the object", "the tip"),
+    ("Grasp", "body"): WordText("object or mechanism that is held", "required"),
+    ("Grasp", "name"): WordText("name in the log", "agent and body"),
     ("Surface", "shape"): WordText("shape"),
     ("Surface", "size"): WordText(
         "lengths of the shape: of a box, radius and length of a cylinder, radius of a sphere"

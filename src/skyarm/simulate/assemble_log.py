@@ -12,6 +12,7 @@ from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
+from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
@@ -26,7 +27,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
-from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, WindSample
 from skyarm.world.component import Column
@@ -67,6 +68,25 @@ class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
     Attributes:
+        inputs: inputs of the scenario. start: index of the first period. flown: logged samples of each vehicle.
+    """
+
+    scenario: Scenario
+    inputs: FlightInputs
+    start: int
+    flown: tuple[LoggedSamples, ...]
+
+    def of(self, name: str) -> AgentPiece:
+        """Periods of one vehicle, by its name."""
+        index = tuple(self.scenario.agents).index(name)
+        return AgentPiece(self.scenario.of(name), self.inputs.each[index], self.start, self.flown[index])
+
+
+@immutable(kw_only=False)
+class AgentPiece:
+    """Consecutive control periods of one vehicle between two scheduled changes, under the scenario of its flight.
+
+    Attributes:
         inputs: inputs of the scenario. start: index of the first period. flown: logged samples.
     """
 
@@ -83,6 +103,28 @@ def join_pieces(
 
     Args:
         scenario: scenario of the flight, as the log records it.
+        pieces: at least one.
+        ending: None for a flight that was completed.
+        info: metadata of the log, if known already.
+    """
+    flown = {name: [piece.of(name) for piece in pieces] for name in scenario.agents}
+    logs = {name: log_of_agent(scenario.of(name), each, ending, info=info) for name, each in flown.items()}
+    return next(iter(logs.values())) if len(logs) == 1 else _of_team(logs, scenario, ending)
+
+
+def _of_team(logs: dict[str, Log], scenario: Scenario, ending: Ended | None) -> TeamLog:
+    """Log of several vehicles, from a log of each."""
+    shared = dict.fromkeys(column[0] for each in scenario.shared_components for column in each.columns)
+    return TeamLog(logs, {**describe_team(scenario, ending), SHARED: [*shared]})
+
+
+def log_of_agent(
+    scenario: Scenario, pieces: Sequence[AgentPiece], ending: Ended | None, *, info: dict[str, Any] | None = None
+) -> Log:
+    """Concatenate the parts of one vehicle's flight before and after each scheduled change into one log.
+
+    Args:
+        scenario: scenario of the vehicle's flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
@@ -139,10 +181,10 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
     }
 
 
-def _tables(piece: Piece) -> dict[str, Array]:
+def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.plant.vehicle, len(flown.states)
+    vehicle, count = scenario.agent.plant.vehicle, len(flown.states)
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
@@ -168,13 +210,13 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
     if len(path_time):
         tables["path_time"] = path_time
-    if scenario.reference.phases:
-        tables["phase"] = phase_numbers(scenario.reference, path_time)
+    if scenario.agent.reference.phases:
+        tables["phase"] = phase_numbers(scenario.agent.reference, path_time)
     own = {"held": table(sampled.tip, late), "reference": table(free.tip)} if free.tip else {}
     for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
-    for name, numbers in found_by_law(scenario.controller.memory).items():
+    for name, numbers in found_by_law(scenario.agent.controller.memory).items():
         if flown.found.shape[1]:
             place = begin if len(numbers) == 1 else slice(begin, begin + len(numbers))
             tables[name] = flown.found[:, place]
@@ -190,10 +232,10 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
 
 
-def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
+def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
-    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
+    sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)}
     arrays: dict[str, Array] = {}
     described: dict[str, Any] = {}
 
@@ -212,9 +254,9 @@ def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.plant.vehicle.frame(sensor.feels or None).name
+        frame = None if sensor.feels is None else scenario.agent.plant.vehicle.frame(sensor.feels or None).name
         keep(f"{READINGS}.{name}", reading, every=every, late=readings_waiting(scenario, i), frame=frame)
-    if flown.measurement is not None and scenario.has_estimator:
+    if flown.measurement is not None and scenario.agent.has_estimator:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:
         measured = {name: array for name, _, array in fields_of(flown.measurement, count)}
@@ -240,21 +282,33 @@ def _references(
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """Metadata of a flight log as a dictionary: scenario, rates, status, versions, digest."""
-    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
-    guards = scenario.reference.guards
+    """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status, versions, digest."""
+    guards, own, whole = scenario.agent.reference.guards, scenario.agent, describe_team(scenario, ending)
     waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
+    return {
+        **{name: whole[name] for name in ("schema", "scenario", "title", "plant", "integrator")},
+        "plant_vehicle": own.plant.vehicle.name,
+        "plant_gravity": float(own.plant.gravity),
+        "model_vehicle": own.controller.par.model.vehicle.name,
+        "model_gravity": float(own.controller.par.model.gravity),
+        "controller": own.controller.name,
+        **{name: value for name, value in whole.items() if name not in ("scenario_record", "digest")},
+        **({"phases": [phase.name for phase in own.reference.phases]} if own.reference.phases else {}),
+        **({"waits": waits} if waits else {}),
+        "scenario_record": whole["scenario_record"],
+        "digest": whole["digest"],
+    }
+
+
+def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
+    """Metadata of a flight log that is of all vehicles: scenario, rates, status, versions, digest."""
+    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,
         "scenario": scenario.name,
         "title": scenario.title,
         "plant": scenario.kind,
         "integrator": scenario.integrator,
-        "plant_vehicle": scenario.plant.vehicle.name,
-        "plant_gravity": float(scenario.plant.gravity),
-        "model_vehicle": scenario.controller.par.model.vehicle.name,
-        "model_gravity": float(scenario.controller.par.model.gravity),
-        "controller": scenario.controller.name,
         "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
         "duration": scenario.duration,
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
@@ -266,8 +320,6 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "versions": versions("numpy", "mujoco-core"),
         "plugins": identities(),
         "code": files,
-        **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
-        **({"waits": waits} if waits else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

@@ -94,14 +94,14 @@ class Batch:
         require_count("effort", effort, 0)
         log_every = require_count("log_every", log_every, 0)
         self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
-        self.names = metric_names(metrics, scenario.plant.vehicle.n, scenario.commands_setpoints)
-        scenario.controller.require_compiled("a batch")
+        self.names = metric_names(metrics, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
+        scenario.agent.controller.require_compiled("a batch")
         require_shapes(scenario)
         require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
-        self._wanted = required_totals(self.names, scenario.plant.vehicle.n)
+        self._wanted = required_totals(self.names, scenario.agent.plant.vehicle.n)
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
@@ -196,5 +196,5 @@ class Batch:
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
         named = dict(zip(self._wanted, totals, strict=True))
-        joints, period = self.scenario.plant.vehicle.n, 1.0 / self.scenario.rates.control
+        joints, period = self.scenario.agent.plant.vehicle.n, 1.0 / self.scenario.rates.control
         return metric_values(self.names, named, instants, joints, period)

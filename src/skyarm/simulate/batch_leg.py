@@ -30,11 +30,11 @@ from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.loop_state import AgentSample, GivenRow, InputRow, LoopState, carry_over, structure_of
 from skyarm.simulate.period import Uniforms, make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.reference_clock import clocks_of_change, other_references
+from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
 FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[MetricGoal, ...]]
@@ -60,7 +60,7 @@ class Feed:
         self._flags = tuple(name for name in masks if not masks[name].all())
         table, goals = inputs.times[:, None], list[MetricGoal]()
         row: GivenRow = InputRow(time=0.0, reference=())
-        if not (scenario.reference.guards or any(path.startswith("reference.") for path in paths)):
+        if not (scenario.agent.reference.guards or any(path.startswith("reference.") for path in paths)):
             row, table = inputs.row_example, inputs.rows
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
         flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
@@ -69,7 +69,7 @@ class Feed:
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
-        vehicle = self._scenario.plant.vehicle
+        vehicle = self._scenario.agent.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), structure_of(dense))
         goal: MetricGoal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
@@ -85,26 +85,26 @@ class Feed:
         row, flags, *goals = fed
         inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
-        if self._scenario.reference.guards or (goals and not self._arm_varies(varied)):
+        if self._scenario.agent.reference.guards or (goals and not self._arm_varies(varied)):
             return row, tuple(goals), inside
         reference = row.reference or held_reference(varied, ticks)
         if not goals:
             row = InputRow(time=row.time, reference=reference)
-        both = reference, varied.reference.at(row.time)
-        return row, tuple(goal_of(varied.plant.vehicle, each.dense()) for each in both), inside
+        both = reference, varied.agent.reference.at(row.time)
+        return row, tuple(goal_of(varied.agent.plant.vehicle, each.dense()) for each in both), inside
 
     def _arm_varies(self, varied: Scenario) -> bool:
         """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
-        still = self._scenario.reference.at(0.0).dense()
-        nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
+        still = self._scenario.agent.reference.at(0.0).dense()
+        nodes = [c for c in goal_of(varied.agent.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
 
 def _instant(
-    stages: Stages, loop: LoopState, row: InputRow[Reference], sample: Sample, goals: tuple[MetricGoal, ...]
+    stages: AgentStages, loop: LoopState, row: InputRow[Reference], sample: AgentSample, goals: tuple[MetricGoal, ...]
 ) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics are computed."""
-    vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
+    vehicle, waits, command = stages.scenario.agent.plant.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(loop.agent.clock, loop.ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
@@ -121,7 +121,7 @@ def _instant(
         lag=row.time - _path_time(row),
         phase=waits.phase(_path_time(row)),
         time=row.time,
-        limits=ActuatorLimits.of(vehicle, stages.scenario.commands_setpoints),
+        limits=ActuatorLimits.of(vehicle, stages.scenario.agent.commands_setpoints),
         push=push,
         parts=parts,
     )
@@ -133,12 +133,12 @@ def _path_time(row: InputRow[Reference]) -> Scalar:
 
 
 def _contact_inputs(
-    scenario: Scenario, row: InputRow[Reference], sample: Sample
+    scenario: Scenario, row: InputRow[Reference], sample: AgentSample
 ) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
     """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
-    push = scenario.reference.push
+    push = scenario.agent.reference.push
     return (
         () if push is None or not numbers else push.at(_path_time(row)),
         tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
@@ -208,7 +208,7 @@ class Leg:
         self.periods, self._options = periods, options
         self._overrides = overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
-        self.scenario.controller.require_compiled("a batch")
+        self.scenario.agent.controller.require_compiled("a batch")
         fixed = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
         self._free = tuple(path for path in options.paths if path not in fixed and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
@@ -246,19 +246,20 @@ class Leg:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both
             row, goals, inside = self._feed.read(varied, fed, loop.ticks)
-            row = stages.waits.lead(loop.agent.clock, loop.ticks, row)
+            (row,) = stages.lead(loop, (row,))
             period = make_period(stages, RigidBodySteps(stages, substeps))
-            following, sample = period(loop, row, uniforms)
-            alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
+            following, flown = period(loop, (row,), uniforms)
+            sample = flown.agent
+            alive, instant = flown.alive > 0.5, _instant(stages.agent, loop, row, sample, goals)
             counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
             totals = advance_totals(totals, options.wanted, instant, counted)
             reference = row.reference.dense() if options.changing else row.reference
             # a law's samples to come are no motion of this instant, and laws before and after a change take others
             reference = replace(reference, ahead=())
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
-            received += ((ESTIMATE, sample.measurement),) if varied.has_estimator else ()
+            received += ((ESTIMATE, sample.measurement),) if varied.agent.has_estimator else ()
             logged = Logged(
-                alive=sample.alive, state=sample.state, command=sample.command, reference=reference, received=received
+                alive=flown.alive, state=sample.state, command=sample.command, reference=reference, received=received
             )
             return (following, totals), logged if options.every else ()
 
@@ -288,9 +289,9 @@ class Leg:
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
-        anew = is_other_reference(self._overrides, leg._overrides)
-        clock = clock_of_change(self.scenario, begun, loop, anew=anew)
-        now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clock)
+        anew = other_references(self.scenario, self._overrides, leg._overrides)
+        clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
+        now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clocks)
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 

@@ -64,7 +64,7 @@ def _both(a: Scalar, b: Scalar) -> Scalar:
 
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """First termination condition that a state meets, as status, cause and time; None if it meets none."""
-    state = rebuild(example_state(*scenario.plant.vehicle.sizes), iter(x))
+    state = rebuild(example_state(*scenario.agent.plant.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             try:
@@ -83,16 +83,16 @@ def failed_phase(scenario: Scenario, time: float, clock: Clock) -> Ended | None:
     if not clock or float(clock.failed) < 0.5:
         return None
     # the clock has gone on to the next guard
-    guard = scenario.reference.guards[round(float(clock.guard)) - 1]
-    words = failure_words(scenario.reference, guard)
-    if guard.force is not None and not guard.sensed and observed_push(scenario.controller.memory) is None:
-        words += f"; law {scenario.controller.name} observes no force"
+    guard = scenario.agent.reference.guards[round(float(clock.guard)) - 1]
+    words = failure_words(scenario.agent.reference, guard)
+    if guard.force is not None and not guard.sensed and observed_push(scenario.agent.controller.memory) is None:
+        words += f"; law {scenario.agent.controller.name} observes no force"
     return Ended(PHASE_FAILED, words, time)
 
 
 def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
     """Early end of a flight because a commanded number is infinite or NaN, or None."""
-    cause = not_finite(scenario.plant.vehicle, command)
+    cause = not_finite(scenario.agent.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
 

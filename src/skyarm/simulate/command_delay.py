@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import accumulate
 
 from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
 from skyarm.dynamics.actuators import Command
@@ -16,15 +17,15 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
     """Command delay as a number of whole control periods (None: given by the queue length) and a remainder (s)."""
-    rates, delay = scenario.rates, scenario.delays.command
-    if scenario.delays.longest_command is None:
+    rates, delay = scenario.rates, scenario.agent.delays.command
+    if scenario.agent.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
     return _split(delay, rates.control)
 
 
 def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
     """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
-    rates, delays, split = scenario.rates, scenario.delays, list[tuple[Scalar, Scalar]]()
+    rates, delays, split = scenario.rates, scenario.agent.delays, list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
@@ -59,6 +60,39 @@ def switches(before: Command, after: Command, rotors: Scalar, joints: Scalar) ->
         return [(joints, rotors_first)]
     first = minimum(rotors, joints)
     return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
+
+
+Parts = list[tuple[Scalar, tuple[Command, ...]]]
+"""Intervals of a control period: duration (s) and the commands of all vehicles that are in force."""
+
+
+def arrivals(late: Sequence[tuple[Scalar, ...]], before: Sequence[Command], after: Sequence[Command]) -> Parts:
+    """Split a control period where delayed commands arrive; after the last interval those of ``after`` are in force.
+
+    Args:
+        late: for each vehicle the time (s) in the period at which its commands take effect, of all actuators or of
+            rotors and joints.
+        before: commands before this period's arrive.
+        after: this period's.
+    """
+    each = [
+        [(rest[0], old)] if len(rest) == 1 else switches(old, new, *rest)
+        for rest, old, new in zip(late, before, after, strict=True)
+    ]
+    if all(rest is late[0] or rest == late[0] for rest in late):
+        return [(row[0][0], tuple(command for _, command in row)) for row in zip(*each, strict=True)]
+    if not all(type(seconds) is float for parts in each for seconds, _ in parts):
+        raise ScenarioError("delays: must be equal in all vehicles where they vary between episodes")
+    ends = [[*accumulate(float(seconds) for seconds, _ in parts)] for parts in each]
+    instants, parts, start = sorted({end for some in ends for end in some}), Parts(), 0.0
+    for end in instants:
+        now = tuple(
+            next((command for at, (_, command) in zip(some, own, strict=True) if at >= end), new)
+            for some, own, new in zip(ends, each, after, strict=True)
+        )
+        parts.append((end - start, now))
+        start = end
+    return parts
 
 
 def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:

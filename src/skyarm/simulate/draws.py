@@ -6,14 +6,17 @@ import zlib
 from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.members import SOLE
 from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
@@ -23,45 +26,75 @@ STARTS = (2**32 - 1, 2**32 - 2)
 """Steps -1 and -2 of a channel, which initialise a component's state; the flight's own begin at step 0."""
 
 
+class Shares(NamedTuple):
+    """Random numbers of a control period by vehicle and sensor, by vehicle and model, and by shared model."""
+
+    sensors: list[list[tuple[Scalar, ...]]]
+    components: list[list[tuple[Scalar, ...]]]
+    shared: list[tuple[Scalar, ...]]
+
+
 @immutable(kw_only=False)
 class Draws:
     """Random-number stream and count per control period of each sensor and each wind, force or contact model.
 
     Attributes:
-        sensors, components: (channel, count) of each.
+        sensors, components: (channel, count) of each, for every vehicle. shared: those of the models that all share.
     """
 
-    sensors: tuple[tuple[int, int], ...]
-    components: tuple[tuple[int, int], ...]
+    sensors: tuple[tuple[tuple[int, int], ...], ...]
+    components: tuple[tuple[tuple[int, int], ...], ...]
+    shared: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def models(self) -> tuple[tuple[int, int], ...]:
+        """Channel and count of every environment model: those of each vehicle in turn, then the shared ones."""
+        return (*(pair for pairs in self.components for pair in pairs), *self.shared)
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
         """List the random-number streams in use, as pairs of stream number and random numbers per control period."""
-        return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
+        return tuple(pair for pair in (*(pair for pairs in self.sensors for pair in pairs), *self.models) if pair[1])
 
-    def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Scalar, ...]], list[tuple[Scalar, ...]]]:
+    def shares(self, row: Sequence[Scalar]) -> Shares:
         """Split the random numbers of a control period among the sensors and the wind, force and contact models."""
         left = iter(row)
-        shares = [tuple(islice(left, count)) for _, count in (*self.sensors, *self.components)]
-        return shares[: len(self.sensors)], shares[len(self.sensors) :]
+
+        def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[tuple[Scalar, ...]]:
+            return [tuple(islice(left, count)) for _, count in pairs]
+
+        sensors, components = ([shares_of(pairs) for pairs in each] for each in (self.sensors, self.components))
+        return Shares(sensors, components, shares_of(self.shared))
 
 
 def draw_plan(scenario: Scenario) -> Draws:
     """Assign a random-number stream and a count per control period to each sensor and wind, force or contact model.
 
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
-    name: adding one changes no other's draws.
+    name, and of vehicles with other names than ``main`` from theirs: adding one changes no other's draws.
     """
-    vehicle = scenario.plant.vehicle
-    sensors = [(0, sensor.uniforms(vehicle)) for _, sensor in scenario.all_sensors[:1]]
-    sensors += [(_channel("sensor", name), sensor.uniforms(vehicle)) for name, sensor in scenario.all_sensors[1:]]
-    first, *added = scenario.components
-    components, before = [(CHANNEL_TURBULENCE, first.uniforms)], Counter[str]()
-    for component in added:
+    sensors, components = [], []
+    for name, agent in scenario.agents.items():
+        of, vehicle = "" if name == SOLE else f" of {name}", agent.plant.vehicle
+        full, *named = agent.all_sensors
+        first = _channel("sensor", of) if of else CHANNEL_SENSORS
+        rows = [(first, full[1].uniforms(vehicle))]
+        sensors.append((*rows, *((_channel("sensor", each + of), one.uniforms(vehicle)) for each, one in named)))
+        wind, *added = scenario.own_components(agent)
+        channel = _channel("wind", of) if of else CHANNEL_TURBULENCE
+        components.append(((channel, wind.uniforms), *_by_kind(added, of)))
+    shared = _by_kind(scenario.shared_components, " of all")
+    return Draws(tuple(sensors), tuple(components), tuple(shared))
+
+
+def _by_kind(components: Sequence[AnyComponent], of: str) -> list[tuple[int, int]]:
+    """Channel and count of each environment model, by its kind and how many of that kind stand before it."""
+    rows, before = list[tuple[int, int]](), Counter[str]()
+    for component in components:
         kind = type(component).__qualname__
-        components.append((_channel(f"component {before[kind]}", kind), component.uniforms))
+        rows.append((_channel(f"component {before[kind]}", kind + of), component.uniforms))
         before[kind] += 1
-    return Draws(tuple(sensors), tuple(components))
+    return rows
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
@@ -70,10 +103,13 @@ def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
 
 
 def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array]:
-    """Uniform random numbers for the initial states of wind, force and contact models, one array for each model."""
+    """Uniform random numbers for the initial states of wind, force and contact models, one array for each model.
+
+    Those of each vehicle in turn, then those of the models that all share.
+    """
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     draws = []
-    for channel, count in draw_plan(scenario).components:
+    for channel, count in draw_plan(scenario).models:
         numbers = uniforms(seed, keys, channel, steps, count) if count else np.zeros((*keys.shape[:-1], 2, 0))
         draws.append(numbers.reshape(*keys.shape[:-1], 2 * count))
     return draws

@@ -7,7 +7,7 @@ calls them with floats.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
@@ -22,6 +22,7 @@ from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.control.controller import Controller
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -29,6 +30,7 @@ from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
@@ -36,8 +38,8 @@ from skyarm.simulate.assemble_log import LoggedSamples, Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
-from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import GivenRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.inputs import FlightInputs
+from skyarm.simulate.loop_state import GivenRows, LoopState, Sample, carry_over, structure_of
 from skyarm.simulate.period import PlantSteps, Uniforms, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
@@ -48,7 +50,7 @@ from skyarm.simulate.plant_steps import (
     Substeps,
     rigid_body_plant,
 )
-from skyarm.simulate.reference_clock import clock_of_change
+from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
@@ -67,8 +69,8 @@ ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
 """Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
 values."""
 
-EngineRow: TypeAlias = GivenRow | tuple[GivenRow, Scalar, Command]
-"""Row of inputs, with the mode and values of an external command where one is possible."""
+EngineRow: TypeAlias = tuple[GivenRows, tuple[Scalar, ...], tuple[Command, ...]]
+"""Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
 
 
 class EpisodeCode:
@@ -101,13 +103,16 @@ class EpisodeCode:
         require_shapes(scenario)
         self.scenario, self.commands, self.key = scenario, commands, key
         self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
-        self.calls: LawCalls | None = None if machine_code else LawCalls(copy.deepcopy(scenario.controller.memory))
+        laws = [each.controller for each in scenario.agents.values()]
+        self.calls: list[LawCalls] = [] if machine_code else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
         self.first = first_loop_state(scenario)
         self.carry = self.first
         if machine_code:
-            scenario.controller.require_traceable("machine code of the loop")
-        elif not scenario.controller.compiled:
-            self.carry = _with_memory(self.first, PushAlone.of(self.first.agent.memory))
+            for law in laws:
+                law.require_traceable("machine code of the loop")
+        else:
+            pairs = zip(laws, self.first.agents, strict=True)
+            self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
         self._example = structure_of(self.carry)
         self.draws = draws_needed(scenario)
         self._plant: PlantSteps[State] | None = None
@@ -125,43 +130,43 @@ class EpisodeCode:
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
 
     @cached_property
-    def inputs(self) -> EpisodeInputs:
+    def inputs(self) -> FlightInputs:
         """Times and references of the scenario that the program was traced from."""
-        return episode_inputs(self.scenario)
+        return FlightInputs(self.scenario)
 
     def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
-        row = self.inputs.row_example
-        fed: EngineRow = (row, 0.0, structure_of(self.first.agent.queue[0])) if self.commands else row
+        waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
+        fed: EngineRow = (self.inputs.row_examples, (0.0,) * len(waiting), tuple(map(structure_of, waiting)))
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
-    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRow]:
-        """Make the computation stages, plant model and input record of one control period, for tracing."""
-        scenario = self._vary(numbers)
-        row, given, command = fed if isinstance(fed, tuple) else (fed, None, None)
-        if self.calls is None:
-            stages = Stages(scenario, command, given)
+    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRows]:
+        """Make the computation stages, plant model and input records of one control period, for tracing."""
+        scenario, (rows, given, commands) = self._vary(numbers), fed
+        if self.calls:
+            examples = [own.queue[0] for own in self.first.agents]
+            stages: Stages = StagesInPython(scenario, self.calls, examples, commands, given)
         else:
-            stages = StagesInPython(scenario, self.calls, self.first.agent.queue[0], command, given)
+            stages = Stages(scenario, commands, given)
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
-        return stages, plant, row
+        return stages, plant, rows
 
     def _step(
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
-        stages, plant, row = self._begin(numbers, fed)
-        return make_period(stages, plant)(now, row, uniforms)
+        stages, plant, rows = self._begin(numbers, fed)
+        return make_period(stages, plant)(now, rows, uniforms)
 
     def _measure(
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
-    ) -> tuple[LoopState, Measurement]:
-        """Run a control period up to the measurement that the law receives; return it with the unchanged loop state."""
-        stages, plant, row = self._begin(numbers, fed)
-        row = stages.waits.lead(now.agent.clock, now.ticks, row)
-        return now, measure(stages, plant, now, row, uniforms).read.measurement
+    ) -> tuple[LoopState, tuple[Measurement, ...]]:
+        """Run a control period up to the measurements that the laws receive; return them with the same loop state."""
+        stages, plant, rows = self._begin(numbers, fed)
+        measured = measure(stages, plant, now, stages.lead(now, rows), uniforms)
+        return now, tuple(half.read.measurement for half in measured.agents)
 
     @cached_property
     def measurement(self) -> Loop:
-        """Traced program that computes the measurement of the control law in a control period."""
+        """Traced program that computes the measurements of the control laws in a control period."""
         return self._trace(self._measure)
 
     def fits(self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
@@ -174,14 +179,20 @@ class EpisodeCode:
         """
         if self.kernel is None or key != self.key:
             return False
-        if changed is not None and not any(path.startswith(("plant.", *STATED)) for path in changed):
+        if changed is not None and not any(word_of(path).startswith(("plant.", *STATED)) for path in changed):
             return True
         return self.substeps.fit(rigid_body_plant(scenario, self.first))
 
 
-def _with_memory(loop: LoopState, memory: Tree) -> LoopState:
-    """Closed-loop state with the internal state of the control law replaced."""
-    return replace(loop, agent=replace(loop.agent, memory=memory))
+def _with_memories(loop: LoopState, memories: Sequence[Tree]) -> LoopState:
+    """Closed-loop state with the internal states of the control laws replaced."""
+    agents = zip(loop.agents, memories, strict=True)
+    return replace(loop, agents=tuple(replace(own, memory=memory) for own, memory in agents))
+
+
+def _carried_memory(law: Controller, memory: Tree) -> Tree:
+    """Internal state of a law in the loop: of one that is called, which may be any object, what it observes alone."""
+    return memory if law.compiled else PushAlone.of(memory)
 
 
 class _PythonSteps:
@@ -190,7 +201,7 @@ class _PythonSteps:
     def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
         self.carry, self.parameters = carry, parameters
-        self.command: tuple[float, ...] = ()
+        self.command: tuple[str, tuple[float, ...]] = ("", ())
 
     def read_tables(self, rows: Array, log: Array) -> None:
         """Set the table of closed-loop inputs, one row per control period, and the table for the logged samples."""
@@ -206,13 +217,13 @@ class _PythonSteps:
             try:
                 outputs = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
             except EpisodeEndedError as error:
-                now, self.command = (0.0, *now[1:]), error.command
+                now, self.command = (0.0, *now[1:]), (error.agent, error.command)
                 break
             now, self._log[k] = outputs[:count], outputs[count:]
         self.carry[:] = now
 
 
-EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
+EngineState: TypeAlias = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
 """State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
 log, memory of a law."""
 
@@ -240,7 +251,7 @@ class Engine:
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()
-        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.agent.queue[0])))  # of a row but for the command
+        self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
         self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
@@ -257,34 +268,43 @@ class Engine:
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
     def _input_rows(self) -> Array:
-        """Table of inputs of all control periods: time, reference, then room for a command from the user."""
+        """Table of inputs of all control periods: time, reference, then room for commands from the user."""
         rows = self.inputs.rows
-        if not self.code.commands:
-            return rows
-        return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.agent.queue[0]))))])
+        return np.hstack([rows, np.zeros((len(rows), self._command_inputs))]) if self.code.commands else rows
+
+    @cached_property
+    def _command_inputs(self) -> int:
+        """Number of inputs of a control period that are commands from the user, each with its mode."""
+        return sum(1 + len(leaves(own.queue[0])) for own in self.first.agents)
 
     @property
-    def inputs(self) -> EpisodeInputs:
+    def inputs(self) -> FlightInputs:
         """Times and references of all control periods under the scenario in force."""
         if self._inputs.scenario is not self.scenario:
-            self._inputs = episode_inputs(self.scenario)
+            self._inputs = FlightInputs(self.scenario)
         return self._inputs
 
-    def step(self, command: Sequence[float] | None = None, *, rotors_only: bool = False) -> bool:
+    def step(self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False) -> bool:
         """Fly one control period; False once the episode has ended or reached its duration.
 
         Args:
-            command: command in place of the law's, whose memory stays.
-            rotors_only: True for its rotor speeds alone; the law moves the joints, and its memory goes on.
+            commands: of each vehicle the command in place of its law's, whose memory stays; empty for the law's own.
+            rotors_only: True for their rotor speeds alone; the laws move the joints, and their memories go on.
         """
         k = self.tick
         if k >= self._steps or self.ended is not None:
             return False
-        if command is not None:
-            self._rows[k, self._width :] = (2.0 if rotors_only else 1.0, *command)
+        if commands:
+            mode, modes = 2.0 if rotors_only else 1.0, len(commands)
+            self._rows[k, self._width :][:modes] = [mode if each else 0.0 for each in commands]
+            at = self._width + modes
+            for each, own in zip(commands, self.first.agents, strict=True):
+                if each:
+                    self._rows[k, at : at + len(each)] = each
+                at += len(leaves(own.queue[0])) if modes > 1 else 0
             self.commanded = True
         elif self.commanded:
-            self._rows[k, self._width] = 0.0
+            self._rows[k, self._width :][: len(self.first.agents)] = 0.0
         return self._fly(k + 1)
 
     def fly(self, stop: int) -> bool:
@@ -294,7 +314,7 @@ class Engine:
         stop = min(stop, self.tick + self._stretch, self._steps)
         begun, before = perf_counter(), self.tick
         if self.commanded:
-            self._rows[before:stop, self._width] = 0.0
+            self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
         going = self._fly(stop)
         size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
@@ -326,50 +346,70 @@ class Engine:
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of the flight's early termination; None after its full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
-        goal = self.inputs.row_at(self.tick, now).reference.position
-        ending = find_ending(scenario, time, leaves(now.agent.state), [float(c) for c in goal])
-        ending = ending or failed_phase(scenario, time, now.agent.clock)
-        if ending is not None or not lost:
-            return ending
-        command = getattr(self._stepper, "command", ())
+        for i, name in enumerate(scenario.agents):
+            one, own = scenario.of(name), now.agents[i]
+            goal = self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
+            ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
+            ending = ending or failed_phase(one, time, own.clock)
+            if ending is not None:
+                return self._with_name(name, ending)
+        if not lost:
+            return None
+        named, command = getattr(self._stepper, "command", ("", ()))
+        commands = {named: command}
         if not command:
             sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
-            command = leaves(sample.command)
-        ending = ending_of_command(scenario, time, command)
-        if ending is None:
-            raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
-        return ending
+            commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
+        for name, command in commands.items():
+            ending = ending_of_command(scenario.of(name), time, command)
+            if ending is not None:
+                return self._with_name(name, ending)
+        raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
+
+    def _with_name(self, name: str, ending: Ended) -> Ended:
+        """Early termination with the name of the vehicle in its cause if there are several."""
+        several = len(self.scenario.agents) > 1
+        return replace(ending, cause=f"{name}: {ending.cause}") if several else ending
 
     @property
     def piece(self) -> Piece:
         """Logged samples of all control periods since the last change of the scenario."""
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
-    def samples(self, start: int, stop: int) -> LoggedSamples:
-        """Logged samples of control periods ``start`` to ``stop`` as array views."""
-        rows, sample = self._log[start:stop], self.code.sample
-        columns: Sample = rebuild(sample, iter(rows.T))
-        end = rows.shape[1] - len(columns.led)
-        estimates, led = rows[:, end - len(columns.found) : end], rows[:, end:]
-        states, commands = self.states_and_commands(start, stop)
-        return LoggedSamples(states, commands, columns.measurement, columns.readings, columns.wind, estimates, led)
+    def samples(self, start: int, stop: int) -> tuple[LoggedSamples, ...]:
+        """Logged samples of each vehicle in control periods ``start`` to ``stop`` as array views."""
+        rows, samples = self._log[start:stop], list[LoggedSamples]()
+        columns: Sample = rebuild(self.code.sample, iter(rows.T))
+        for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
+            samples.append(
+                LoggedSamples(
+                    states=rows[:, first:command],
+                    commands=rows[:, command:measured],
+                    measurement=own.measurement,
+                    readings=own.readings,
+                    wind=own.wind,
+                    found=rows[:, found:led],
+                    led=rows[:, led:end],
+                )
+            )
+        return tuple(samples)
 
     @cached_property
     def reading_columns(self) -> dict[str, slice]:
-        """Columns of each sensor's reading in a row of the log, by the sensor's name."""
-        sample, places = self.code.sample, dict[str, slice]()
-        begin = self._marks[2] + len(leaves(sample.measurement))
+        """Columns of each sensor's reading of the only vehicle in a row of the log, by the sensor's name."""
+        sample, places = self.code.sample.agent, dict[str, slice]()
+        begin = self._marks[0][2] + len(leaves(sample.measurement))
         for name, reading in sample.readings:
             places[name] = slice(begin, begin := begin + len(leaves(reading)))
         return places
 
     @cached_property
     def joint_columns(self) -> slice:
-        """Columns of the measured joint positions and rates in a row of the log."""
-        measured = self.code.sample.measurement
+        """Columns of the measured joint positions and rates of the only vehicle in a row of the log."""
+        measured = self.code.sample.agent.measurement
         before = (measured.time, measured.position, measured.quaternion, measured.velocity, measured.rate,
                   measured.specific_force)  # fmt: skip
-        begin = self._marks[2] + len(leaves(before))
+        begin = self._marks[0][2] + len(leaves(before))
         return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
 
     def row(self, tick: int) -> Array:
@@ -378,27 +418,35 @@ class Engine:
         return row
 
     def states_and_commands(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Logged states and commands of control periods ``start`` to ``stop`` as array views, one row per period."""
-        first, command, measured = self._marks
+        """Logged states and commands of the only vehicle, of periods ``start`` to ``stop`` as views."""
+        first, command, measured = self._marks[0][:3]
         return self._log[start:stop, first:command], self._log[start:stop, command:measured]
 
     @cached_property
-    def _marks(self) -> tuple[int, ...]:
-        """Columns of a logged sample at which its state begins, its command begins and its command ends."""
-        sample = self.code.sample
-        return tuple(np.cumsum([len(leaves(part)) for part in (sample.alive, sample.state, sample.command)]).tolist())
+    def _marks(self) -> list[list[int]]:
+        """Columns of a logged sample at which each vehicle's state, command, measurement and later parts begin."""
+        sample, marks = self.code.sample, list[list[int]]()
+        begin = len(leaves(sample.alive))
+        for own in sample.agents:
+            later = (own.measurement, own.readings, own.wind)
+            sizes = [len(leaves(part)) for part in (own.state, own.command, later, own.found, own.led)]
+            marks.append([begin, *(begin + int(end) for end in np.cumsum(sizes))])
+            begin = marks[-1][-1]
+        return marks
 
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
-        return state if self._memory is None else _with_memory(state, self._memory)
+        state: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        if not self.code.calls:
+            return state
+        laws = zip(self._laws, self.code.calls, state.agents, strict=True)
+        return _with_memories(state, [own.memory if law.compiled else calls.memory for law, calls, own in laws])
 
     @property
-    def _memory(self) -> Any:
-        """Internal state of a control law run as plain Python, which may be any object; None for a traced law."""
-        calls = self.code.calls
-        return None if calls is None or self.scenario.controller.compiled else calls.memory
+    def _laws(self) -> list[Controller]:
+        """Control laws of the vehicles."""
+        return [each.controller for each in self.scenario.agents.values()]
 
     @property
     def has_nan(self) -> bool:
@@ -413,30 +461,31 @@ class Engine:
         scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
         stages = Stages(scenario)
         plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
-        row = self.inputs.row_at(ticks[0], now)
-        if scenario.controller.compiled:  # the memory of another law may hold anything
+        rows = self.inputs.rows_at(ticks[0], now)
+        if all(law.compiled for law in self._laws):  # the memory of another law may hold anything
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
-            row = rebuild(row, iter(np.array(leaves(row), dtype=float)))
+            rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
         draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
         with np.errstate(all="ignore"):
-            return make_period(stages, plant)(now, row, tuple(np.concatenate([[], *draws])))[0]
+            return make_period(stages, plant)(now, rows, tuple(np.concatenate([[], *draws])))[0]
 
     def state(self) -> State:
-        """Current true state of the vehicle."""
+        """Current true state of the only vehicle."""
         return rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
 
     def reference(self) -> Reference:
-        """Reference sample that is held in the next control period."""
-        return self.inputs.row_at(self.tick, self.now).reference
+        """Reference sample of the only vehicle that is held in the next control period."""
+        (row,) = self.inputs.rows_at(self.tick, self.now)
+        return row.reference
 
     @cached_property
-    def _peek(self) -> tuple[Stepper | _PythonSteps, Array, Measurement]:
+    def _peek(self) -> tuple[Stepper | _PythonSteps, Array, tuple[Measurement, ...]]:
         loop = self.code.measurement
         stepper = self._make_stepper(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
         return stepper, np.empty((1, loop.logged)), loop.result[1]
 
-    def measurement(self) -> Measurement:
-        """Measurement that the control law receives in the next period."""
+    def measurements(self) -> tuple[Measurement, ...]:
+        """Measurement that each control law receives in the next period."""
         stepper, output, example = self._peek
         stepper.carry[:], stepper.parameters[:] = self._stepper.carry, self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
@@ -446,18 +495,19 @@ class Engine:
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
-        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
+        memories = copy.deepcopy([each.memory for each in self.code.calls])
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, memories
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
-        self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
+        self._stepper.carry[:], self._stepper.parameters[:], log, memories = numbers
         own = np.empty_like(log)
         own[: self.tick] = log[: self.tick]
         self._write_to(own)
-        if self.code.calls is not None:
-            self.code.calls.memory = copy.deepcopy(memory)
+        for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
+            calls.memory = memory
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: ProgramKey) -> bool:
         """Change parameter values from the next control period on; False, unchanged, if that needs recompilation.
@@ -472,22 +522,24 @@ class Engine:
             return False
         self.scenario, self.begun = scenario, self.tick
         self._stepper.parameters[:] = [*numbers.values()]
-        if any(path.startswith("reference.") for path in changed):
+        if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
             self._stepper.read_tables(self._rows, self._log)
         return True
 
-    def take_over(self, other: Engine, *, anew: bool) -> None:
-        """Continue a flight from the state of another simulator; ``anew``: the reference has been replaced."""
+    def take_over(self, other: Engine, *, anew: Collection[str]) -> None:
+        """Continue a flight from the state of another simulator; ``anew``: vehicles with another reference."""
         now = other.now
-        clock = clock_of_change(self.scenario, self.first, now, anew=anew)
+        clocks = clocks_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)
-        carried = carry_over(self.first, now, places, clock)
-        if self.code.calls is not None and not self.scenario.controller.compiled:
-            same = self.scenario.controller.law is other.scenario.controller.law
-            # the memory of a law that is called is its own: it may hold anything
-            self.code.calls.memory = copy.deepcopy(now.agent.memory if same else carried.agent.memory)
-            carried = _with_memory(carried, PushAlone.of(self.code.calls.memory))
-        self._stepper.carry[:] = leaves(carried)
+        carried, memories = carry_over(self.first, now, places, clocks), list[Tree]()
+        for i, (law, before) in enumerate(zip(self._laws, other._laws, strict=True)):
+            kept = carried.agents[i].memory
+            if self.code.calls and not law.compiled:
+                # the memory of a law that is called is its own: it may hold anything
+                kept = copy.deepcopy(now.agents[i].memory if law.law is before.law else kept)
+                self.code.calls[i].memory = kept
+            memories.append(_carried_memory(law, kept) if self.code.calls else kept)
+        self._stepper.carry[:] = leaves(_with_memories(carried, memories))
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
         self.commanded = other.commanded

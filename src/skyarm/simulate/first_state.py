@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm.algebra.scalars import Scalar, data
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.dynamics.point_motion import PointMotion
-from skyarm.dynamics.state import example_state
-from skyarm.plant.surroundings import Surroundings
+from skyarm.dynamics.state import State, example_state
+from skyarm.plant.surroundings import Together, motions_of
 from skyarm.records.coerce import concrete
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.loop_state import AgentLoop, LoopState, SensorState, structure_of
+from skyarm.simulate.loop_state import AgentLoop, LoopState, Places, SensorState, structure_of
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
@@ -29,38 +29,55 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
         scenario: scenario of the episode.
         draws: uniform numbers that start each component; the episode's own if left out.
     """
-    state, vehicle = first_state(scenario), scenario.plant.vehicle
-    efforts = hover_trim(vehicle, state.joints, scenario.plant.gravity).efforts
-    if scenario.all_drives:
-        rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
+    if draws is None:
+        draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
+    period, left = 1.0 / scenario.rates.control, iter(draws)
+    alone = [scenario.of(name) for name in scenario.agents]
+    states = [first_state(each) for each in alone]
+    motions = motions_of([each.agent.plant for each in alone], states, tuple(scenario.agents))
+    agents = []
+    for each, state, motion in zip(alone, states, motions, strict=True):
+        models = each.own_components(each.agent)
+        begun = [model.start(period, next(left)) for model in models]
+        settled = (model.settle(memory, motion, _is_still(state)) for model, memory in zip(models, begun, strict=True))
+        agents.append(replace(_first_agent(each, state), components=tuple(settled)))
+    still = all(map(_is_still, states))
+    rows = [(model, model.start(period, next(left))) for model in scenario.shared_components]
+    components = tuple(model.settle(memory, motions[0], still) for model, memory in rows)
+    return LoopState(alive=1.0, ticks=0.0, agents=tuple(agents), components=components)
+
+
+def _is_still(state: State) -> bool:
+    """True if no rotor of a vehicle turns, as of one that stands on a surface."""
+    return concrete(*state.rotor_speeds) and bool(state.rotor_speeds) and not any(state.rotor_speeds)
+
+
+def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
+    """Initial state of one vehicle and its control, from the scenario of its flight and its initial state."""
+    vehicle, drives = scenario.agent.plant.vehicle, scenario.agent.all_drives
+    efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
+    if drives:
+        rows = zip(drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
     setpoints = tuple(data(effort) for effort in efforts)
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts)
-    if draws is None:
-        draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
-    period = 1.0 / scenario.rates.control
-    still = concrete(*state.rotor_speeds) and bool(state.rotor_speeds) and not any(state.rotor_speeds)
-    motion = PointMotion(vehicle, state, gravity=scenario.plant.gravity)
-    begun = (c.start(period, row) for c, row in zip(scenario.components, draws, strict=True))
-    agent = AgentLoop(
+    return AgentLoop(
         state=state,
-        memory=scenario.controller.memory,
+        memory=scenario.agent.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
-        sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
-        estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
+        sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
+        estimate=scenario.agent.estimator.start(scenario.agent.controller.par.model.vehicle),
         drives=tuple(
-            drive.begin(q, u, period)
-            for drive, q, u in zip(scenario.all_drives, state.joints, standing.efforts, strict=False)
+            drive.begin(q, u, 1.0 / scenario.rates.control)
+            for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),
     )
-    components = tuple(c.settle(memory, motion, still) for c, memory in zip(scenario.components, begun, strict=True))
-    return LoopState(alive=1.0, ticks=0.0, agent=agent, components=components)
 
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
     """Initial state of a sensor, whose delay queue holds placeholders shaped like its reading."""
-    vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
+    vehicle, (_, sensor) = scenario.agent.plant.vehicle, scenario.agent.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)
@@ -75,7 +92,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 def commands_waiting(scenario: Scenario) -> int:
     """Length of the queue of past commands that the command delay requires."""
-    rates, delays = scenario.rates, scenario.delays
+    rates, delays = scenario.rates, scenario.agent.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
     return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
@@ -83,16 +100,16 @@ def commands_waiting(scenario: Scenario) -> int:
 
 def readings_waiting(scenario: Scenario, index: int) -> int:
     """Length of the queue of past readings that a sensor's delay requires."""
-    name, sensor = scenario.all_sensors[index]
-    delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
+    name, sensor = scenario.agent.all_sensors[index]
+    delay = scenario.agent.delays.measurement if name == FULL_STATE else sensor.latency
     return round(delay * scenario.rates.control)
 
 
-def first_surroundings(scenario: Scenario, first: LoopState) -> Surroundings:
-    """Example of wind, contacts, faults and drives around the plant in the first control period, for tracing."""
-    return Stages(scenario).surroundings(first.components, first.agent.drives, 0.0)
+def first_surroundings(scenario: Scenario, first: LoopState) -> Together:
+    """Example of wind, contacts, faults and drives around the vehicles in the first control period, for tracing."""
+    return Stages(scenario).surroundings(first, 0.0)
 
 
-def component_places(scenario: Scenario) -> tuple[str, ...]:
-    """Parameter paths of the scenario's wind, force, payload and contact models, in their order."""
-    return tuple(place for place, _ in scenario.placed_components)
+def component_places(scenario: Scenario) -> Places:
+    """Parameter paths of the environment models: those of each vehicle's own, and of those that all share."""
+    return scenario.places_of_components

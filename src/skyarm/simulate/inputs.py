@@ -19,7 +19,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, PathClock, structure_of
+from skyarm.simulate.loop_state import AgentLoop, GivenRow, GivenRows, InputRow, LoopState, PathClock, structure_of
 from skyarm.simulate.reference_clock import Waits
 
 
@@ -68,7 +68,7 @@ class EpisodeInputs:
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
         """Time-scaled sampled reference as a Reference of arrays; empty without time scaling."""
-        path = self.scenario.path_time
+        path = self.scenario.agent.path_time
         if path is None:
             return ()
         rates = self.scenario.rates
@@ -79,12 +79,12 @@ class EpisodeInputs:
             s = path.derivatives(times + lead)
             return by_flight_time(_sample(self._program, s[0]), s)
 
-        return with_preview(at(0.0), preview_leads(self.scenario.controller.par), at)
+        return with_preview(at(0.0), preview_leads(self.scenario.agent.controller.par), at)
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
         """Time along the reference (s) at each control instant, shape (steps,); empty without time scaling."""
-        path = self.scenario.path_time
+        path = self.scenario.agent.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
@@ -129,23 +129,55 @@ class EpisodeInputs:
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
-        leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(clock))
+        leads, end = preview_leads(self.scenario.agent.controller.par), float(self.waits.end(clock))
         sample = with_preview(sample, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
         dense = sample.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
-    def row_at(self, tick: int, now: LoopState) -> InputRow[Reference]:
-        """Closed-loop inputs of the control period that begins with a given loop state."""
-        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.agent.clock
+    def row_at(self, tick: int, own: AgentLoop, ticks: Scalar) -> InputRow[Reference]:
+        """Closed-loop inputs of the control period that begins with a given state of the vehicle and its control."""
+        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), own.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
-            return InputRow(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)
+            return InputRow(time=next(numbers), reference=self.held_now(clock, ticks), path_time=path_time)
         return rebuild(self._whole_row, numbers)
 
     @cached_property
     def reference_example(self) -> Reference:
         """Reference at one instant with zeros as numbers, from which a program is traced."""
         return structure_of(self.held_reference)
+
+
+class FlightInputs:
+    """Times and references of all vehicles of a flight at all control instants.
+
+    Attributes:
+        scenario: scenario of the flight. each: inputs of each vehicle.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.each = tuple(episode_inputs(scenario.of(name)) for name in scenario.agents)
+
+    @property
+    def times(self) -> Array:
+        """Control instants, s."""
+        return self.each[0].times
+
+    @cached_property
+    def rows(self) -> Array:
+        """Table of closed-loop inputs, one row per control instant: those of each vehicle in turn."""
+        first, *others = (each.rows for each in self.each)
+        return np.hstack([first, *others]) if others else first
+
+    @property
+    def row_examples(self) -> GivenRows:
+        """Closed-loop inputs at one control instant with zeros as numbers, from which a program is traced."""
+        return tuple(each.row_example for each in self.each)
+
+    def rows_at(self, tick: int, now: LoopState) -> tuple[InputRow[Reference], ...]:
+        """Closed-loop inputs of all vehicles in the control period that begins with a given loop state."""
+        return tuple(each.row_at(tick, own, now.ticks) for each, own in zip(self.each, now.agents, strict=True))
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
@@ -162,7 +194,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     def at(lead: Scalar) -> Reference:
         return _sample(program, np.asarray(times[instants] + lead))
 
-    published = with_preview(published, preview_leads(scenario.controller.par), at)
+    published = with_preview(published, preview_leads(scenario.agent.controller.par), at)
     if published.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
         published = dataclasses.replace(published, load=now.load)
@@ -171,7 +203,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 def _motion(scenario: Scenario) -> Program:
     """Traced program from a time (s) to the scenario's reference at that time."""
-    return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
+    return trace(lambda clock: scenario.agent.reference.at(clock[0]), (0.0,))
 
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:

@@ -52,7 +52,7 @@ class LaneLoop:
         self.plant = rigid_body_plant(stiffest, self.first if stiffest is scenario else None)
         self.substeps = Substeps(self.plant)
         self.largest = lanes_step(self.plant.around, euler=stiffest.integrator == "euler")
-        counts = [2 * count for _, count in draw_plan(scenario).components]
+        counts = [2 * count for _, count in draw_plan(scenario).models]
         self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
 
     def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Scalar, ...]) -> LoopState:
@@ -79,7 +79,7 @@ class LaneLoop:
 
 def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
     """Closed-loop inputs after a number of control periods: time, and the reference unless its task phases wait."""
-    if scenario.reference.guards:
+    if scenario.agent.reference.guards:
         return InputRow(time=ticks / float(scenario.rates.control), reference=())
     return held_row(scenario, ticks)
 
@@ -94,10 +94,12 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     time = floor((ticks + 0.5) / ratio) * ratio / rate
-    leads = preview_leads(scenario.controller.par)
-    reference = with_preview(scenario.reference.at(time), leads, lambda lead: scenario.reference.at(time + lead))
+    leads = preview_leads(scenario.agent.controller.par)
+    reference = with_preview(
+        scenario.agent.reference.at(time), leads, lambda lead: scenario.agent.reference.at(time + lead)
+    )
     if reference.load:  # the hand's command is that of each control period
-        reference = replace(reference, load=scenario.reference.at(ticks / rate).load)
+        reference = replace(reference, load=scenario.agent.reference.at(ticks / rate).load)
     return reference
 
 
@@ -117,10 +119,10 @@ def lane_statuses(
     motion = {path: column for path, column in values.items() if path.startswith("reference.")}
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
-        if varied.reference.guards:
+        if varied.agent.reference.guards:
             reference = Waits(varied).held_reference(clock, ticks)
         else:
             reference = held_reference(varied, np.minimum(ticks, scenario.steps - 1))
     goals = table_of(reference.dense().position, len(ticks))
-    failed = np.asarray(clock.failed) > 0.5 if scenario.reference.guards else None
+    failed = np.asarray(clock.failed) > 0.5 if scenario.agent.reference.guards else None
     return statuses(scenario, values, state, goals, ended, failed)

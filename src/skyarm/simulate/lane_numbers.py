@@ -144,7 +144,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
     Raises:
         ScenarioError: a delay below 0, or delays that together are beyond the longest; names the path.
     """
-    longest = scenario.delays.longest_command
+    longest = scenario.agent.delays.longest_command
     varied = [path for path in delay_words() if path in columns and columns[path].size]
     if longest is None or not varied:
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 from skyarm.algebra import Vec3
@@ -71,6 +72,7 @@ class AgentLoop:
         sensors: the full state's first, then the named ones. estimate: memory of the estimator.
         drives: memories of the joint drives.
         clock: clock of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
+        components: memories of the environment models that the vehicle has for itself.
     """
 
     state: State
@@ -80,6 +82,7 @@ class AgentLoop:
     estimate: Tree
     drives: Memories
     clock: Clock = ()
+    components: Memories = ()
 
 
 @immutable
@@ -88,13 +91,28 @@ class LoopState:
 
     Attributes:
         alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
-        agent: the vehicle and its control. components: memories of air and forces.
+        agents: each vehicle and its control. components: memories of the environment models that all share.
     """
 
     alive: Scalar
     ticks: Scalar
-    agent: AgentLoop
+    agents: tuple[AgentLoop, ...]
     components: Memories
+
+    @property
+    def agent(self) -> AgentLoop:
+        """The only vehicle and its control."""
+        (only,) = self.agents
+        return only
+
+    @property
+    def memories(self) -> Memories:
+        """Memories of all environment models of the only vehicle, in the order of ``Scenario.components``."""
+        return (*self.agent.components, *self.components)
+
+    def with_agent(self, agent: AgentLoop) -> LoopState:
+        """Copy with another state of the only vehicle."""
+        return replace(self, agents=(agent,) * len(self.agents))
 
 
 Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
@@ -118,12 +136,15 @@ class InputRow(Generic[Wanted_co]):
 
 
 GivenRow = InputRow[Reference | tuple[()]]
-"""Inputs as the loop receives them, with or without a reference."""
+"""Inputs of one vehicle as the loop receives them, with or without a reference."""
+
+GivenRows = tuple[GivenRow, ...]
+"""Inputs of all vehicles at a control instant."""
 
 
 @immutable
-class Sample:
-    """Quantities of one control instant that a log may contain.
+class AgentSample:
+    """Quantities of one vehicle at a control instant that a log may contain.
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
     each, as they had arrived; ``found`` are the online estimates of the law, () of most laws
@@ -131,7 +152,6 @@ class Sample:
     reference that waits.
     """
 
-    alive: Scalar
     state: State
     command: Command
     measurement: Measurement
@@ -141,21 +161,53 @@ class Sample:
     led: tuple[Scalar, ...] = ()
 
 
-def carry_over(
-    first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Clock = ()
-) -> LoopState:
+@immutable
+class Sample:
+    """Quantities of one control instant that a log may contain: those of all vehicles while the episode is alive."""
+
+    alive: Scalar
+    agents: tuple[AgentSample, ...]
+
+    @property
+    def agent(self) -> AgentSample:
+        """Quantities of the only vehicle."""
+        (only,) = self.agents
+        return only
+
+
+Places = tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]
+"""Parameter paths of each vehicle's own environment models, and of those that all share."""
+
+
+def carry_over(first: LoopState, now: LoopState, places: tuple[Places, Places], clocks: Sequence[Clock]) -> LoopState:
     """Transfer the closed-loop state to a changed scenario; states whose structure differs are initialised anew.
 
     Args:
         first: first state of the changed scenario.
         now: state of the loop before.
         places: parameter paths of the environment components in the new and the old scenario.
-        clock: clock of another reference than before, as it begins in this period; () where it is the same one.
+        clocks: clocks of other references than before, as they begin in this period; () where it is the same one.
     """
-    before = dict(zip(places[1], now.components, strict=True))
-    new, old = first.agent, now.agent
+    (own, shared), (owned, shared_before) = places
+    rows = zip(first.agents, now.agents, own, owned, clocks, strict=True)
+    agents = tuple(
+        replace(_carry_agent(new, old, clock), components=_carry_models(new.components, old.components, at, before))
+        for new, old, at, before, clock in rows
+    )
+    components = _carry_models(first.components, now.components, shared, shared_before)
+    return LoopState(alive=now.alive, ticks=now.ticks, agents=agents, components=components)
+
+
+def _carry_models(new: Memories, old: Memories, places: Sequence[str], places_before: Sequence[str]) -> Memories:
+    """Internal states of environment models, kept where a model of the same structure stands at the same path."""
+    before = dict(zip(places_before, old, strict=True))
+    return tuple(_kept(own, before.get(at)) for at, own in zip(places, new, strict=True))
+
+
+def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
+    """State of a vehicle and its control, kept in each part that has the same structure as before."""
     drives = zip(new.drives, old.drives, strict=True) if len(new.drives) == len(old.drives) else ()
-    agent = AgentLoop(
+    return AgentLoop(
         state=_kept(new.state, old.state),
         memory=_kept(new.memory, old.memory),
         queue=_kept(new.queue, old.queue),
@@ -164,8 +216,6 @@ def carry_over(
         drives=tuple(_kept(*both) for both in drives) or new.drives,
         clock=clock or _kept(new.clock, old.clock),
     )
-    components = tuple(_kept(own, before.get(at)) for at, own in zip(places[0], first.components, strict=True))
-    return LoopState(alive=now.alive, ticks=now.ticks, agent=agent, components=components)
 
 
 def _kept(new: Record, old: Record) -> Record:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -11,10 +11,11 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.plant.loads import wind_at
+from skyarm.plant.surroundings import Memories, Together
 from skyarm.records.leaves import Tree, blend
 from skyarm.reference import Reference
-from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, InputRow, LoopState, Sample
+from skyarm.simulate.loop_state import AgentLoop, AgentSample, Clock, GivenRows, InputRow, LoopState, Sample
 from skyarm.simulate.stages import Readings, Stages
 from skyarm.world import WindSample
 
@@ -25,98 +26,155 @@ Body = TypeVar("Body")
 class PlantSteps(Protocol[Body]):
     """Interface (typing.Protocol) of plant models within one control period, over any scalar type."""
 
-    def specific_force(self, state: Body, command: Command, around: Surroundings) -> Vec3:
-        """Accelerometer reading at the base origin, base axes, m/s^2."""
+    def specific_forces(
+        self, states: Sequence[Body], commands: Sequence[Command], around: Together
+    ) -> tuple[Vec3, ...]:
+        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
         ...
 
-    def advance(self, state: Body, before: Command, after: Command, around: Surroundings) -> tuple[Body, Memories]:
-        """State of vehicle and contacts after a control period in which a new command arrives."""
+    def advance(
+        self, states: Sequence[Body], before: Sequence[Command], after: Sequence[Command], around: Together
+    ) -> tuple[tuple[Body, ...], Memories]:
+        """States of vehicles and contacts after a control period in which new commands arrive."""
         ...
 
 
-class FirstHalf(NamedTuple):
-    """Results of the first half of a control period: wind and contacts, sensor readings, law's measurement.
+class AgentHalf(NamedTuple):
+    """Results of the first half of a control period for one vehicle: surroundings, sensor readings, measurement.
 
     Attributes:
-        components: memories of air and forces. around: surroundings of the period.
+        components: memories of its own environment models.
         acting: the command that acts before this period's arrives. wind: surroundings as the log has them.
         read: sensors, estimator, readings for the log and the law's measurement.
     """
 
     components: Memories
-    around: Surroundings
     acting: Command
     wind: WindSample
     read: Readings
 
 
+class FirstHalf(NamedTuple):
+    """Results of the first half of a control period: surroundings of all vehicles, and what each has measured.
+
+    Attributes:
+        components: memories of the shared environment models. around: surroundings of the period.
+        agents: results of each vehicle.
+    """
+
+    components: Memories
+    around: Together
+    agents: tuple[AgentHalf, ...]
+
+
 Uniforms = tuple[Scalar, ...]
 """Random numbers of a period, uniform in (0, 1)."""
 
-Period = Callable[[LoopState, GivenRow, Uniforms], tuple[LoopState, Sample]]
+Period = Callable[[LoopState, GivenRows, Uniforms], tuple[LoopState, Sample]]
+
+Rows = Sequence[InputRow[Reference]]
+"""Inputs of all vehicles at a control instant, with their references."""
 
 
-def measure(
-    stages: Stages, plant: PlantSteps[State], now: LoopState, row: InputRow[Reference], uniforms: Uniforms
-) -> FirstHalf:
-    """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
-    own, time = now.agent, row.time
-    components, around = stages.surround(now.components, own.drives, own.state, time, uniforms, row.path_time)
-    acting = stages.acting(own.queue)
-    wind, pushes = stages.wind(around, own.state), stages.pushes(around, own.state)
-    force = plant.specific_force(own.state, acting, around)
-    read = stages.sense(own.sensors, own.estimate, now.ticks, own.state, force, acting, time, uniforms, pushes)
-    return FirstHalf(components, around, acting, wind, stages.with_grasp(read, components))
+def measure(stages: Stages, plant: PlantSteps[State], now: LoopState, rows: Rows, uniforms: Uniforms) -> FirstHalf:
+    """Evaluate winds, contacts, sensors and estimator of every vehicle at the start of a control period."""
+    own, shared, around = stages.surround(now, rows, uniforms)
+    motions = stages.motions(now, around)
+    acting = [each.acting(loop.queue) for each, loop in zip(stages.agents, now.agents, strict=True)]
+    forces = plant.specific_forces([loop.state for loop in now.agents], acting, around)
+    measured = []
+    for i, (each, loop, draws) in enumerate(
+        zip(stages.agents, now.agents, stages.draws.shares(uniforms).sensors, strict=True)
+    ):
+        beside, motion = around.of(i), motions[i]
+        wind, pushes = wind_at(beside, motion), each.pushes(beside, motion)
+        read = each.sense(loop, now.ticks, forces[i], acting[i], rows[i].time, draws, pushes)
+        read = each.with_grasp(read, (*own[i], *shared))
+        measured.append(AgentHalf(own[i], acting[i], wind, read))
+    return FirstHalf(shared, around, tuple(measured))
+
+
+class Decided(NamedTuple):
+    """Output of one vehicle's law in a control period: its next internal state, command, reference clock."""
+
+    memory: Tree
+    command: Command
+    clock: Clock = ()
+
+
+def decide(stages: Stages, now: LoopState, measured: FirstHalf, rows: Rows) -> list[Decided]:
+    """Evaluate the law of every vehicle, and the clock of a reference whose phases wait."""
+    decided = []
+    for each, own, half, row in zip(stages.agents, now.agents, measured.agents, rows, strict=True):
+        seen = half.read.measurement
+        memory, command = each.decide(own.memory, seen, each.law_reference(row), row.path_time)
+        decided.append(Decided(memory, command, each.waits.advance(own.clock, now.ticks, seen, row, memory)))
+    return decided
 
 
 def act(
-    stages: Stages, plant: PlantSteps[State], now: LoopState, measured: FirstHalf, memory: Tree, command: Command,
-    clock: Clock = (),
-) -> LoopState:  # fmt: skip
-    """Apply a command through delay, joint drives and plant; return the loop state after the control period."""
-    own, read = now.agent, measured.read
-    alive, queue, acting = stages.send(now.alive, own.queue, command)
-    drives = stages.drive(own.drives, measured.acting, acting, own.state)
-    around = stages.with_drives(measured.around, drives)
-    state, coupled = plant.advance(own.state, measured.acting, acting, around)
-    agent = AgentLoop(
-        state=state, memory=memory, queue=queue, sensors=read.sensors, estimate=read.estimate, drives=drives,
-        clock=clock,
-    )  # fmt: skip
-    components = stages.advance_coupled(measured.components, coupled)
-    return LoopState(alive=alive, ticks=now.ticks + alive, agent=agent, components=components)
+    stages: Stages, plant: PlantSteps[State], now: LoopState, measured: FirstHalf, decided: Sequence[Decided]
+) -> LoopState:
+    """Apply commands through delay, joint drives and plant; return the loop state after the control period."""
+    alive, agents, acting = now.alive, list[AgentLoop](), list[Command]()
+    for each, own, half, law in zip(stages.agents, now.agents, measured.agents, decided, strict=True):
+        alive, queue, arrived = each.send(alive, own.queue, law.command)
+        agents.append(
+            AgentLoop(
+                state=own.state, memory=law.memory, queue=queue, sensors=half.read.sensors,
+                estimate=half.read.estimate, drives=each.drive(own.drives, half.acting, arrived, own.state),
+                clock=law.clock, components=half.components,
+            )
+        )  # fmt: skip
+        acting.append(arrived)
+    around = measured.around.with_drives([each.drives for each in agents])
+    before = [half.acting for half in measured.agents]
+    states, coupled = plant.advance([own.state for own in now.agents], before, acting, around)
+    after = around.with_coupled(coupled)
+    flown = zip(agents, states, after.each, strict=True)
+    moved = tuple(replace(each, state=state, components=beside.memories) for each, state, beside in flown)
+    return LoopState(alive=alive, ticks=now.ticks + alive, agents=moved, components=after.memories)
 
 
 def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
     """Make the function that advances the closed loop by one control period.
 
-    An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
+    An episode that has ended keeps the state it ended in; only the laws' memories, which nobody reads then, go on.
 
     Args:
         stages: stages of the scenario.
         plant: plant model over the same scalars.
     """
 
-    def period(before: LoopState, given: GivenRow, uniforms: Uniforms) -> tuple[LoopState, Sample]:
-        own = before.agent
-        row = stages.waits.lead(own.clock, before.ticks, given)
-        now = replace(before, alive=stages.alive(before, row.reference))
-        measured = measure(stages, plant, now, row, uniforms)
-        read = measured.read
-        memory, command = stages.decide(own.memory, read.measurement, stages.law_reference(row), row.path_time)
-        clock = stages.waits.advance(own.clock, now.ticks, read.measurement, row, memory)
-        following = act(stages, plant, now, measured, memory, command, clock)
-        sample = Sample(
-            alive=following.alive,
-            state=own.state,
-            command=command,
-            measurement=read.measurement,
-            readings=read.readings,
-            wind=measured.wind,
-            found=numbers_found(memory),
-            led=stages.waits.log_values(own.clock, now.ticks),
-        )
-        ended = replace(before, alive=0.0, agent=replace(own, memory=memory))
+    def period(before: LoopState, given: GivenRows, uniforms: Uniforms) -> tuple[LoopState, Sample]:
+        rows = stages.lead(before, given)
+        now = replace(before, alive=stages.alive(before, rows))
+        measured = measure(stages, plant, now, rows, uniforms)
+        decided = decide(stages, now, measured, rows)
+        following = act(stages, plant, now, measured, decided)
+        over = zip(before.agents, decided, strict=True)
+        ended = replace(before, alive=0.0, agents=tuple(replace(own, memory=law.memory) for own, law in over))
+        sample = _sample(stages, before, measured, decided, following.alive)
         return blend(following.alive > 0.5, following, ended), sample
 
     return period
+
+
+def _sample(
+    stages: Stages, before: LoopState, measured: FirstHalf, decided: Sequence[Decided], alive: Scalar
+) -> Sample:
+    """Quantities of the control instant that a log may contain."""
+    rows = zip(stages.agents, before.agents, measured.agents, decided, strict=True)
+    agents = tuple(
+        AgentSample(
+            state=own.state,
+            command=law.command,
+            measurement=half.read.measurement,
+            readings=half.read.readings,
+            wind=half.wind,
+            found=numbers_found(law.memory),
+            led=each.waits.log_values(own.clock, before.ticks),
+        )
+        for each, own, half, law in rows
+    )
+    return Sample(alive=alive, agents=agents)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -12,18 +13,19 @@ from skyarm.compile import Graph, Node
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
+from skyarm.dynamics.state import example_state
+from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
 from skyarm.plant.interface import Plant
-from skyarm.plant.rigid_body import Moved, accelerate, after_impact
-from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.plant.rigid_body import Moved, accelerate, after_impacts
+from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.command_delay import switches
+from skyarm.simulate.command_delay import arrivals
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
-from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.loop_state import InputRow, LoopState
+from skyarm.simulate.stages import AgentStages, Stages
 
 Flat = tuple[float, ...]
 
@@ -36,7 +38,8 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
         first: its first loop state; made anew if left out.
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
-    return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
+    worlds = tuple(each.plant for each in scenario.agents.values())
+    return RigidBodyPlant(worlds, around, scenario.integrator, 1.0 / scenario.rates.physics)
 
 
 class Substeps:
@@ -63,52 +66,82 @@ class RigidBodySteps:
     """
 
     def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
-        self._scenario, self._period, self._late = stages.scenario, stages.period, stages.late
-        self._substeps, self._apart = substeps, stages.apart
+        self._worlds, self._integrator, self._period = stages.worlds, stages.scenario.integrator, stages.period
+        self._substeps, self._late = substeps, [each.arrival for each in stages.agents]
 
-    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Accelerometer reading at the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.plant, state, command, around)
-        return force.linear
+    def specific_forces(
+        self, states: Sequence[State], commands: Sequence[Command], around: Together
+    ) -> tuple[Vec3, ...]:
+        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
+        return tuple(force.linear for force, _ in accelerate(self._worlds, states, commands, around))
 
-    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State of vehicle and contacts after a control period in which a new command arrives."""
-        now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
-        late = self._late
-        parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
+    def advance(
+        self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
+    ) -> Moved:
+        """States of vehicles and contacts after a control period in which new commands arrive."""
+        now = after_impacts(self._worlds, states, around), around.coupled_memories()
         left: Scalar = self._period
-        for seconds, command in parts:
+        for seconds, commands in arrivals(self._late, before, after):
             if type(seconds) is not float:
-                now = blend(seconds > 0.0, self._hold(now, command, around, seconds), now)
+                now = blend(seconds > 0.0, self._hold(now, commands, around, seconds), now)
             elif seconds > 0.0:
-                now = self._hold(now, command, around, seconds)
+                now = self._hold(now, commands, around, seconds)
             left = left - seconds
         return self._hold(now, after, around, left)
 
-    def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
-        """State of vehicle and contacts after an interval with a constant command."""
+    def _hold(self, now: Moved, commands: Sequence[Command], around: Together, seconds: Scalar) -> Moved:
+        """States of vehicles and contacts after an interval with constant commands."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
+        return hold(self._worlds, self._integrator, count, now, commands, around, seconds)
 
 
 class EpisodeEndedError(Exception):
     """Early termination of a flight, raised within a control period that is evaluated in Python.
 
     Attributes:
-        command: its numbers where the command is what ended the episode; else ().
+        agent: name of the vehicle whose command is what ended the episode; else "". command: its numbers; else ().
     """
 
-    def __init__(self, command: Flat) -> None:
+    def __init__(self, agent: str, command: Flat) -> None:
         super().__init__("the episode has ended")
-        self.command = command
+        self.agent, self.command = agent, command
 
 
 class StagesInPython(Stages):
-    """Stages of a control period evaluated in Python with any Python law; a termination raises an exception.
+    """Stages of a control period evaluated in Python with any Python laws; a termination raises an exception.
 
     Args:
-        scenario: scenario of the episode. calls: internal state of its law. example: command with its structure.
-        command, given: arguments of :class:`Stages`.
+        scenario: scenario of the episode. calls: internal states of the laws. examples: commands with their structure.
+        commands, given: arguments of :class:`Stages`.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        calls: Sequence[LawCalls],
+        examples: Sequence[Command],
+        commands: Sequence[Command] = (),
+        given: Sequence[Scalar] = (),
+    ) -> None:
+        self._called = dict(zip(scenario.agents, zip(calls, examples, strict=True), strict=True))
+        super().__init__(scenario, commands, given)
+
+    def _stages_of(self, name: str, command: Command | None, given: Scalar | None) -> AgentStages:
+        """Stages of one vehicle, whose law is called where it cannot be traced."""
+        return AgentStagesInPython(self.scenario.of(name), *self._called[name], command, given)
+
+    def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
+        """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
+        going = super().alive(now, rows)
+        return _graph_of(going).external(partial(_require_alive, ""), [(going,)], 1)[0]
+
+
+class AgentStagesInPython(AgentStages):
+    """Stages of one vehicle in a control period that is evaluated in Python, with any Python law.
+
+    Args:
+        scenario: scenario of its flight alone. calls: internal state of its law. example: command with its structure.
+        command, given: arguments of :class:`AgentStages`.
     """
 
     def __init__(
@@ -122,23 +155,20 @@ class StagesInPython(Stages):
         super().__init__(scenario, command, given)
         self._calls, self._example = calls, example
 
-    def alive(self, now: LoopState, reference: Reference) -> Scalar:
-        """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
-        going = super().alive(now, reference)
-        return _graph_of(going).external(_require_alive, [(going,)], 1)[0]
-
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Scalar, tuple[Command, ...], Command]:
         """Put a command into the delay queue; raise EpisodeEndedError if it is not finite."""
         going, moved, acting = super().send(alive, queue, command)
-        return _graph_of(going).external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
+        (name,) = self.scenario.agents
+        checked = _graph_of(going).external(partial(_require_alive, name), [(going,), leaves(command)], 1)
+        return checked[0], moved, acting
 
     def apply_law(
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
     ) -> tuple[Tree, Command]:
         """Evaluate the control law; a law that cannot be traced is called with floats."""
-        if self.scenario.controller.compiled:
+        if self.scenario.agent.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
         count = len(leaves((self._example, memory)))
@@ -167,9 +197,9 @@ def _graph_of(record: Tree) -> Graph:
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
-def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
+def _require_alive(agent: str, alive: Flat, command: Flat = ()) -> Flat:
     if alive[0] < 0.5:
-        raise EpisodeEndedError(command)
+        raise EpisodeEndedError(agent, command)
     return alive
 
 
@@ -184,32 +214,42 @@ class CalledPlant:
             whole number of physics steps.
     """
 
-    def __init__(self, plant: Plant, stages: Stages, around: Surroundings) -> None:
-        self._plant, self._period, self._late = plant, stages.period, float(stages.late)
-        scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
-        for name in ("command", "rotors", "joints"):
-            delay = getattr(scenario.delays, name)
+    def __init__(self, plant: Plant, stages: Stages, around: Together) -> None:
+        self._plant, self._period = plant, stages.period
+        self._late = [tuple(map(float, each.arrival)) for each in stages.agents]
+        scenario = stages.scenario
+        for name, delay in ((name, getattr(each.delays, name)) for each in scenario.agents.values() for name in DELAYS):
             steps = delay * scenario.rates.physics
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
                     f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
                 )
-        self._kind, self._rotors, self._joints = scenario.kind, len(vehicle.rotors), vehicle.n
-        self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
-        self._apart = None if stages.apart is None else tuple(float(rest) for _, rest in stages.apart)
-        self._impact, self._coupled = _impact_of(plant, scenario), places_in(around)
+        sizes = [each.vehicle.sizes for each in stages.worlds]
+        self._kind, self._commands = scenario.kind, tuple(example_command(*each) for each in sizes)
+        self._end = sum(len(leaves(example_state(*each))) for each in sizes)
+        self._several = getattr(plant, "several", False)
+        self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._for_plant(around))
         self._read: tuple[Flat, Flat] = ((), ())
 
-    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Accelerometer reading at the base origin, base axes, m/s^2."""
-        graph, groups = _graph_of(state), [leaves(state), leaves(command), leaves(around)]
-        return Vec3(*graph.external(self._specific_force, groups, 3))
+    def _for_plant(self, around: Together) -> Together:
+        """Surroundings as inputs of the plant; for one of one vehicle, shared models are among that vehicle's own."""
+        return around if self._several else Together((around.of(0),), around.names)
 
-    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State of vehicle and contacts after a control period in which a new command arrives."""
-        groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
-        numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
-        return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
+    def specific_forces(
+        self, states: Sequence[State], commands: Sequence[Command], around: Together
+    ) -> tuple[Vec3, ...]:
+        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
+        groups = [leaves(tuple(states)), leaves(tuple(commands)), leaves(self._for_plant(around))]
+        numbers = iter(_graph_of(states[0]).external(self._specific_force, groups, 3 * len(states)))
+        return tuple(Vec3(next(numbers), next(numbers), next(numbers)) for _ in states)
+
+    def advance(
+        self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
+    ) -> Moved:
+        """States of vehicles and contacts after a control period in which new commands arrive."""
+        groups = [leaves(tuple(states)), leaves(tuple(before)), leaves(tuple(after)), leaves(self._for_plant(around))]
+        numbers = iter(_graph_of(states[0]).external(self._advance, groups, self._end + len(self._coupled)))
+        return rebuild(tuple(states), numbers), rebuild(around.coupled_memories(), numbers)
 
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
@@ -223,12 +263,10 @@ class CalledPlant:
             around = self._read[1]
         if self._impact is not None:
             state = self._impact(state, around)
-        parts, left = [(self._late, before)], self._period
-        if self._apart is not None:
-            n, end = self._rotors, self._rotors + self._joints
-            old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
-            pairs = switches(old, new, *self._apart)
-            parts = [(float(seconds), tuple(leaves(command))) for seconds, command in pairs]
+        left, parts = self._period, [(self._late[0][0], before)]
+        if len(self._late[0]) > 1 or self._late.count(self._late[0]) < len(self._late):
+            old, new = (rebuild(self._commands, iter(command)) for command in (before, after))
+            parts = [(float(seconds), tuple(leaves(now))) for seconds, now in arrivals(self._late, old, new)]
         for seconds, command in parts:
             if seconds > 0.0:
                 numbers = self._hold(state, command, around, seconds)
@@ -253,14 +291,19 @@ class CalledPlant:
         return tuple(numbers)
 
 
+DELAYS = ("command", "rotors", "joints")
+"""Delays of commands, which end between physics steps where they are no whole number of these."""
+
+
 def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
     """Function of a plant that applies impacts of grasps and locking joints; None for a scenario without them.
 
     Raises:
         ScenarioError: a user-defined plant without it.
     """
-    stuck = any(fault.stuck for fault in scenario.faults)
-    rigid = any(payload.rigid for payload in scenario.payloads)
+    agents = scenario.agents.values()
+    stuck = any(fault.stuck for each in agents for fault in each.faults)
+    rigid = any(payload.rigid for each in agents for payload in each.payloads)
     if not rigid and not stuck:
         return None
     after_impact: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)

@@ -10,7 +10,7 @@ Where no phase waits the clock is ``()``: structure, without an operation.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, TypeVar, cast
 
 from skyarm.algebra import ZERO3_DATA, Vec3
@@ -31,6 +31,7 @@ from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, leaves, mismatch
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference.path_time import offset_reference
 from skyarm.reference.preview import with_preview
 from skyarm.reference.task_records import Guard
@@ -39,7 +40,7 @@ from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.loop_state import Clock, GivenRow, InputRow, LoopState, PathClock
+from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, InputRow, LoopState, PathClock
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 Instant = tuple[Scalar, Sequence[Scalar]]
@@ -101,14 +102,14 @@ class Waits:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._trajectory = scenario.reference
-        self._leads = preview_leads(scenario.controller.par)
-        self.guards: tuple[Guard, ...] = scenario.reference.guards
+        self._trajectory = scenario.agent.reference
+        self._leads = preview_leads(scenario.agent.controller.par)
+        self.guards: tuple[Guard, ...] = scenario.agent.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
-        self._believed = tuple(each for each in scenario.payloads if each.believed)
+        self._believed = tuple(each for each in scenario.agent.payloads if each.believed)
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
-        self._vehicle = scenario.controller.par.model.vehicle
+        self._vehicle = scenario.agent.controller.par.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
             dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
@@ -230,6 +231,10 @@ class Waits:
         """Path time (s) of the reference, by the reference clock."""
         return clock.place / self._rate
 
+    def task_time(self, row: InputRow[Reference]) -> Scalar:
+        """Time (s) of events of the task: that along a reference whose phases wait, else the flight's."""
+        return row.path_time if self.guards and not isinstance(row.path_time, tuple) else row.time
+
     def phase(self, path_time: Scalar) -> Scalar:
         """Index of the task phase at a path time (s); 0 for a task without phases."""
         index: Scalar = 0.0
@@ -334,24 +339,34 @@ def due(ticks: Scalar, every: int) -> Scalar:
     return fresh
 
 
-def is_other_reference(now: Overrides, then: Overrides) -> bool:
-    """True if scheduled changes have replaced the whole reference between two instants."""
-    parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
-    return parts != old
+def other_references(scenario: Scenario, now: Overrides, then: Overrides) -> tuple[str, ...]:
+    """Names of the vehicles whose whole reference scheduled changes have replaced between two instants."""
+
+    def of(overrides: Overrides, name: str) -> list[tuple[str, object]]:
+        named = [(agent_of(path), word_of(path), value) for path, value in overrides.parts]
+        return [(word, value) for of, word, value in named if of in ("", name) and word.split(".")[0] == "reference"]
+
+    return tuple(name for name in scenario.agents if of(now, name) != of(then, name))
 
 
-def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Clock:
-    """Reference clock restarted after a change of the scenario; () if the old clock continues.
+def clocks_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: Collection[str]) -> list[Clock]:
+    """Reference clocks restarted after a change of the scenario; () for a vehicle whose old clock continues.
 
     Args:
         scenario: scenario after the change.
         first: its first loop state.
         now: state of the loop where the change came; it may be that of many lanes, of which some have ended.
-        anew: True if the reference is another one.
+        anew: names of the vehicles whose reference is another one.
     """
-    other = mismatch(first.agent.clock, now.agent.clock, "clock")
-    if first.agent.clock == () or not (anew or other):
+    rows = zip(scenario.agents, first.agents, now.agents, strict=True)
+    return [_clock_of_change(scenario.of(name), new, old, now, anew=name in anew) for name, new, old in rows]
+
+
+def _clock_of_change(scenario: Scenario, first: AgentLoop, own: AgentLoop, now: LoopState, *, anew: bool) -> Clock:
+    """Reference clock of one vehicle restarted after a change of the scenario; () if the old clock continues."""
+    other = mismatch(first.clock, own.clock, "clock")
+    if first.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
-    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.agent.clock)
+    clock: Clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
     return clock

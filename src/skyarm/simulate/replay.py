@@ -25,7 +25,7 @@ from skyarm.dynamics.state import State, example_state
 from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import Moved
-from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
@@ -132,13 +132,14 @@ class CommandReplay:
             setpoints = mean_efforts(given.before, given.after, given.late[1], step)
             rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
             memories = tuple(drive.advance(memory, mean, q, qd, step) for drive, memory, mean, q, qd in rows)
-            world, beside = Truth(vehicle=vehicle, gravity=gravity), around(vehicle, given, memories)
-            now: Moved = before, ()
+            worlds = (Truth(vehicle=vehicle, gravity=gravity),)
+            beside = Together((around(vehicle, given, memories),))
+            now: Moved = (before,), ()
             left: Scalar = step
             for seconds, command in switches(given.before, given.after, *given.late):
-                now = hold(world, "rk4", count, now, command, beside, seconds)
+                now = hold(worlds, "rk4", count, now, (command,), beside, seconds)
                 left = left - seconds
-            after, _ = hold(world, "rk4", count, now, given.after, beside, left)
+            (after,), _ = hold(worlds, "rk4", count, now, (given.after,), beside, left)
             return (after, memories), tuple(sensed(numbers, before, after))
 
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)

@@ -9,16 +9,15 @@ from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.plant.loads import wind_at
-from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
+from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
@@ -32,7 +31,8 @@ from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.reference_clock import is_other_reference
+from skyarm.simulate.reference_clock import other_references
+from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import has_own
 from skyarm.world import WindSample
 
@@ -101,7 +101,7 @@ class Course:
     ) -> Course:
         if coming:
             now = dataclasses.replace(now, changes=coming)
-        flown = (*self.flown, piece) if len(piece.flown.states) else self.flown
+        flown = (*self.flown, piece) if len(piece.flown[0].states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
 
@@ -156,7 +156,7 @@ class Session:
     def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
-        autopilot = autopilot_of(scenario.controller)
+        autopilot = scenario.autopilot
         kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
         return super().__new__(kind)
 
@@ -169,7 +169,7 @@ class Session:
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._sizes = scenario.plant.vehicle.sizes
+        self._sizes = next(iter(scenario.agents.values())).plant.vehicle.sizes
         self._apply_due_changes()
 
     @property
@@ -219,14 +219,16 @@ class Session:
     def measurement(self) -> Measurement:
         """Measurement that the control law receives in the next period."""
         self._require_running()
-        return self._engine.measurement()
+        (only,) = self._engine.measurements()
+        return only
 
     @property
     def wind(self) -> WindSample:
         """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
-        scenario, now = self.scenario, self.now
-        around = Surroundings(components=scenario.components, memories=now.components, time=self.time)
-        return wind_at(around, scenario.plant, now.agent.state)
+        stages, now = Stages(self.scenario), self.now
+        around = stages.surroundings(now, self.time)
+        (motion,) = stages.motions(now, around)
+        return wind_at(around.of(0), motion)
 
     @property
     def reference(self) -> Reference:
@@ -248,9 +250,9 @@ class Session:
             ScenarioError: a command with another number of rotors or joints.
         """
         if rotors is not None:
-            going = self._engine.step(rotor_numbers(rotors, command, *self._sizes), rotors_only=True)
+            going = self._engine.step((rotor_numbers(rotors, command, *self._sizes),), rotors_only=True)
         else:
-            going = self._engine.step(None if command is None else numbers_of_command(command, *self._sizes))
+            going = self._engine.step(() if command is None else (numbers_of_command(command, *self._sizes),))
         if self._course.coming and going:
             self._apply_due_changes()
         return going or self._name_cause()
@@ -280,7 +282,7 @@ class Session:
         if not ended or engine.commanded or not self.returns or not has_own(self.scenario):
             return False
         # a law that is called may act on things outside: it is not called again
-        if self.scenario.controller.compiled and ended.cause.endswith("is not finite"):
+        if self.scenario.is_compiled and ended.cause.endswith("is not finite"):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now
@@ -311,7 +313,7 @@ class Session:
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
         rows = engine.states_and_commands(start, engine.tick)
-        return state_arrays(engine.scenario.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
+        return state_arrays(engine.scenario.agent.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
 
     def snapshot(self) -> Snapshot:
         """Copy of the session's current state, from which :meth:`restore` continues."""
@@ -351,7 +353,7 @@ class Session:
     def _make_engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else Python."""
         scenario = course.now
-        if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
+        if self._compiles and scenario.kind == "rigid_body" and scenario.is_compiled:
             try:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
@@ -394,14 +396,16 @@ class Session:
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers
-        steady = not any(path.startswith("sensors.") for path in changed)
+        steady = not any(word_of(path).startswith("sensors.") for path in changed)
         numbers = dict(self._read(course).numbers)
         if not (steady and self._engine.give(course.now, numbers, changed, self._key(course))):
             engine = self._make_engine(course)
-            different = mismatch(self._engine.first.agent.sensors, engine.first.agent.sensors, "sensors")
+            before, after = ([own.sensors for own in each.first.agents] for each in (self._engine, engine))
+            different = mismatch(tuple(before), tuple(after), "sensors")
             if different:
                 raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
-            engine.take_over(self._engine, anew=is_other_reference(course.overrides, self._course.overrides))
+            anew = other_references(course.now, course.overrides, self._course.overrides)
+            engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course = course
 
@@ -431,7 +435,7 @@ def open_session(
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
     # checked by the session itself, before it is made
-    autopilot = autopilot_of(scenario.controller) if isinstance(scenario, Scenario) else None
+    autopilot = scenario.autopilot if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
     session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import zip_longest
 from typing import cast
 
 from skyarm.algebra import ZERO3, Vec3
@@ -19,8 +20,8 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.loads import rigid_loads, wind_at
-from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.plant.loads import rigid_loads
+from skyarm.plant.surroundings import Memories, Surroundings, Together, motions_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
 from skyarm.reference import Reference
@@ -39,12 +40,12 @@ from skyarm.simulate.command_delay import (
     mean_efforts,
     rotor_and_joint_delays,
 )
-from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.loop_state import InputRow, LoopState, SensorState
+from skyarm.simulate.draws import draw_plan
+from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world import Component, WindSample, effectiveness_at
+from skyarm.world import Component, effectiveness_at
 
 
 @immutable
@@ -62,87 +63,169 @@ class Stages:
 
     Args:
         scenario: scenario with concrete structure: rates, integrator, delays but for a varied one of the commands.
+        commands: command from outside for each vehicle, in place of its law's; empty for the laws' own.
+        given: for each vehicle 1 where that command takes the law's place, 0 where the law decides, 2 where the
+            command's rotor speeds alone take the place of the law's; empty for always 1.
+
+    Attributes:
+        agents: stages of each vehicle. own: environment models that each has for itself. shared: those of all.
+    """
+
+    def __init__(self, scenario: Scenario, commands: Sequence[Command] = (), given: Sequence[Scalar] = ()) -> None:
+        self.scenario, self.period = scenario, 1.0 / scenario.rates.control
+        self.worlds = tuple(each.plant for each in scenario.agents.values())
+        self.own = tuple(scenario.own_components(each) for each in scenario.agents.values())
+        self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
+        self._eventful = any(_acts(each) for each in (*self.shared, *(each for some in self.own for each in some)))
+        rows = zip_longest(scenario.agents, commands, given)
+        self.agents = tuple(self._stages_of(name, command, mode) for name, command, mode in rows)
+
+    def _stages_of(self, name: str, command: Command | None, given: Scalar | None) -> AgentStages:
+        """Stages of one vehicle, by its name."""
+        return AgentStages(self.scenario.of(name), command, given)
+
+    @property
+    def agent(self) -> AgentStages:
+        """Stages of the only vehicle."""
+        (only,) = self.agents
+        return only
+
+    def lead(self, now: LoopState, given: GivenRows) -> tuple[InputRow[Reference], ...]:
+        """Inputs of all vehicles in a control period, with references that wait evaluated at their clocks' times."""
+        rows = zip(self.agents, now.agents, given, strict=True)
+        return tuple(each.waits.lead(own.clock, now.ticks, row) for each, own, row in rows)
+
+    def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
+        """1.0 while no vehicle meets a termination condition, else 0.0."""
+        fine: Scalar = now.alive > 0.5
+        for each, loop, row in zip(self.agents, now.agents, rows, strict=True):
+            fine = logical_and(fine, healthy(each.scenario, loop.state, row.reference.position))
+            sound = each.waits.is_sound(loop.clock)
+            fine = fine if sound is True else logical_and(fine, sound)
+        return where(fine, 1.0, 0.0)
+
+    def surround(
+        self, now: LoopState, rows: Sequence[InputRow[Reference]], uniforms: tuple[Scalar, ...]
+    ) -> tuple[list[Memories], Memories, Together]:
+        """Advance wind, force, payload and contact models.
+
+        Returns:
+            Internal states of each vehicle's own models and of the shared ones, and the plant's inputs.
+        """
+        draws, time, first = self.draws.shares(uniforms), rows[0].time, now.agents[0].state
+        own = [
+            self._advance_models(models, loop.components, time, loop.state, numbers)
+            for models, loop, numbers in zip(self.own, now.agents, draws.components, strict=True)
+        ]
+        shared = self._advance_models(self.shared, now.components, time, first, draws.shared)
+        if self._eventful:
+            motions = motions_of(self.worlds, [loop.state for loop in now.agents], tuple(self.scenario.agents))
+            for each, motion, row in zip(self.agents, motions, rows, strict=True):
+                motion.task_time = each.waits.task_time(row)
+            for each, motion, models, memories in zip(self.agents, motions, self.own, own, strict=True):
+                self._act(models, memories, time, motion, each.waits.loads)
+            self._act(self.shared, shared, time, motions[0], self.agents[0].waits.loads)
+        around = self.together(own, shared, [loop.drives for loop in now.agents], time)
+        return [tuple(each) for each in own], tuple(shared), around
+
+    def _advance_models(
+        self,
+        models: Sequence[Component[Tree]],
+        memories: Memories,
+        time: Scalar,
+        state: State,
+        draws: Sequence[tuple[Scalar, ...]],
+    ) -> list[Tree]:
+        """Internal states of environment models in the control period that begins."""
+        rows = zip(models, memories, draws, strict=True)
+        return [model.advance(memory, time, self.period, state, numbers) for model, memory, numbers in rows]
+
+    def _act(
+        self,
+        models: Sequence[Component[Tree]],
+        memories: list[Tree],
+        time: Scalar,
+        motion: PointMotion,
+        loads: Collection[str],
+    ) -> None:
+        """Apply the discrete events of environment models, such as a grasp, to their internal states."""
+        for i, model in enumerate(models):
+            if _acts(model):
+                # of a reference that waits, its own time
+                of_task = model.coupled or getattr(model, "name", None) in loads
+                memories[i] = model.act(memories[i], motion.task_time if of_task else time, self.period, motion)
+
+    def together(
+        self, own: Sequence[Sequence[Tree]], shared: Sequence[Tree], drives: Sequence[Memories], time: Scalar
+    ) -> Together:
+        """Inputs of the plant in one control period: wind, force and contact models, actuator faults, joint drives."""
+        rows = zip(self.scenario.agents.values(), self.own, own, drives, strict=True)
+        each = tuple(
+            Surroundings(
+                components=models,
+                memories=tuple(memories),
+                time=time,
+                effectiveness=effectiveness_at(agent.faults, agent.plant.vehicle, time),
+                drives=agent.all_drives,
+                drive_memories=of_drives,
+            )
+            for agent, models, memories, of_drives in rows
+        )
+        return Together(each, tuple(self.scenario.agents), self.shared, tuple(shared))
+
+    def surroundings(self, now: LoopState, time: Scalar) -> Together:
+        """Inputs of the plant at a state of the loop, whose environment models are those of this period already."""
+        own, drives = [loop.components for loop in now.agents], [loop.drives for loop in now.agents]
+        return self.together(own, now.components, drives, time)
+
+    def motions(self, now: LoopState, around: Together) -> tuple[PointMotion, ...]:
+        """Motion of each vehicle at a state of the loop."""
+        return around.motions(self.worlds, [loop.state for loop in now.agents])
+
+
+def _acts(component: Component[Tree]) -> bool:
+    """True if an environment model has discrete events at control instants, such as a grasp."""
+    return type(component).act is not Component.act
+
+
+class AgentStages:
+    """Computation stages of one control period for one vehicle: sensors, law, delays and drives.
+
+    Args:
+        scenario: scenario of its flight alone.
         command: command from outside, in place of the law's; None for the law's own.
-        given: 1 where that command takes the law's place, 0 where the law decides, 2 where the command's rotor speeds
-            alone take the place of the law's; None for always 1.
+        given: as of :class:`Stages`; None for always 1.
     """
 
     def __init__(self, scenario: Scenario, command: Command | None = None, given: Scalar | None = None) -> None:
         self.scenario, self._command, self._given = scenario, command, given
-        self.period = 1.0 / scenario.rates.control
-        self.components = scenario.components
-        self.sensors = scenario.all_sensors
-        self.eventful = tuple(i for i, each in enumerate(self.components) if type(each).act is not Component.act)
+        self.period, own = 1.0 / scenario.rates.control, scenario.agent
+        self.sensors = own.all_sensors
         self.waits = Waits(scenario)
-        self.draws: Draws = draw_plan(scenario)
-        self._law = checked_law(scenario.controller)
-        model = scenario.controller.par.model
-        self._awaits_load = learns_load(scenario.controller.par) and scenario.reference.load is None
-        self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
+        self._law = checked_law(own.controller)
+        model = own.controller.par.model
+        self._awaits_load = learns_load(own.controller.par) and own.reference.load is None
+        self._estimator = own.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
-        self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
-        self.tip_sensor = tip_sensor(self.sensors, scenario.plant.vehicle)
+        self.apart = rotor_and_joint_delays(scenario) if own.delays.apart else None
+        self.tip_sensor = tip_sensor(self.sensors, own.plant.vehicle)
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
-        noisy = [sigma for sigma in leaves(scenario.noise) if type(sigma) is not float or sigma > 0.0]
-        full = [FULL_STATE] if scenario.has_estimator and noisy else []
-        self.logged = (*full, *(each.name for each in scenario.sensors))
+        noisy = [sigma for sigma in leaves(own.noise) if type(sigma) is not float or sigma > 0.0]
+        full = [FULL_STATE] if own.has_estimator and noisy else []
+        self.logged = (*full, *(each.name for each in own.sensors))
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
+        self._models = scenario.components
 
-    def alive(self, now: LoopState, reference: Reference) -> Scalar:
-        """1.0 while the flight meets no termination condition, else 0.0."""
-        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.agent.state, reference.position))
-        sound = self.waits.is_sound(now.agent.clock)
-        return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
+    @property
+    def arrival(self) -> tuple[Scalar, ...]:
+        """Time (s) in the period at which commands take effect, of all actuators or of rotors and joints."""
+        return (self.late,) if self.apart is None else (self.apart[0][1], self.apart[1][1])
 
-    def surround(
-        self,
-        memories: Memories,
-        drives: Memories,
-        state: State,
-        time: Scalar,
-        uniforms: tuple[Scalar, ...],
-        path_time: Scalar | tuple[()] = (),
-    ) -> tuple[Memories, Surroundings]:
-        """Advance wind, force, payload and contact models; return their states and the plant's inputs."""
-        going = [
-            component.advance(memory, time, self.period, state, draws)
-            for component, memory, draws in zip(self.components, memories, self.draws.shares(uniforms)[1], strict=True)
-        ]
-        if self.eventful:
-            motion = PointMotion(self.scenario.plant.vehicle, state, gravity=self.scenario.plant.gravity)
-            # of a reference that waits, its own time
-            waiting = time if isinstance(path_time, tuple) or not self.waits.guards else path_time
-            for i in self.eventful:
-                component = self.components[i]
-                loads = getattr(component, "name", None) in self.waits.loads
-                t = waiting if component.coupled or loads else time
-                going[i] = component.act(going[i], t, self.period, motion)
-        return tuple(going), self.surroundings(tuple(going), drives, time)
-
-    def wind(self, around: Surroundings, state: State) -> WindSample:
-        """Wind force on the base, air velocity, and logged numbers of the environment models."""
-        return wind_at(around, self.scenario.plant, state)
-
-    def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
+    def pushes(self, around: Surroundings, motion: PointMotion) -> tuple[Push, ...]:
         """External wrench at each force sensor, in the order of the sensors; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
-        if not frames:
-            return ()
-        vehicle, gravity = self.scenario.plant.vehicle, self.scenario.plant.gravity
-        return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
-
-    def surroundings(self, memories: Memories, drives: Memories, time: Scalar) -> Surroundings:
-        """Inputs of the plant in one control period: wind, force and contact models, actuator faults, joint drives."""
-        scenario = self.scenario
-        return Surroundings(
-            components=self.components,
-            memories=memories,
-            time=time,
-            effectiveness=effectiveness_at(scenario.faults, scenario.plant.vehicle, time),
-            drives=scenario.all_drives,
-            drive_memories=drives,
-        )
+        return tuple(push_at(motion.vehicle.frame(frame or None), around, motion) for frame in frames)
 
     def acting(self, queue: Sequence[Command]) -> Command:
         """Delayed command from a queue of past commands; rotors and joints may have different delays."""
@@ -156,17 +239,17 @@ class Stages:
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
-        self, sensors: Sequence[SensorState], estimate: Tree, ticks: Scalar, state: State, force: Vec3, acting: Command,
-        time: Scalar, uniforms: tuple[Scalar, ...], pushes: Sequence[Push] = (),
+        self, own: AgentLoop, ticks: Scalar, force: Vec3, acting: Command, time: Scalar,
+        draws: Sequence[tuple[Scalar, ...]], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
         """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
 
         The reading of a force sensor on the tip's link is added to the law's measurement.
         """
-        going, arrived, (draws, _) = [], dict[str, Tree](), self.draws.shares(uniforms)
+        going, arrived, state = [], dict[str, Tree](), own.state
         feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
         felt = dict(zip(feeling, pushes, strict=True))
-        for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
+        for i, ((name, sensor), now) in enumerate(zip(self.sensors, own.sensors, strict=True)):
             every = self._every[i]
             push = felt.get(i, NO_PUSH)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws[i], every * self.period)
@@ -179,7 +262,7 @@ class Stages:
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
             going.append(SensorState(memory=memory, held=last, waiting=seen[1:]))
             arrived[name] = seen[0]
-        memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
+        memory, measurement = self._estimator.step(own.estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
             pushed = cast("ForceReading", arrived[name])  # as says what the sensor senses
@@ -195,8 +278,9 @@ class Stages:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
-        tip, each_memory = self.scenario.plant.vehicle.end_effector, zip(self.components, memories, strict=True)
-        reports = [report for each, memory in each_memory for report in each.holds(memory, tip)]
+        tip, each_memory = self.scenario.agent.plant.vehicle.end_effector, zip(self._models, memories, strict=True)
+        (name,) = self.scenario.agents
+        reports = [report for each, memory in each_memory for report in each.holds(memory, tip, name)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
 
@@ -205,7 +289,7 @@ class Stages:
     ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
         if self._command is not None and self._given is None:
-            return memory, with_rest(self.scenario.plant.vehicle, self._command)
+            return memory, with_rest(self.scenario.agent.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
         if self._command is None or self._given is None:
             return following, command
@@ -218,9 +302,9 @@ class Stages:
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
     ) -> tuple[Tree, Command]:
         """Evaluate the control law; return its next internal state and the command."""
-        par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
+        par = self.waits.with_task_loads(self.scenario.agent.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
-        return following, with_rest(self.scenario.plant.vehicle, command)
+        return following, with_rest(self.scenario.agent.plant.vehicle, command)
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -237,19 +321,8 @@ class Stages:
         if not drives:
             return ()
         heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
-        rows = zip(self.scenario.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
+        rows = zip(self.scenario.agent.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
-
-    def with_drives(self, around: Surroundings, drives: Memories) -> Surroundings:
-        """Plant inputs of a control period with new states of the joint drives."""
-        return dataclasses.replace(around, drive_memories=drives) if drives else around
-
-    def advance_coupled(self, memories: Memories, coupled: Memories) -> Memories:
-        """States of all wind, force and contact models; contact states are those that the plant integrated."""
-        results = iter(coupled)
-        return tuple(
-            next(results) if each.coupled else memory for each, memory in zip(self.components, memories, strict=True)
-        )
 
 
 POSES = ("position", "yaw", "joints", "tip")
@@ -264,9 +337,9 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
-    if same(scenario.tracking_start, 0):
+    if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
+    still, resting = scenario.agent.reference.at(0.0), time < scenario.agent.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
     values: list[Scalar] = []
     for name, moving in parts(going).items():
@@ -284,7 +357,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     return rebuild(going, iter(values))
 
 
-def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
+def push_at(frame: Frame, around: Surroundings, motion: PointMotion) -> Push:
     """External wrench at a sensor's frame, in the sensor's axes, by all loads on the sensor's link and links beyond.
 
     Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
@@ -293,14 +366,12 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
     Args:
         frame: frame of the vehicle.
         around: surroundings of the period.
-        vehicle: vehicle of the plant.
-        state: state of the plant.
-        gravity: m/s^2.
+        motion: motion of the vehicle.
     """
-    motion, carried = PointMotion(vehicle, state, around.air_velocity), beyond(vehicle, frame.link)
+    vehicle, gravity, carried = motion.vehicle, motion.gravity, beyond(motion.vehicle, frame.link)
     force, torque = ZERO3, ZERO3
     at = motion.position(frame.position, frame.link)
-    for wrench in around.wrenches(motion, state.rotor_speeds):
+    for wrench in around.wrenches(motion):
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)

@@ -37,17 +37,19 @@ from skyarm.control.law_checks import (
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.surroundings import motions_of
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
-from skyarm.records.files import shown
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
 from skyarm.records.leaves import Tree, is_record, leaves, named_parts, parts
+from skyarm.records.path_names import word_of
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
 from skyarm.reference.signals import Constant, Signal
+from skyarm.scenario.paths import is_of_agent
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.scenario.without_effect import WEIGHT, readings_at
@@ -55,7 +57,6 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
-from skyarm.simulate.first_state import component_places
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
@@ -83,6 +84,7 @@ class UserPart:
     """User-defined model in a scenario, with its parameter path and the method that error messages refer to.
 
     Attributes:
+        scenario: flight of the vehicle that has the model, alone. whole: that of all vehicles.
         own: object within the record whose code is the user's, if not the record itself.
         results: result of each method in the last trace.
     """
@@ -90,6 +92,8 @@ class UserPart:
     place: str
     record: Any
     method: str
+    scenario: Scenario
+    whole: Scenario
     own: object = None
     results: dict[str, Any] = field(default_factory=dict)
 
@@ -112,6 +116,8 @@ class UserPart:
             raise self.refusal(f"gives {comma_list(numbers)}: must be {comma_list(expected)}", method=method)
         for at, each in numbers.items():
             plain = coerce.plain_number(each)
+            if example is not None and isinstance(expected[at], str) and isinstance(each, str):
+                continue
             if kind_of(plain) != "a number" and type(plain) not in (int, also):
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
@@ -192,7 +198,7 @@ def require_shapes(scenario: Scenario) -> None:
     """
     own = list(_parts(scenario))
     for part, _ in own:
-        _require_class(scenario, part)
+        _require_class(part.scenario, part)
     if not own:
         return
     anew, once, twice = (fingerprints(scenario, anew=anew) for anew in (True, False, False))
@@ -215,7 +221,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 def has_own(scenario: Scenario) -> bool:
     """True if the law or a part of a scenario, such as a force, sensor, fault or signal, is user-defined."""
-    return is_own(scenario.controller) or bool([*_parts(scenario)])
+    return any(is_own(each.controller) for each in scenario.agents.values()) or bool([*_parts(scenario)])
 
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
@@ -224,7 +230,7 @@ def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]
     for part, check in _parts(scenario):
         try:
             tried = replace(part, record=_as_constructed(part.record)) if anew and part.own is None else part
-            texts.append(check(scenario, tried))
+            texts.append(check(tried.scenario, tried))
         except Exception as error:
             # a flight gives a law more than it has here, and says what is wrong with it
             if not ANSWERING and (isinstance(error, PartError) or not (anew or part.method == "law")):
@@ -235,27 +241,43 @@ def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]
 
 def _parts(scenario: Scenario) -> Iterator[tuple[UserPart, Check]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
-    if is_own(scenario.controller) and scenario.controller.compiled:
-        yield UserPart("controller", scenario.controller, "law", scenario.controller.law), _check_law
-    faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(scenario.faults)]
-    moved = [("reference", scenario.reference), *faults, *scenario.placed_components]
-    for at, record in moved:
+    for i, name in enumerate(scenario.agents):
+        alone = scenario.of(name)
+        before = f"agents.{name}." if len(scenario.agents) > 1 else ""
+        for place, record, method, check, own in _parts_of_agent(alone, first=i == 0):
+            at = before + place if is_of_agent(place) else place
+            yield UserPart(at, record, method, alone, scenario, own), check
+
+
+Found = tuple[str, Any, str, Check, object]
+"""Place of a user-defined model, its record and method, the function that checks it, and the user's object in it."""
+
+
+def _parts_of_agent(scenario: Scenario, *, first: bool) -> Iterator[Found]:
+    """List the user-defined models of one vehicle's flight; of the ``first`` vehicle those that all share, too."""
+    agent = scenario.agent
+    if is_own(agent.controller) and agent.controller.compiled:
+        yield "controller", agent.controller, "law", _check_law, agent.controller.law
+    components = scenario.placed_components if first else scenario.placed_own
+    faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(agent.faults)]
+    for at, record in [("reference", agent.reference), *faults, *components]:
         for place, signal in _own_signals(record, at):
-            yield UserPart(place, signal, "derivatives"), _check_signal
-    if (within := _first_own(scenario.reference)) is not None:
-        yield UserPart("reference", scenario.reference, "at", within), _check_motion
+            yield place, signal, "derivatives", _check_signal, None
+    if (within := _first_own(agent.reference)) is not None:
+        yield "reference", agent.reference, "at", _check_motion, within
+    endings = [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)] if first else []
     groups: list[tuple[str, Check, Iterable[tuple[str, object]]]] = [
-        ("advance", _check_component, scenario.placed_components),
+        ("advance", _check_component, components),
         ("share", _check_fault, faults),
-        ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
-        ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
-        ("step", _check_estimator, [("estimator", scenario.estimator)]),
-        ("fine", _check_ending, [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]),
+        ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in agent.joint_drives]),
+        ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in agent.sensors]),
+        ("step", _check_estimator, [("estimator", agent.estimator)]),
+        ("fine", _check_ending, endings),
     ]
     for method, check, records in groups:
         for place, record in records:
             if own_code(type(record)):
-                yield UserPart(place, record, method), check
+                yield place, record, method, check, None
 
 
 def _first_own(record: object) -> object:
@@ -283,7 +305,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
     if mistake is not None:
         raise part.refusal(mistake[1], mistake[0])
     given = getattr(part.record, "uniforms", 0)
-    count = given(scenario.plant.vehicle) if callable(given) else given
+    count = given(scenario.agent.plant.vehicle) if callable(given) else given
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
         line = place_of(given if callable(given) and own_code(given) is not None else kind)
         said = "gives uniforms" if callable(given) else "has uniforms"
@@ -292,7 +314,8 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
 
 def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
-    vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, component, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    whole = part.whole
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
         following: Tree = call("advance", memory, time, period, state, draws)
@@ -300,15 +323,23 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
         if not isinstance(air, Vec3):
             raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3", method="velocity")
         part.require_numbers("velocity", "velocity", air, WEIGHT)
-        motion = PointMotion(vehicle, state)
-        motion.to_world(ZERO3, len(vehicle.moving) - 1)  # what it keeps is there before the call, and compared
+        (own,) = scenario.agents
+        states = {name: first_state(whole.of(name)) for name in whole.agents} | {own: state}
+        motions = motions_of([each.plant for each in whole.agents.values()], [*states.values()], tuple(states))
+        for moved in motions:
+            moved.to_world(ZERO3, len(moved.vehicle.moving) - 1)  # what it keeps is there before the call, and compared
+        motion = motions[0].agents[own]
         wrenches = call("wrenches", following, time, motion, state.rotor_speeds)
         if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
             raise part.refusal(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench", method="wrenches")
         part.require_numbers("wrenches", "wrenches", tuple(wrenches), (Wrench(),) * len(wrenches))
         for each in wrenches:
-            if not BASE <= each.body < len(vehicle.moving):
-                bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
+            if each.agent and each.agent not in whole.agents:
+                known = must_be_one_of(whole.agents, each.agent)
+                raise part.refusal(f"gives a wrench on agent {each.agent!r}: {known}", method="wrenches")
+            moving = len((whole.agents[each.agent].plant.vehicle if each.agent else vehicle).moving)
+            if not BASE <= each.body < moving:
+                bodies = f"-1 (base) or a link from 0 to {moving - 1}" if moving else "-1 (base)"
                 raise part.refusal(f"gives a wrench on body {each.body}: must be {bodies}", method="wrenches")
         if component.coupled:
             slope = call("slope", following, time, motion, state.rotor_speeds)
@@ -322,7 +353,7 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
         call("rotor_commands", following, vehicle.rotors, state.rotor_speeds)
         return following
 
-    index = component_places(scenario).index(part.place)
+    index = [place for place, _ in scenario.placed_components].index(word_of(part.place))
     draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
     try:
         memory = component.start(period, draws)
@@ -330,7 +361,7 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
         raise part.refusal(
             f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
         ) from error
-    return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
+    return part.trace(step, memory, scenario, draw_plan(scenario).models[index][1])
 
 
 def _check_value(
@@ -376,8 +407,8 @@ _check_motion = partial(_check_value, label="", example=None)
 
 
 def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
-    joints = [link.joint.name for link in scenario.plant.vehicle.links]
-    joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
+    joints = [link.joint.name for link in scenario.agent.plant.vehicle.links]
+    joint, drive = joints.index(part.place.rpartition("plant.drives.")[2]), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 
     def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
@@ -392,7 +423,7 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, sensor = scenario.plant.vehicle, part.record
+    vehicle, sensor = scenario.agent.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
@@ -406,7 +437,7 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, estimator, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         readings = readings_at(scenario, state, time)
@@ -427,12 +458,12 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
         part.require_numbers("step", "a measurement", measured, readings[FULL_STATE])
         return following
 
-    return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
+    return part.trace(step, estimator.start(scenario.agent.controller.par.model.vehicle), scenario)
 
 
 def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
-    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.reference
+    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.agent.reference
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         sample = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
@@ -459,14 +490,14 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         LawError: one line with the law's file and line.
     """
     if isinstance(law, Scenario):
-        flown, controller = law, law.controller
+        flown, controller = law, law.agent.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        controller = _make_controller(law, flown.controller.par.model)
+        controller = _make_controller(law, flown.agent.controller.par.model)
     flown, rates = flown.with_controller(controller), flown.rates
-    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.plant.gravity)))
+    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
-    references = [flown.reference.at(float(time)) for time in times[: flown.steps]]
+    references = [flown.agent.reference.at(float(time)) for time in times[: flown.steps]]
     try_law(controller, 1.0 / rates.control, seen, references)
     require_shapes(flown)
 

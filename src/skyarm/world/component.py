@@ -16,7 +16,7 @@ other's draws.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, where
@@ -42,20 +42,26 @@ MOST_UNIFORMS = 10_000
 
 @immutable
 class Wrench:
-    """Force and torque on one body of the vehicle.
+    """Force and torque on one body of a vehicle.
 
     Attributes:
         body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
+        agent: name of the vehicle; empty for the one whose motion the model was given.
     """
 
     force_W: Annotated[Vec3, Unit("N", "force, world axes")] = ZERO3
     torque_W: Annotated[Vec3, Unit("N m", "torque, world axes")] = ZERO3
     point: Annotated[Vec3, Unit("m", "point at which the force acts, axes of its body")] = ZERO3
     body: int = BASE
+    agent: str = ""
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors already is not looked at
-        if not (type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3 and type(self.body) is int):
+        if not (
+            type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
+            and type(self.body) is int
+            and type(self.agent) is str
+        ):
             accept_fields(self, "wrench")
 
 
@@ -120,6 +126,19 @@ class Component(Generic[Memory]):
             ValueError: one line that begins with a field of the component.
         """
 
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse vehicles, by name, that are incompatible with an environment model that all of them share.
+
+        Raises:
+            ValueError: one line that begins with a field of the component.
+        """
+        for vehicle in vehicles.values():
+            self.require_vehicle(vehicle, period, gravity)
+
+    def of_agent(self, name: str) -> Self:
+        """Model that all vehicles share, without what is of others than one vehicle."""
+        return self
+
     largest_step: Scalar | None = None
     """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
 
@@ -138,6 +157,10 @@ class Component(Generic[Memory]):
 
     coupled: bool = False
     """True if the internal state is integrated with the vehicle's within control periods; may be a property."""
+
+    shared: bool = False
+    """True of a model that all vehicles share: it has one internal state, finds each in ``motion.agents``, and its
+    wrenches say on which they act. Of another model each vehicle has its own, with its own noise."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
@@ -168,8 +191,8 @@ class Component(Generic[Memory]):
         """
         return memory
 
-    def holds(self, memory: Memory, frame: str) -> tuple[Scalar, ...]:
-        """Grasp signal of each gripper at a vehicle frame: 1 while it holds a body, else 0; () without grippers."""
+    def holds(self, memory: Memory, frame: str, agent: str = "") -> tuple[Scalar, ...]:
+        """Grasp signal of each gripper at a vehicle's frame: 1 while it holds a body, else 0; () without any."""
         return ()
 
     def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:

@@ -19,6 +19,7 @@ from skyarm.plant.rigid_body import coupled_rk4
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Vehicle
+from support.one_vehicle import after_step
 
 GEARED = {
     "gear": 257.4, "efficiency": 0.5704, "torque_constant": 7.298e-3, "resistance": 8.571, "voltage": 12.0,
@@ -69,7 +70,7 @@ def swung(servo: Any, setpoint: float, seconds: float, load: float = 0.0, start:
         memory = servo.advance(memory, setpoint, state.joints[0], state.joint_rates[0], 0.005)
         around = Surroundings(drives=(servo,), drive_memories=(memory,))
         for _ in range(count):
-            state, _ = coupled_rk4(world, state, Command(efforts=(setpoint,)), around, 0.005 / count)
+            state, _ = after_step(coupled_rk4, world, state, Command(efforts=(setpoint,)), around, 0.005 / count)
         rows.append([state.joints[0], state.joint_rates[0]])
     return rows
 

@@ -21,6 +21,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from support.one_vehicle import together
 
 INERTIA = Sym3(0.02, 0.03, 0.04, 0.001, 0.0, 0.002)
 SPIN = 3e-4
@@ -119,4 +120,5 @@ def test_every_accelerometer_feels_it():
     assert np.abs(np.subtract(theirs, still)).max() > 0.1
     np.testing.assert_allclose(RigidBodyPlant(world, around).specific_force(*numbers), theirs, rtol=0.0, atol=1e-9)
     steps = RigidBodySteps(Stages(scenario), lambda seconds: Steps(1))
-    np.testing.assert_allclose([*steps.specific_force(state, command, around)], theirs, rtol=0.0, atol=1e-9)
+    (ours,) = steps.specific_forces((state,), (command,), together(around))
+    np.testing.assert_allclose([*ours], theirs, rtol=0.0, atol=1e-9)

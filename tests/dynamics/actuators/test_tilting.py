@@ -16,9 +16,9 @@ from skyarm.dynamics.actuators.tilting import angle_after, turn_rotors, with_res
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import derivative
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.tilt import Tilt
+from support.one_vehicle import rate_of
 from support.vehicles import steady_wind
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
@@ -74,7 +74,7 @@ def test_a_turned_rotor_moves_the_plant_as_one_that_is_mounted_so():
     fixed = turn_rotors(VOLIRO, ANGLES)
     assert not fixed.tilts
     calm, command = steady_wind(), Command(rotor_speeds=SPEEDS, efforts=(0.1, 0.0))
-    rates = [derivative(Truth(vehicle=v), state(v), command, calm) for v in (VOLIRO, fixed)]
+    rates = [rate_of(Truth(vehicle=v), state(v), command, calm) for v in (VOLIRO, fixed)]
     np.testing.assert_allclose(leaves(rates[0]), leaves(rates[1]), atol=1e-12)
 
 

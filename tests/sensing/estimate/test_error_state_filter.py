@@ -13,8 +13,6 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import accelerate
-from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.sensing.estimate.filter_constants import FilterMemory
@@ -24,6 +22,7 @@ from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.vehicle_records import BodyDrag
 from support.flights import GPS, estimated, with_satellites
+from support.one_vehicle import acceleration
 from support.vehicles import tumbling
 
 PERIOD = 0.005
@@ -355,7 +354,7 @@ def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():
     state = dataclasses.replace(tumbling(world.vehicle), rotor_speeds=(480.0, 500.0, 470.0, 510.0))
     efforts = (0.11, -0.07)
     around = first_surroundings(scenario, first_loop_state(scenario))
-    wanted, _ = accelerate(world, state, Command(efforts=efforts), around)
+    wanted, _ = acceleration(world, state, Command(efforts=efforts), around)
     velocity = state.quaternion.rotation().apply_T(state.velocity)
     speeds = (state.rotor_speeds, state.rotor_speeds)
     found = modelled_force(world.vehicle, velocity, state.rate, state.joints, state.joint_rates, speeds, efforts)
@@ -368,7 +367,7 @@ def test_the_modelled_force_has_the_drag_of_the_airframe():
     still, flown = (0.0,) * 6, (400.0,) * 6
     state = dataclasses.replace(tumbling(vehicle), joints=still, joint_rates=still, rotor_speeds=flown)
     world = Truth(vehicle=vehicle, gravity=9.8)
-    wanted, _ = accelerate(world, state, Command(efforts=still), Surroundings())
+    wanted, _ = acceleration(world, state, Command(efforts=still))
     velocity = state.quaternion.rotation().apply_T(state.velocity)
     found = modelled_force(vehicle, velocity, state.rate, still, still, (flown, flown), still)
     bare = dataclasses.replace(vehicle, drag=BodyDrag())
@@ -383,7 +382,7 @@ def test_the_modelled_force_has_the_stops_of_the_joints():
     joints, still = (joint.upper + 0.005, 0.0), (0.0, 0.0)
     state = dataclasses.replace(tumbling(vehicle), joints=joints, joint_rates=still, rotor_speeds=(400.0,) * 4)
     world = Truth(vehicle=vehicle, gravity=9.8)
-    wanted, _ = accelerate(world, state, Command(efforts=still), Surroundings())
+    wanted, _ = acceleration(world, state, Command(efforts=still))
     velocity = state.quaternion.rotation().apply_T(state.velocity)
     speeds = (state.rotor_speeds, state.rotor_speeds)
     found = modelled_force(vehicle, velocity, state.rate, joints, still, speeds, still)

@@ -11,8 +11,9 @@ from skyarm.compile.tracing.lower import operations
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import COUPLED_STEP, derivative
+from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
+from support.one_vehicle import after_step, rate_of
 from support.vehicles import steady_wind
 
 
@@ -38,9 +39,9 @@ def counts(vehicle: Vehicle) -> dict[str, int]:
         return found
     world, air = Truth(vehicle=vehicle), steady_wind()
     state, command = example_state(n, len(vehicle.rotors)), example_command(n, len(vehicle.rotors))
-    motion = trace(lambda x, u: derivative(world, x, Command(efforts=u.efforts), air), state, command)
+    motion = trace(lambda x, u: rate_of(world, x, Command(efforts=u.efforts), air), state, command)
     found["equations of motion"] = operations(motion.lowered.nodes)
     for name in ("euler", "rk4"):
-        step = trace(lambda x, u, name=name: COUPLED_STEP[name](world, x, u, air, 0.005)[0], state, command)
+        step = trace(lambda x, u, name=name: after_step(COUPLED_STEP[name], world, x, u, air, 0.005)[0], state, command)
         found[f"{name} step"] = operations(step.lowered.nodes)
     return found

@@ -72,8 +72,8 @@ class Flight:
         def step(carry: Any, values: Any, row: Any, uniforms: Any) -> Any:
             varied = with_numbers(scenario, dict(zip(paths, values, strict=True)))
             stages = Stages(varied)
-            following, sample = make_period(stages, RigidBodySteps(stages, substeps))(carry, row, uniforms)
-            return following, sample.state
+            following, sample = make_period(stages, RigidBodySteps(stages, substeps))(carry, (row,), uniforms)
+            return following, sample.agent.state
 
         carry = first_loop_state(scenario)
         row = InputRow(time=0.0, reference=inputs.reference_example)

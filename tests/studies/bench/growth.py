@@ -16,6 +16,7 @@ from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
+from support.one_vehicle import after_step
 from support.vehicles import steady_wind
 
 
@@ -38,7 +39,7 @@ def growth(vehicle: Vehicle, joints: Sequence[int]) -> list[dict[str, Any]]:
         begin = time.perf_counter()
 
         def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: Truth = world, air: Any = air) -> Any:
-            return COUPLED_STEP["rk4"](world, x, u, air, 0.005)[0], ()
+            return after_step(COUPLED_STEP["rk4"], world, x, u, air, 0.005)[0], ()
 
         rotors = len(longer.rotors)
         loop = trace_loop(step, example_state(n, rotors), (), example_command(n, rotors), loops=True)

@@ -68,10 +68,10 @@ def test_some_periods_with_servos_are_those_of_a_flight(servos, monkeypatch):
 
 
 def test_the_rounding_of_an_encoder_is_left_out_of_a_linearisation(servos):
-    assert all(each.drive.resolution == 0 for each in nominal(servos).joint_drives)
+    assert all(each.drive.resolution == 0 for each in nominal(servos).agent.joint_drives)
     rounded = tuple(
         dataclasses.replace(each, drive=dataclasses.replace(each.drive, resolution=1e-3))
-        for each in servos.joint_drives
+        for each in servos.agent.joint_drives
     )
     assert all(isinstance(each.drive, PositionServo) for each in rounded)
     loops = []

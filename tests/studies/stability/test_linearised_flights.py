@@ -164,7 +164,7 @@ def test_the_jacobians_are_those_that_scipy_finds(arm_hover):
     )
     point = dataclasses.replace(point, state=state, seen=seen)
     values_row = [0.0, *held.held_leaves[0]]
-    moving = dataclasses.replace(carry, agent=dataclasses.replace(carry.agent, state=state))
+    moving = carry.with_agent(dataclasses.replace(carry.agent, state=state))
     begun = open_point(moving)
     sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
     # where ours is taken: at the measurement and the command that the period itself makes

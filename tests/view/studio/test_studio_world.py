@@ -52,7 +52,7 @@ def scene_at(time: float, flown: Session) -> Scene:
     """The scene of a session as it is, at another instant."""
     scenario, now = flown.scenario, flown.now
     motion = PointMotion(scenario.plant.vehicle, now.agent.state, gravity=scenario.plant.gravity)
-    memories = [replaced_clock(memory, time) for memory in now.components]
+    memories = [replaced_clock(memory, time) for memory in now.memories]
     return scene_now(scenario.components, memories, instant_of(motion, time, np.zeros(3)), motion)
 
 

@@ -112,7 +112,9 @@ def test_force_and_torque_act_back_on_the_vehicle():
 def test_what_has_turned_in_its_socket_stays_there():
     contact, memory = holding()
     after = contact.act(turned(memory, (0.0, 0.5, 0.0)), 1.0, PERIOD, STILL)
-    left = contact.grasps.possible(after.grips, contact.grasps.frames(STILL), contact.grasps.bodies(after.carried))
+    left = contact.gripping.possible(
+        after.grips, contact.gripping.frames(STILL), contact.gripping.bodies(after.carried)
+    )
     assert left[0][0].twist.y == pytest.approx(-TORQUE / (5000.0 * SQUARE), rel=1e-3)
     back = turned(after, (0.0, -0.002, 0.0))  # it springs back by that much and no more
     slope = contact.slope(back, 0.0, PointMotion(ARM, START), ())
@@ -178,8 +180,8 @@ def test_a_spin_about_the_vertical_is_braked_evenly_and_stops():
 
 def test_without_a_radius_it_turns_freely_and_a_mechanism_always_does():
     contact, memory = holding(radius=0.0)
-    frames, bodies = contact.grasps.frames(STILL), contact.grasps.bodies(turned(memory, (0.0, 0.3, 0.0)).carried)
-    hold = contact.grasps.possible(memory.grips, frames, bodies)[0][0]
+    frames, bodies = contact.gripping.frames(STILL), contact.gripping.bodies(turned(memory, (0.0, 0.3, 0.0)).carried)
+    hold = contact.gripping.possible(memory.grips, frames, bodies)[0][0]
     assert (hold.torque, hold.twist) == (ZERO3, None)
     hand, none = Gripper(name="hand", kind="ball"), contact.grippers[0].start()
     assert hand.hold(none, frames[0], bodies[0], 0.1, 0).twist is None

@@ -156,7 +156,7 @@ def test_equal_boxes_and_crossed_planks_push_each_other_apart(lower, upper):
     meetings = contact.meetings(memory, PointMotion(BIRD, AWAY))
     up = [each.touch.normal for each in meetings if each.by == 1 and each.of == 0 and abs(each.touch.axis.z) > 0.99]
     assert sum(float(each) > 0.4 for each in up) >= 4
-    pushes = contact.on_carriers(memory, PointMotion(BIRD, AWAY), meetings)
+    pushes = contact.on_carriers(memory, PointMotion(BIRD, AWAY), meetings, 0.0)
     assert [*pushes[0][0]] == pytest.approx([-float(c) for c in pushes[1][0]], abs=1e-12)
     assert float(pushes[1][0].z) > 1.9
 

@@ -145,10 +145,10 @@ def test_both_plants_apply_the_same_force(pressed):
     from skyarm.compile import trace
     from skyarm.compile.tracing.array_evaluation import evaluate
     from skyarm.plant.interface import Truth
-    from skyarm.plant.rigid_body import accelerate
     from skyarm.plant.surroundings import Surroundings
     from skyarm.records.leaves import leaves
     from support.mujoco_plants import Equations
+    from support.one_vehicle import acceleration
 
     bird, surfaces, points, start, numbers, bristles = pressed
     told = around(*surfaces, points=points)
@@ -157,7 +157,7 @@ def test_both_plants_apply_the_same_force(pressed):
 
     def change(state, memories):
         both = (
-            accelerate(world, state, effort, each)
+            acceleration(world, state, effort, each)
             for each in (dataclasses.replace(told, memories=memories), Surroundings())
         )
         (base, joints), (free, own) = both

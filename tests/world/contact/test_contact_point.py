@@ -41,7 +41,7 @@ def test_a_ring_is_points_on_a_circle_across_the_z_axis():
     contact = Contact(surfaces=(Surface(name="ground"),), points=(peg,))
     assert [each.name for each in contact.points] == [f"peg_{i}" for i in range(1, 7)]
     assert {(each.radius, each.ring) for each in contact.points} == {(0.001, None)}
-    assert contact.on(BIRD) == contact
+    assert contact.on({"": BIRD}) == contact
     places = np.array([[*each.place(with_turned_tip())[0]] for each in contact.points], dtype=float)
     middle = np.array([0.0, 0.0, -0.15])
     assert np.linalg.norm(places - middle, axis=1) == pytest.approx(np.full(6, 0.01))

@@ -300,7 +300,7 @@ def test_grippers_want_a_frame_of_the_vehicle_and_something_to_hold():
     with pytest.raises(RecordError, match=r"world.grippers\[0\].frame = 'claw': .*there are"):
         gripping(frame="claw").require_vehicle(ARM, 0.005, 9.81)
     with pytest.raises(RecordError, match=r"world.grippers: must be left out of a world without objects"):
-        dataclasses.replace(gripping(), objects=(), surfaces=(Surface(name="ground"),)).on(ARM).require_vehicle(
+        dataclasses.replace(gripping(), objects=(), surfaces=(Surface(name="ground"),)).on({"": ARM}).require_vehicle(
             ARM, 0.005, 9.81
         )
     with pytest.raises(RecordError, match=r"world.grippers\[0\].frame = ''"):
@@ -314,7 +314,7 @@ def test_the_turn_that_is_kept_is_the_bodys_in_the_grippers_axes():
     turned = dataclasses.replace(contact.objects[0], angles=Vec3(0.0, 0.0, 0.7))
     contact = dataclasses.replace(contact, objects=(turned,))
     memory = taken(contact)
-    frame = contact.grasps.frames(PointMotion(ARM, START))[0]
+    frame = contact.gripping.frames(PointMotion(ARM, START))[0]
     kept: Mat3 = frame.rotation @ memory.grips[0].turn
     expected = [[math.cos(0.7), -math.sin(0.7), 0.0], [math.sin(0.7), math.cos(0.7), 0.0], [0.0, 0.0, 1.0]]
     assert [[float(c) for c in row] for row in kept.rows] == [pytest.approx(row, abs=1e-12) for row in expected]

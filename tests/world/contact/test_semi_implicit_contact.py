@@ -130,7 +130,11 @@ def test_plants_and_sweeps_take_the_steps_of_their_method():
     assert verlet == pytest.approx(0.75 * largest["euler"])
     assert ours == {"rk4": math.ceil(0.005 / verlet), "euler": 5 * math.ceil(0.001 / largest["euler"])}
     for name, step in largest.items():
-        assert stated_step(SimpleNamespace(components=(contact,), all_drives=(), integrator=name)) == step
+        scenario = SimpleNamespace(
+            agents={"main": SimpleNamespace(all_drives=())}, own_components=lambda _: (), shared_components=(contact,),
+            integrator=name,
+        )  # fmt: skip
+        assert stated_step(scenario) == step
         assert _stable_step(contact, {}, {}, name == "euler") == (step if name == "euler" else verlet), (
             "the shortest of all"
         )

@@ -119,8 +119,12 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
     return {at: text(value) for at, value in values.items()}
 
 
-def contents(value: Any, place: str = "") -> dict[str, Any]:
-    """Innermost values of nested dataclasses, lists, dictionaries and objects of this library, by path."""
+def contents(value: Any, place: str = "", above: tuple[int, ...] = ()) -> dict[str, Any]:
+    """Innermost values of nested dataclasses, lists, dictionaries and objects of this library, by path.
+
+    Of an object that refers to one that it is in, whose ids are ``above``, as one vehicle's motion to the others', that
+    one is left out.
+    """
     below: Mapping[Any, Any] = parts(value)
     if isinstance(value, (list, Mapping)):
         below = value if isinstance(value, Mapping) else dict(enumerate(value))
@@ -128,7 +132,11 @@ def contents(value: Any, place: str = "") -> dict[str, Any]:
         below = getattr(value, "__dict__", below)
     if not below:
         return {place: value.tobytes() if hasattr(value, "tobytes") else value}
-    return {at: each for name, inner in below.items() for at, each in contents(inner, f"{place}.{name}").items()}
+    inside, found = (*above, id(value)), dict[str, Any]()
+    for name, inner in below.items():
+        if id(inner) not in inside:
+            found |= contents(inner, f"{place}.{name}", inside)
+    return found
 
 
 def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) -> str | None:

@@ -267,7 +267,7 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Nominal model from which an autopilot's parameters are computed; the simulated plant may differ from it."""
-    model: Model = scenario.controller.par.model
+    model: Model = scenario.agent.controller.par.model
     return model
 
 

@@ -66,28 +66,26 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     Raises:
         ScenarioError: no such rate, a task in contact, or a plant whose rotors the autopilot's signals do not fit.
     """
-    autopilot: Autopilot = autopilot_of(scenario.controller)
+    autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
-    require_rotors(scenario.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
+    require_rotors(scenario.agent.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
             given = "transcript" if autopilot.transcript else "replayed"
             raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
-        scenario = dataclasses.replace(
-            scenario,
-            agent=dataclasses.replace(
-                scenario.agent, reference=hover_at_start(scenario), tracking_start=0, path_time=None
-            ),
+        hovers = hover_at_start(scenario)
+        scenario = scenario.with_agent(
+            dataclasses.replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None)
         )
-    there = {each.name for each in scenario.sensors}
-    needed = autopilot.sensors(scenario.plant.vehicle)
+    there = {each.name for each in scenario.agent.sensors}
+    needed = autopilot.sensors(scenario.agent.plant.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
-    for each in scenario.sensors:
+    for each in scenario.agent.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
             kind = type(needed[each.name]).__name__
             raise ScenarioError(f"sensors.{each.name}: must be a {kind} for {autopilot.title}")
-    rates, sensors = scenario.rates, (*scenario.sensors, *added)
+    rates, sensors = scenario.rates, (*scenario.agent.sensors, *added)
     slow = [rates.reference, *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency)]
     common = math.lcm(*slow)
     least = max(autopilot.least_rate, rates.control if not rates.control % common else 0)
@@ -96,7 +94,8 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     planned = Rates(physics=physics, control=control, reference=rates.reference)
     if not added and planned == rates:
         return scenario
-    return dataclasses.replace(scenario, rates=planned, agent=dataclasses.replace(scenario.agent, sensors=sensors))
+    equipped = scenario.with_agent(dataclasses.replace(scenario.agent, sensors=sensors))
+    return dataclasses.replace(equipped, rates=planned)
 
 
 def require_free_flight(scenario: Scenario) -> None:
@@ -105,13 +104,13 @@ def require_free_flight(scenario: Scenario) -> None:
     Raises:
         ScenarioError: a reference that presses, or a start closer to a surface than the hand-over is exact.
     """
-    autopilot: Autopilot = autopilot_of(scenario.controller)
+    autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     for stretch in () if autopilot.outside else stretches(scenario):
         require_no_push(stretch.overrides.of(scenario), autopilot.title)
     for contact in scenario.worlds:
         from skyarm.world.contact.initial_world import initial_clearance
 
-        distance, point, surface = initial_clearance(contact, scenario.plant.vehicle, first_state(scenario))
+        distance, point, surface = initial_clearance(contact, scenario.agent.plant.vehicle, first_state(scenario))
         if distance < NEAR:
             raise ScenarioError(
                 f"initial: point {point!r} starts {distance:.3g} m from surface {surface!r}: must be at least {NEAR:g} "
@@ -125,7 +124,7 @@ def require_no_push(scenario: Scenario, title: str) -> None:
     Raises:
         ScenarioError: it does.
     """
-    if scenario.reference.push is not None:
+    if scenario.agent.reference.push is not None:
         raise ScenarioError(
             f"reference: must have no push and no phase in contact for {title}, which controls no contact force: it "
             "needs a law"
@@ -141,8 +140,8 @@ def hover_at_start(scenario: Scenario) -> Trajectory:
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
     """Scenario of the take-off: calm air, a launch stand below the start, and hover at the start as reference."""
-    autopilot: Autopilot = autopilot_of(scenario.controller)
-    start, vehicle = first_state(scenario), scenario.plant.vehicle
+    autopilot: Autopilot = autopilot_of(scenario.agent.controller)
+    start, vehicle = first_state(scenario), scenario.agent.plant.vehicle
     yaw = float(yaw_of(start.quaternion))
     x, y, z = (float(c) for c in start.position)
     half = 0.5 * yaw
@@ -152,7 +151,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         yaw=yaw,
         mass=float(vehicle.mass),
         inertia=float(min(inertia.xx, inertia.yy, inertia.zz)),
-        gravity=float(scenario.plant.gravity),
+        gravity=float(scenario.agent.plant.gravity),
     )
     resting = dataclasses.replace(
         start,
@@ -163,22 +162,22 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         joint_rates=(0.0,) * vehicle.n,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
+    agent = dataclasses.replace(
+        scenario.agent,
+        reference=hover_at_start(scenario),
+        initial=resting,
+        tracking_start=0,
+        path_time=None,
+        faults=(),
+        payloads=(),
+    )
     return dataclasses.replace(
-        scenario,
+        scenario.with_agent(agent),
         duration=autopilot.preparation,
         environment=Environment(forces=(stand,), ground=False),
         endings=(),
         changes=(),
         windows=Windows(),
-        agent=dataclasses.replace(
-            scenario.agent,
-            reference=hover_at_start(scenario),
-            initial=resting,
-            tracking_start=0,
-            path_time=None,
-            faults=(),
-            payloads=(),
-        ),
     )
 
 
@@ -241,7 +240,7 @@ class PilotedSession(Session):
         take_off = take_off_scenario(planned)
         for each in (planned, take_off):  # their clocks and sensors are others than the scenario's
             check_scenario(each)
-        self._autopilot: Autopilot = autopilot_of(planned.controller)
+        self._autopilot: Autopilot = autopilot_of(planned.agent.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
         self._link: SimulatorLink | None = None
@@ -285,7 +284,7 @@ class PilotedSession(Session):
         if not autopilot.outside:
             return
         with errors_as(ScenarioError, of=JointPortError):
-            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
+            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.plant.vehicle.n)
 
     def _keep_pace(self) -> None:
         """Wait until the wall clock reaches the flight time; lost time is not caught up."""
@@ -300,17 +299,17 @@ class PilotedSession(Session):
         """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
-        self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.plant.vehicle.rotors)
+        self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.agent.plant.vehicle.rotors)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
         self._signals: Sequence[float] = (0.0,) * len(self._most) if self._link is None else self._signals
-        self._inputs: EpisodeInputs = engine.inputs
-        self._goals: Array | None = goal_columns(engine.inputs)
+        (self._inputs,) = engine.inputs.each
+        self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
 
     def _next_goal(self) -> BaseGoal:
         """Set point of the base for the next control period."""
-        inputs = self._engine.inputs
+        (inputs,) = self._engine.inputs.each
         if inputs is not self._inputs:
             self._inputs, self._goals = inputs, goal_columns(inputs)
         if self._goals is None:

@@ -147,7 +147,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
 
 def sensor_parameters(scenario: Scenario) -> dict[str, float]:
     """PX4 parameters of the sensors: delays and noise for its estimator, and zero magnetic declination."""
-    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.sensors}
+    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.agent.sensors}
     gnss, magnetometer, barometer = (sensors[name] for name in ("gnss", "magnetometer", "barometer"))
     return {
         "EKF2_GPS_DELAY": 1e3 * float(gnss.latency),

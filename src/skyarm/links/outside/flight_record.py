@@ -16,7 +16,7 @@ from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import LoggedSamples, Piece, join_pieces
+from skyarm.simulate.assemble_log import AgentPiece, LoggedSamples, log_of_agent
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import WindSample
@@ -63,19 +63,19 @@ class FlightRecord:
         count = self.ticks[-1] + 1 if self.ticks else 0
         agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
         still = Environment(forces=(), ground=False)
-        plain = dataclasses.replace(scenario, environment=still, agent=agent, changes=(), endings=())
+        plain = dataclasses.replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
-        n, rotors, _ = scenario.plant.vehicle.sizes
+        n, rotors, _ = scenario.agent.plant.vehicle.sizes
         flown = LoggedSamples(
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),
             wind=WindSample(), found=none, led=none,
         )  # fmt: skip
-        piece = Piece(plain, episode_inputs(plain), 0, flown)
-        log = join_pieces(plain, [piece], ended)
+        piece = AgentPiece(plain, episode_inputs(plain), 0, flown)
+        log = log_of_agent(plain, [piece], ended)
         log.info["outside"] = facts
         return log
 

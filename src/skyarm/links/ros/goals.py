@@ -34,11 +34,11 @@ time."""
 
 def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
     """Make a scenario's reference accept goals in flight; return the scenario, and the reason if impossible."""
-    reference = scenario.reference
+    reference = scenario.agent.reference
     reasons = {
         "its tip leads the base": reference.tip is not None or reference.push is not None,
         "its phases wait for the flight": bool(reference.guards or reference.phases),
-        "its path is slowed down by a governor": scenario.path_time is not None,
+        "its path is slowed down by a governor": scenario.agent.path_time is not None,
         "it changes in flight": any(each.path.startswith("reference") for each in scenario.changes),
     }
     reason = next((words for words, holds in reasons.items() if holds), "")

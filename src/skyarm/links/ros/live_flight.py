@@ -143,7 +143,7 @@ def fly_live(
         if session.slow:
             warn(f"{session.slow}; flying as Python floats: slower, the same numbers")
         if reason:
-            topics = f"{GOAL} and {JOINT_GOAL}" if scenario.plant.vehicle.n else GOAL
+            topics = f"{GOAL} and {JOINT_GOAL}" if scenario.agent.plant.vehicle.n else GOAL
             warn(f"no goals are taken on {topics}, since of the reference {reason}")
         with closing(session):
             link = RosLink(session, node, warn=warn)

@@ -30,7 +30,7 @@ from skyarm.log.ros.topics import FlightTopics, Topic, every_of
 from skyarm.records.arrays import Array
 from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.assemble_log import join_pieces, sensor_data
+from skyarm.simulate.assemble_log import log_of_agent, sensor_data
 from skyarm.simulate.session import Session, open_session
 
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
@@ -67,11 +67,12 @@ class LiveInstant:
     def __getitem__(self, array: str) -> Array:
         """Array of the latest control period, (1,) or (1, k), by its log name."""
         if array not in self._known:
-            piece = self._session.latest
+            (name,), latest = self._session.scenario.agents, self._session.latest
+            piece = latest.of(name)
             if "." in array:
                 self._known |= sensor_data(piece)[0]
             else:
-                self._known |= join_pieces(piece.scenario, [piece], None, info=dict(self._info)).arrays()
+                self._known |= log_of_agent(piece.scenario, [piece], None, info=dict(self._info)).arrays()
         return self._known[array]
 
 
@@ -100,7 +101,7 @@ class RosLink:
         self._goal: dict[str, float] = {}
         self._last_goal = -math.inf
         self._begun = False
-        self._takes_commands = autopilot_of(session.scenario.controller) is None
+        self._takes_commands = autopilot_of(session.scenario.agent.controller) is None
         try:
             log = session.log
             self._info = log.info
@@ -120,9 +121,9 @@ class RosLink:
             node.advertise(topic.name, topic.kind, latched=topic.every == 0)
         if self._takes_commands:
             node.subscribe(COMMAND, NUMBERS)
-        if takes_goals(scenario.reference):
+        if takes_goals(scenario.agent.reference):
             node.subscribe(GOAL, POSE)
-            if scenario.plant.vehicle.n:
+            if scenario.agent.plant.vehicle.n:
                 node.subscribe(JOINT_GOAL, JOINTS)
 
     def __enter__(self) -> RosLink:
@@ -150,7 +151,7 @@ class RosLink:
 
     def take_command(self) -> Command | None:
         """Newest received command that has not timed out; None if the law commands the next period."""
-        sizes = self.session.scenario.plant.vehicle.sizes
+        sizes = self.session.scenario.agent.plant.vehicle.sizes
         for message in self._take_messages(COMMAND, NUMBERS) if self._takes_commands else ():
             try:
                 self._command, self._heard = command_of(message["data"], *sizes), self.session.time
@@ -161,26 +162,26 @@ class RosLink:
     def take_goals(self) -> None:
         """Redirect the reference to the newest received goals, at most five times a second."""
         session = self.session
-        if not takes_goals(session.scenario.reference):
+        if not takes_goals(session.scenario.agent.reference):
             return
         for message in self._take_messages(GOAL, POSE):
             try:
                 self._aim(base_goal(message))
             except MessageError as error:
                 self._refuse(GOAL, error)
-        vehicle = session.scenario.plant.vehicle
+        vehicle = session.scenario.agent.plant.vehicle
         for message in self._take_messages(JOINT_GOAL, JOINTS) if vehicle.n else ():
             try:
                 self._aim(joint_goal(message, vehicle))
             except MessageError as error:
                 self._refuse(JOINT_GOAL, error)
         if self._goal and session.running and session.time - self._last_goal >= GOAL_PAUSE - 1e-9:
-            session.change(changes_to(session.scenario.reference, session.time, self._goal))
+            session.change(changes_to(session.scenario.agent.reference, session.time, self._goal))
             self._goal, self._last_goal = {}, session.time
             self.goals += 1
 
     def _aim(self, goals: Mapping[str, float]) -> None:
-        check_reach(self.session.scenario.reference, self.session.time, goals)
+        check_reach(self.session.scenario.agent.reference, self.session.time, goals)
         self._goal |= goals
 
     def publish(self) -> None:
@@ -218,7 +219,7 @@ def live_session(scenario: Scenario, preparing: Callable[[float, float], object]
     """Open a session whose reference takes goals from ROS; else return the reason why it takes none."""
     live, reason = with_goals(scenario)
     # inputs of its program from the start: the first goal would make the program anew, which takes half a second
-    return open_session(live, goal_paths(live.reference), preparing=preparing), reason
+    return open_session(live, goal_paths(live.agent.reference), preparing=preparing), reason
 
 
 def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
@@ -252,7 +253,7 @@ def _own_topics(session: Session, log: Log) -> tuple[Topic, ...]:
     def turning(part: LogSection) -> Content:
         return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
 
-    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.plant.vehicle.tilts else [])]
+    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.agent.plant.vehicle.tilts else [])]
 
     def command(part: LogSection) -> Content:
         return {"data": np.hstack([part[name] for name in arrays])}

@@ -172,7 +172,7 @@ def wanted_push(log: Log) -> tuple[Array, ...]:
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.
     """
-    push = log.scenario.reference.push if log.info.get("scenario_record") else None
+    push = log.scenario.agent.reference.push if log.info.get("scenario_record") else None
     if push is None:
         return ()
     times = log.path_time if log.path_time.size else log.time

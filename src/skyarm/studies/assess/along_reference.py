@@ -55,7 +55,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     """
     parts = flight_parts(scenario)
     followed = follow(parts)
-    demand, vehicle = followed.demand, scenario.plant.vehicle
+    demand, vehicle = followed.demand, scenario.agent.plant.vehicle
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
@@ -89,7 +89,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
-        joints, gravity = stack_values(POSES_HELD, reference.joints).T, float(part.scenario.plant.gravity)
+        joints, gravity = stack_values(POSES_HELD, reference.joints).T, float(part.scenario.agent.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
@@ -98,7 +98,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 
 def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
     """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
-    vehicle = part.scenario.plant.vehicle
+    vehicle = part.scenario.agent.plant.vehicle
     limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
     for i, servo in servos(part.scenario):
         low, high = (
@@ -128,21 +128,21 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
 
 def _jump_times(scenario: Scenario) -> list[float]:
     """Times (s) at which the reference may jump, in order."""
-    path, times = scenario.path_time, scenario.reference.switch_times()
+    path, times = scenario.agent.path_time, scenario.agent.reference.switch_times()
     return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
 
 
 def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
     motion = motion_of(reference_at(scenario, time), time)
-    demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion)
+    demand = demand_of_motion(vehicle, float(scenario.agent.plant.gravity), motion)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     return Followed(demand, demand.squared / top, _effort_shares(part, demand))
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
-    for i, link in enumerate(scenario.plant.vehicle.links):
+    for i, link in enumerate(scenario.agent.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
         beyond = (q < float(joint.lower)) | (q > float(joint.upper))
         if np.any(beyond):

@@ -46,7 +46,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     delay = hover_delay_if_known(scenario)
     if isinstance(delay, str):
         return [Finding(QUESTION, NOTE, f"not known: {delay}")]
-    text, unit = delay.sentence(scenario.controller.name), "s"
+    text, unit = delay.sentence(scenario.agent.controller.name), "s"
     if not delay.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
         return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
@@ -181,7 +181,9 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    about = assess_vehicle(scenario.plant.vehicle, gravity=float(scenario.plant.gravity), payload=payload, poses=poses)
+    about = assess_vehicle(
+        scenario.agent.plant.vehicle, gravity=float(scenario.agent.plant.gravity), payload=payload, poses=poses
+    )
     try:
         along = [*along_reference(scenario), *push_limits(scenario)]
     except AllocationError:  # said by the vehicle's own findings

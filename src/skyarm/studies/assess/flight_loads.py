@@ -71,7 +71,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
         carried = [load for load in loads if load.start <= start < load.stop]
-        vehicle = now.plant.vehicle
+        vehicle = now.agent.plant.vehicle
         for load in carried:
             vehicle = vehicle.with_body(*load.body(vehicle))
         kilograms = f"{math.fsum(load.mass for load in carried):g} kg ({', '.join(load.name for load in carried)})"
@@ -82,7 +82,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
 def _payloads(scenario: Scenario) -> list[Load]:
     """Payloads with pick-up and release times, each set by a time or by the reference's arrival at a position."""
     loads = []
-    for i, payload in enumerate(scenario.payloads):
+    for i, payload in enumerate(scenario.agent.payloads):
         start = stop = math.inf
         for times in _control_instants(scenario):
             pick, drop = map(np.asarray, payload.events_reached(times, Vec3(*_along(scenario, payload.frame, times))))
@@ -111,13 +111,15 @@ def _first(times: Array, reached: Mask) -> float:
 
 def reference_at(scenario: Scenario, time: Array) -> Reference:
     """Reference trajectory of the controller at many times."""
-    path = scenario.path_time
-    return scenario.reference.at(time) if path is None else governed_reference(scenario.reference, path, time)
+    path = scenario.agent.path_time
+    return (
+        scenario.agent.reference.at(time) if path is None else governed_reference(scenario.agent.reference, path, time)
+    )
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
-    reference, vehicle = reference_at(scenario, time), scenario.plant.vehicle
+    reference, vehicle = reference_at(scenario, time), scenario.agent.plant.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(
         position=reference.position,

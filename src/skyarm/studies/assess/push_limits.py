@@ -51,19 +51,19 @@ def push_limits(scenario: Scenario) -> list[Finding]:
 
 def largest_push(scenario: Scenario) -> Reference | None:
     """Reference at the instant of its largest contact force; None if it commands none, or the vehicle has no arm."""
-    vehicle, push = scenario.plant.vehicle, scenario.reference.push
+    vehicle, push = scenario.agent.plant.vehicle, scenario.agent.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    forces = np.broadcast_to(np.asarray(scenario.reference.at(times).push[0], dtype=float), times.shape)
+    forces = np.broadcast_to(np.asarray(scenario.agent.reference.at(times).push[0], dtype=float), times.shape)
     k = int(np.argmax(forces))
-    return scenario.reference.at(float(times[k])) if forces[k] > 0.0 else None
+    return scenario.agent.reference.at(float(times[k])) if forces[k] > 0.0 else None
 
 
 def _law(scenario: Scenario) -> list[Finding]:
-    if presses(scenario.controller.par):
+    if presses(scenario.agent.controller.par):
         return []
-    text = f"law {scenario.controller.name} has no force control: it ignores reference.push and tracks positions"
+    text = f"law {scenario.agent.controller.name} has no force control: it ignores reference.push and tracks positions"
     remedy = 'law = "centroidal" with mode = "tip" and interaction'
     return [Finding("pressing", WARNING, text, "controller", remedy)]
 
@@ -84,17 +84,17 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
         joints: rad or m.
         force: on the tip, N, axes of the base.
     """
-    vehicle = scenario.plant.vehicle
-    still = hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints]))[WRENCH:, 0]
+    vehicle = scenario.agent.plant.vehicle
+    still = hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
     return still - columns @ force
 
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
-    vehicle = scenario.plant.vehicle
+    vehicle = scenario.agent.plant.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
-    hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints])))
+    hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
 
 
@@ -103,14 +103,14 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
     A force f at r turns about z by f.(z x r).
     """
-    vehicle = scenario.plant.vehicle
+    vehicle = scenario.agent.plant.vehicle
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
     return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.plant.vehicle, tuple(map(float, at.joints))
+    vehicle, joints = scenario.agent.plant.vehicle, tuple(map(float, at.joints))
     efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
@@ -139,13 +139,13 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
     """Warnings for guards (contact conditions) of a reference whose horizontal force would push an object too fast."""
     findings, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
     friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
-    for i, guard in enumerate(scenario.reference.guards):
-        tip, n = scenario.reference.at(float(guard.at)).tip, np.array(guard.direction)
+    for i, guard in enumerate(scenario.agent.reference.guards):
+        tip, n = scenario.agent.reference.at(float(guard.at)).tip, np.array(guard.direction)
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
         for thing in (each for world in scenario.worlds for each in world.objects if each.standing):
             away = np.array(tip) - np.array([*thing.position], dtype=float)
-            bears = friction * float(thing.mass) * float(scenario.plant.gravity)
+            bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
             driven = (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(thing.size)
             if ahead and driven > speed:
@@ -159,7 +159,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
 
 
 def _error(scenario: Scenario, at: Reference) -> list[Finding]:
-    part = part_of(scenario.controller.par, "interaction")
+    part = part_of(scenario.agent.controller.par, "interaction")
     if part is None or part.sensing is not None:
         return []
     common, deviation = push_errors(scenario, at, ASSUMED if part.tolerances is None else part.tolerances)
@@ -180,8 +180,8 @@ def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[floa
         at: reference while it pushes; the base is taken as level.
         by: standard deviations of scales, independent from joint to joint, and of weights.
     """
-    vehicle, joints, push = scenario.plant.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
-    errors = part_of(scenario.controller.par, "interaction").errors
+    vehicle, joints, push = scenario.agent.plant.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
+    errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)
     loads, weights = (shares * pushing_efforts(scenario, joints, force) for force in (push, 0.0 * push))

@@ -136,7 +136,7 @@ class CellFlights:
             columns=values,
             episodes=np.zeros(count, dtype=int) if self.same_noise else np.arange(count),
             fixed={**names, "trial": self.trials(count)},
-            metrics=self.metric_names(scenario.commands_setpoints),
+            metrics=self.metric_names(scenario.agent.commands_setpoints),
             windows=self.case.windows,
             seed=self.seed,
             stiffest=with_numbers(scenario, hardest) if (hardest := self.stiffest(values)) else None,
@@ -147,7 +147,7 @@ class CellFlights:
     def scenario(self) -> Scenario:
         """Scenario that all flights have in common, before their perturbed parameters are set."""
         built = self.condition.apply(self.case.build())
-        controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
+        controller = self.entrant.controller(built.agent.controller.par.model, noisy=self.condition.noisy)
         return dataclasses.replace(built.with_kind(self.plant).with_controller(controller), seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:

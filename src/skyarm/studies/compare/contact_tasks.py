@@ -143,10 +143,10 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
         planned = planned.with_controller(controller_by_name(planned, name))
-    if task.push and not presses(planned.controller.par):
+    if task.push and not presses(planned.agent.controller.par):
         led = scenario_from(as_positions(task, document))
-        planned = led.with_controller(planned.controller)
-    noise, delays = NOISE if noisy else planned.noise, Delays(longest_command=DELAY)
+        planned = led.with_controller(planned.agent.controller)
+    noise, delays = NOISE if noisy else planned.agent.noise, Delays(longest_command=DELAY)
     return with_words(planned, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(planned))
 
 

@@ -83,10 +83,10 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
         scenario: scenario of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
-    joints = tuple(float(q) for q in scenario.reference.at(0.0).joints)
+    joints = tuple(float(q) for q in scenario.agent.reference.at(0.0).joints)
     feasible = np.ones(len(drawn["wind"]), dtype=bool)
     push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
-    limits = effort_limits(scenario.plant.vehicle)
+    limits = effort_limits(scenario.agent.plant.vehicle)
     if task.push:
         feasible &= drawn["wind"] <= HALF * task.push
         feasible &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
@@ -96,7 +96,7 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
         feasible &= pushing + drawn["friction"] * sliding <= HALF * room
     if task.object:
         mass = number_at(scenario, f"world.objects.{task.object}.mass")
-        weight = np.array([0.0, 0.0, -float(scenario.plant.gravity) * mass])
+        weight = np.array([0.0, 0.0, -float(scenario.agent.plant.gravity) * mass])
         still = pushing_efforts(scenario, joints, 0.0 * weight)
         more = pushing_efforts(scenario, joints, weight) - still
         efforts = still[:, None] + more[:, None] * drawn["mass"]
@@ -114,7 +114,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
         path = f"world.objects.{task.object}.mass"
         numbers[path] = number_at(scenario, path) * drawn["mass"]
     thrust = _uniform(THRUST, share[:, 4])
-    for i in range(len(scenario.plant.vehicle.rotors)):
+    for i in range(len(scenario.agent.plant.vehicle.rotors)):
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
         numbers[path] = number_at(scenario, path) * thrust
     numbers["delays.command"] = DELAY * share[:, 5]

@@ -132,8 +132,8 @@ class EnvelopeAxis:
     def scenario(self, setting: Setting, value: float) -> Scenario:
         """Scenario of an envelope trial at one axis value, with sensor noise if the axis requires it."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
-        if self.noisy and built.noise == PERFECT_SENSORS:
-            delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
+        if self.noisy and built.agent.noise == PERFECT_SENSORS:
+            delays = dataclasses.replace(built.agent.delays, measurement=built.agent.delays.measurement or DELAY)
             built = with_words(built, noise=NOISE, delays=delays)
         return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
 
@@ -145,7 +145,7 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
 
 def along(setting: Setting, **signals: Any) -> Scenario:
     """Scenario of a vehicle that follows the given reference signals of base and joints."""
-    return setting.hover.with_reference(dataclasses.replace(setting.hover.reference, **signals))
+    return setting.hover.with_reference(dataclasses.replace(setting.hover.agent.reference, **signals))
 
 
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
@@ -185,7 +185,7 @@ def slow_circle_with_onset(setting: Setting) -> Scenario:
 
 def figure(setting: Setting) -> Scenario:
     """Envelope trial: Lissajous figure in space while the joints swing faster; the axis value sets the frequencies."""
-    height = setting.hover.reference.z
+    height = setting.hover.agent.reference.z
     base = {axis: sine_from_rest(size * setting.climb, times, phase) for axis, (size, times, phase) in FIGURE.items()}
     size, times, phase = FIGURE_ARM
     return along(setting, **base | {"z": Sum((height, base["z"]))}, joints=swings(setting, (size,), times, phase))
@@ -212,12 +212,12 @@ def random_curve(setting: Setting, step: float) -> Scenario:
         Sum((Constant(middle), curve(SPAN["joints"] * unit)))
         for middle, unit in zip(setting.middle, setting.swing, strict=True)
     )
-    return along(setting, **base | {"z": Sum((setting.hover.reference.z, base["z"]))}, joints=joints)
+    return along(setting, **base | {"z": Sum((setting.hover.agent.reference.z, base["z"]))}, joints=joints)
 
 
 def vertical(setting: Setting) -> Scenario:
     """Envelope trial: vertical sine motion of 0.2 m amplitude."""
-    return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
+    return moving_base(setting, z=Sum((setting.hover.agent.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
@@ -240,7 +240,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
-    plant = dataclasses.replace(setting.hover.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
+    plant = dataclasses.replace(setting.hover.agent.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
     return with_words(setting.hover, plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
 
 
@@ -290,7 +290,7 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
     """
     if setting.vehicle == PAPER:
         return draw(scenario, widen(Spread(), times), count, seed=seed)
-    spread, _ = spread_of(setting.truth, float(scenario.plant.gravity), Spread().delay)
+    spread, _ = spread_of(setting.truth, float(scenario.agent.plant.gravity), Spread().delay)
     return fitted_damping(scenario, spread, draw(scenario, widen(spread, times), count, seed=seed))
 
 

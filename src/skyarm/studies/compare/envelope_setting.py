@@ -66,7 +66,7 @@ class Setting:
     @property
     def truth(self) -> Vehicle:
         """Simulated vehicle, as opposed to the controller's nominal model."""
-        return self.hover.plant.vehicle
+        return self.hover.agent.plant.vehicle
 
 
 @lru_cache(maxsize=8)

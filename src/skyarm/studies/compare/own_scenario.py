@@ -98,8 +98,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
-        once = autopilot_of(own.controller) is not None and any(
-            name == own.controller.name
+        once = autopilot_of(own.agent.controller) is not None and any(
+            name == own.agent.controller.name
             and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
             for name in named
         )

@@ -57,7 +57,7 @@ class Case:
     def build(self) -> Scenario:
         """Scenario of the case with perfect sensors and a placeholder controller."""
         shipped = load_scenario(self.scenario)
-        world = shipped.plant
+        world = shipped.agent.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
         wind = turn_wind(force_wind(shipped), self.wind)
@@ -126,7 +126,7 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        return with_words(scenario, delays=delays, noise=NOISE if self.noisy else scenario.noise)
+        return with_words(scenario, delays=delays, noise=NOISE if self.noisy else scenario.agent.noise)
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:

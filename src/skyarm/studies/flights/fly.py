@@ -107,4 +107,4 @@ def one_scenario(work: Work, k: int) -> Scenario:
     if late is None:
         return single
     command = round(late * rate) / rate
-    return single.with_delays(dataclasses.replace(single.delays, command=command, longest_command=None))
+    return single.with_delays(dataclasses.replace(single.agent.delays, command=command, longest_command=None))

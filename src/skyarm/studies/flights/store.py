@@ -361,7 +361,7 @@ def _fits(content: bytes, work: Work) -> bool:
     scenario = work.scenario
     # of a joint whose command is a setpoint of its drive a flight by itself has no effort
     asked = [name for name in work.metrics if not (work.alone and name.startswith("tau"))] if not work.measure else []
-    metrics = metric_names(asked, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    metrics = metric_names(asked, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
     given = ["episode", *work.fixed, *work.columns, *metrics, "status", "end_time"]
     if work.alone:
         given = [name for name in given if not name.startswith("tau")]

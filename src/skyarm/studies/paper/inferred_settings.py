@@ -61,13 +61,15 @@ def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
     planned = scenario_from(tables, replaced={"plant": flight.plant})
     changed = with_numbers(planned, numbers(study, name, settings))
     # a single flight needs no room for longer delays
-    return changed.with_delays(dataclasses.replace(changed.delays, longest_command=None))
+    return changed.with_delays(dataclasses.replace(changed.agent.delays, longest_command=None))
 
 
 def inferred_work(flight: PaperFlight, evidence: Record, kind: str) -> Work:
     """Work item of a flight with inferred settings: fitted to all cases, or predicted from some cases."""
     planned = inferred_scenario(flight, settings_in(evidence, kind))
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
-    later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0
+    later = (
+        float(planned.agent.tracking_start) - MOTION if flight.case == "case1" and planned.agent.tracking_start else 0.0
+    )
     holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
     return work_of(flight, planned, kind, holds=holds)

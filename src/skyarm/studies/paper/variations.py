@@ -66,17 +66,17 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
     for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
         moving = min(rise, seconds)
         segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
-    base = planned.reference
+    base = planned.agent.reference
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
     return planned.with_reference(dataclasses.replace(base, joints=(first, *base.joints[1:])))
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
     """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques suggest."""
-    truth = planned.plant.vehicle
+    truth = planned.agent.plant.vehicle
     first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
     vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
-    return planned.with_plant(dataclasses.replace(planned.plant, vehicle=vehicle))
+    return planned.with_plant(dataclasses.replace(planned.agent.plant, vehicle=vehicle))
 
 
 def delay_commands(planned: Scenario) -> Scenario:

@@ -97,7 +97,7 @@ class Evidence:
 
 def hovering(scenario: Scenario) -> Scenario:
     """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
-    start = scenario.reference.at(0.0)
+    start = scenario.agent.reference.at(0.0)
     x, y, z, yaw, *joints = (Constant(float(value)) for value in (*start.position, start.yaw, *start.joints))
     return with_words(
         scenario.as_begun,
@@ -158,7 +158,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
             linearised.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
             report(len(linearised))
     return Evidence(
-        controller=scenario.controller.name,
+        controller=scenario.agent.controller.name,
         scenario=scenario.name,
         instants=tuple(linearised),
         completed=len(linearised) == total,
@@ -201,7 +201,7 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
             time=float(inputs.times[until]),
             differentiator=differentiator,
             carry=now,
-            row=leaves(inputs.row_at(until, now)),
+            row=leaves(inputs.rows_at(until, now)),
         )
 
 

@@ -37,9 +37,9 @@ def nominal(scenario: Scenario) -> Scenario:
             whose memory moves with the plant or follows its state; or rotors and joints with delays of their own.
         ControllerError: an autopilot: its program cannot be linearised.
     """
-    if autopilot_of(scenario.controller) is not None:
-        scenario.controller.require_compiled("a margin")
-    if scenario.delays.apart:
+    if autopilot_of(scenario.agent.controller) is not None:
+        scenario.agent.controller.require_compiled("a margin")
+    if scenario.agent.delays.apart:
         raise ScenarioError("delays.rotors, delays.joints: must be left out of margins, which know delays.command only")
     scenario = _without_tilts(scenario)
     calm = scenario.wind
@@ -49,7 +49,7 @@ def nominal(scenario: Scenario) -> Scenario:
         JointDrive(joint=each.joint, drive=dataclasses.replace(each.drive, resolution=0))
         if isinstance(each.drive, PositionServo)
         else each
-        for each in scenario.joint_drives
+        for each in scenario.agent.joint_drives
     )
     (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
     return with_words(scenario.as_begun, noise=PERFECT_SENSORS, drives=drives, wind=calm, air=air, forces=forces)
@@ -84,7 +84,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
 
 def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
+    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
     state = example_state(*vehicle.sizes)
 
     def advance(memory: Tree, time: tuple[Scalar], state: State, draws: Sequence[Scalar]) -> Tree:
@@ -98,14 +98,14 @@ def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> b
 
 def _without_tilts(scenario: Scenario) -> Scenario:
     """Scenario with tilting rotors fixed at their rest angles."""
-    vehicle = scenario.plant.vehicle
+    vehicle = scenario.agent.plant.vehicle
     if not vehicle.tilts:
         return scenario
-    if turns_rotors(scenario.controller):
+    if turns_rotors(scenario.agent.controller):
         raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
     fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
-    first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
-    return with_words(scenario, plant=dataclasses.replace(scenario.plant, vehicle=fixed), initial=first)
+    first = None if scenario.agent.initial is None else dataclasses.replace(scenario.agent.initial, tilts=())
+    return with_words(scenario, plant=dataclasses.replace(scenario.agent.plant, vehicle=fixed), initial=first)
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
@@ -113,7 +113,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
     Of a law under layers, its own constants are looked at.
     """
-    adaptation = part_of(scenario.controller.par, "adaptation")
+    adaptation = part_of(scenario.agent.controller.par, "adaptation")
     if adaptation is None:
         return scenario
     return _with_part(
@@ -124,16 +124,16 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
 def with_held_lag(scenario: Scenario) -> Scenario:
     """Scenario whose law freezes its lag estimate, since a bank of candidate lags is no part of a linear loop."""
-    lag = part_of(scenario.controller.par, "lag")
+    lag = part_of(scenario.agent.controller.par, "lag")
     return _with_part(scenario, lag=dataclasses.replace(lag, held=True)) if hasattr(lag, "held") else scenario
 
 
 def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
     """Replace parts of a scenario's innermost control law, which safety layers may enclose."""
-    par: Any = scenario.controller.par
+    par: Any = scenario.agent.controller.par
     own = innermost(par)
     changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))
-    return scenario.with_controller(dataclasses.replace(scenario.controller, par=changed))
+    return scenario.with_controller(dataclasses.replace(scenario.agent.controller, par=changed))
 
 
 def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
@@ -153,10 +153,10 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
         lag = up * down / (down + share * (up - down))
         return dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag)
 
-    par = scenario.controller.par
+    par = scenario.agent.controller.par
     model = dataclasses.replace(par.model, vehicle=with_one_lag(par.model.vehicle))
-    controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
-    plant = dataclasses.replace(scenario.plant, vehicle=with_one_lag(scenario.plant.vehicle))
+    controller = dataclasses.replace(scenario.agent.controller, par=dataclasses.replace(par, model=model))
+    plant = dataclasses.replace(scenario.agent.plant, vehicle=with_one_lag(scenario.agent.plant.vehicle))
     return with_words(scenario, controller=controller, plant=plant)
 
 
@@ -167,13 +167,13 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full
             state; names the first of them by its field.
     """
-    loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the supply comes last
-    for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
-        _require_none(bool(leaves(memory)), f"payloads[{i}]", type(payload))
-    for named in scenario.sensors:
+    for (place, component), memory in zip(scenario.placed_components, first.memories, strict=True):
+        if place.startswith("payloads["):
+            _require_none(bool(leaves(memory)), place, type(component))
+    for named in scenario.agent.sensors:
         _require_none(True, f"sensors.{named.name}", type(named.sensor))
-    _require_none(bool(leaves(first.agent.estimate)), "estimator", type(scenario.estimator))
-    _require_none(bool(leaves(first.agent.sensors[0].memory)), "sensors", type(scenario.noise))
+    _require_none(bool(leaves(first.agent.estimate)), "estimator", type(scenario.agent.estimator))
+    _require_none(bool(leaves(first.agent.sensors[0].memory)), "sensors", type(scenario.agent.noise))
 
 
 def _require_none(present: bool, field: str, kind: type) -> None:

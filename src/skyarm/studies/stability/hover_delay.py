@@ -98,6 +98,6 @@ def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
 
 def believed_delay(scenario: Scenario) -> float:
     """Nominal loop delay, s: the larger of the delay stated to the controller and the scenario's delay."""
-    nominal = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
-    stated = float(scenario.delays.measurement) + float(scenario.delays.command)
+    nominal = float(getattr(innermost(scenario.agent.controller.par), "delay_periods", 0)) / scenario.rates.control
+    stated = float(scenario.agent.delays.measurement) + float(scenario.agent.delays.command)
     return max(nominal, stated) if math.isfinite(nominal) else stated

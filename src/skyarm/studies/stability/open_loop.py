@@ -14,6 +14,7 @@ Source: B. Fornberg 1988, Table 1 (first derivative, fourth order).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias, cast
 
@@ -29,7 +30,7 @@ from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
-from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.plant.surroundings import Memories, Together
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
@@ -146,7 +147,7 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
         new=own.queue[min(1, len(own.queue) - 1)],
         memory=own.memory,
         seen=seen,
-        power=carry.components[len(carry.components) - batteries :] if batteries else (),
+        power=own.components[len(own.components) - batteries :] if batteries else (),
     )
 
 
@@ -170,13 +171,13 @@ class Differentiator:
         inputs = episode_inputs(self.scenario)
         first = first_loop_state(self.scenario)
         require_no_memory(self.scenario, first)
-        self._components = first.components
+        self._first = first
         plant = rigid_body_plant(self.scenario, first)
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
-        self._point = open_point(first, len(scenario.power))
-        row = inputs.row_at(0, first)
+        self._point = open_point(first, len(scenario.agent.power))
+        row = inputs.row_at(0, first.agent, first.ticks)
 
         def step(
             point: OpenPoint, given: Given, fed: InputRow[Reference], _uniforms: Sequence[Scalar]
@@ -199,34 +200,37 @@ class Differentiator:
         stages = Stages(scenario)
         power = tuple(
             each.advance(charge, row.time, self._period, point.state, ())
-            for each, charge in zip(scenario.power, point.power, strict=True)
+            for each, charge in zip(scenario.agent.power, point.power, strict=True)
         )
-        memories = (*self._components[: len(self._components) - len(power)], *power)
-        air = stages.surroundings(memories, point.drives, row.time)
-        force, _ = accelerate(scenario.plant, point.state, point.old, air)
+        own_models = self._first.agent.components
+        models = (*own_models[: len(own_models) - len(power)], *power)
+        agent = replace(self._first.agent, components=models, drives=point.drives)
+        air = stages.surroundings(self._first.with_agent(agent), row.time)
+        ((force, _),) = accelerate(stages.worlds, (point.state,), (point.old,), air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
-        now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
-        memory, command = checked_law(scenario.controller)(
-            point.memory, point.seen, stages.law_reference(row), self._period, par=scenario.controller.par
+        now = measure(scenario.agent.noise, row.time, point.state, proper, [0] * count)
+        memory, command = checked_law(scenario.agent.controller)(
+            point.memory, point.seen, stages.agent.law_reference(row), self._period, par=scenario.agent.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, late, self._period)
-        state, given_drives = point.state, zip(scenario.all_drives, point.drives, heard, strict=False)
+        state, given_drives = point.state, zip(scenario.agent.all_drives, point.drives, heard, strict=False)
         drives = tuple(
             drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
             for i, (drive, memory, u) in enumerate(given_drives)
         )
-        air = stages.with_drives(air, drives)
+        air = air.with_drives([drives])
         after = self._advance(scenario, point.state, point.old, air, late)
         after = self._advance(scenario, after, point.new, air, self._period - late)
         return tuple(data(leaf) for leaf in leaves((after, drives, now, memory, command)))
 
-    def _advance(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
+    def _advance(self, scenario: Scenario, state: State, command: Command, air: Together, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
-        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count)[0], state)
+        worlds, part = (scenario.agent.plant,), seconds / count
+        return repeat(count, lambda x: step(worlds, (x,), (command,), air, part)[0][0], state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
         """Linearise the open loop at a state of the simulated flight.
@@ -238,7 +242,7 @@ class Differentiator:
             numbers: numbers at the paths; the scenario's own if left out.
         """
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
-        point = open_point(carry, len(self.scenario.power))
+        point = open_point(carry, len(self.scenario.agent.power))
         sizes = sizes_of(point)
         base = self._complete(carry, point, sizes, row, given)
         moved, widths = stencil_points(base, point.state.quaternion)
@@ -263,8 +267,8 @@ class Differentiator:
             m_y=first[2][:, y],
             u_m=first[3][:, m],
             u_y=first[3][:, y],
-            measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
-            command_delay=float(self.scenario.delays.command),
+            measurement_delay=round(self.scenario.agent.delays.measurement * self.scenario.rates.control),
+            command_delay=float(self.scenario.agent.delays.command),
             states=len(leaves(point.state)) - 1,
             channels=self._channels(point, base),
         )
@@ -273,7 +277,7 @@ class Differentiator:
         """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
+        return vehicle_channels(self.scenario.agent.plant.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]

@@ -209,7 +209,7 @@ def _rate(where: str, scenario: Scenario) -> float:
 
 def _fastest_friction(scenario: Scenario) -> float:
     """Largest rate constant of joint friction over the flight, 1/s."""
-    return max(joint_rate(stretch.overrides.of(scenario).plant.vehicle) for stretch in stretches(scenario))
+    return max(joint_rate(stretch.overrides.of(scenario).agent.plant.vehicle) for stretch in stretches(scenario))
 
 
 def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:

@@ -208,7 +208,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     names = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
     if not isinstance(names, list) or not names:
         raise ValueError(f"metrics = {shown(names)}: must be a list of names")
-    return metric_names(names, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    return metric_names(names, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
@@ -226,7 +226,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
-        scenarios[controller or scenario.controller.name] = _ready(scenario, paths, derived)
+        scenarios[controller or scenario.agent.controller.name] = _ready(scenario, paths, derived)
     return scenarios
 
 

@@ -120,12 +120,12 @@ class CandidateFlights:
         self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
         still = _without_motions(plants)
         self._own = None if own is None else CandidateFlights(own, knobs, still, crew, seed=seed)
-        vehicle = scenario.plant.vehicle
+        vehicle = scenario.agent.plant.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
-        self._keeps_tip = scenario.controller.keeps_tip
+        self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
         self._efforts = tuple(
-            f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.commands_setpoints) if not setpoint
+            f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.agent.commands_setpoints) if not setpoint
         )
         self._windows = ("", "gust_") if gust else ("",)
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")

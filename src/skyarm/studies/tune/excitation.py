@@ -21,6 +21,7 @@ from skyarm.log.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
+from skyarm.records.members import SOLE
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, with_words
@@ -197,18 +198,14 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
     rates, delays = Rates(), Delays(measurement=DELAY)
     controller = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
-    return Scenario(
-        name=vehicle.name,
-        rates=rates,
-        duration=DURATION,
-        agent=Agent(
-            plant=Truth(vehicle=vehicle, gravity=gravity),
-            controller=controller,
-            reference=motion(vehicle),
-            noise=NOISE,
-            delays=delays,
-        ),
+    agent = Agent(
+        plant=Truth(vehicle=vehicle, gravity=gravity),
+        controller=controller,
+        reference=motion(vehicle),
+        noise=NOISE,
+        delays=delays,
     )
+    return Scenario(name=vehicle.name, rates=rates, duration=DURATION, agents={SOLE: agent})
 
 
 def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
@@ -219,18 +216,20 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         own_motion: fly the scenario's own reference, for its own duration and windows.
         unseen: use the validation path; errors count after the gust.
     """
-    noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
-    longest = float(scenario.delays.command) + UNKNOWN_DELAY
-    delays = dataclasses.replace(scenario.delays, longest_command=longest)
+    noisy = (
+        scenario.agent.noise != PERFECT_SENSORS or scenario.agent.sensors or scenario.agent.estimator != PASS_THROUGH
+    )
+    longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
+    delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
     words = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
-        "reference": (unseen_motion if unseen else motion)(scenario.plant.vehicle),
+        "reference": (unseen_motion if unseen else motion)(scenario.agent.plant.vehicle),
         "path_time": None,
     }  # fmt: skip
     return with_words(
         scenario.as_begun.with_kind("rigid_body"),
-        noise=scenario.noise if noisy else NOISE,
+        noise=scenario.agent.noise if noisy else NOISE,
         delays=delays,
         faults=(),
         payloads=(),
@@ -244,7 +243,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
 
 
 def _gust(scenario: Scenario) -> Gust:
-    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
+    weight = float(scenario.agent.plant.vehicle.mass) * float(scenario.agent.plant.gravity)
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
@@ -283,10 +282,10 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
         seed: key.
         mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.
     """
-    truth = scenario.plant.vehicle
-    own = float(scenario.delays.command)
-    longest = scenario.delays.longest_command
-    spread, eased = spread_of(truth, float(scenario.plant.gravity), 0.0 if longest is None else longest - own)
+    truth = scenario.agent.plant.vehicle
+    own = float(scenario.agent.delays.command)
+    longest = scenario.agent.delays.longest_command
+    spread, eased = spread_of(truth, float(scenario.agent.plant.gravity), 0.0 if longest is None else longest - own)
     values = draw(scenario, spread, count, seed=seed)
     if not truth.end_effector:
         del values["plant.payload.mass"]

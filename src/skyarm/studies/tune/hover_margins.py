@@ -55,7 +55,7 @@ def one_blas_thread() -> Iterator[None]:
 
 def required_margins(scenario: Scenario) -> Required:
     """Stability margins that a scenario's gains must have."""
-    nominal = float(scenario.delays.measurement) + float(scenario.delays.command)
+    nominal = float(scenario.agent.delays.measurement) + float(scenario.agent.delays.command)
     return Required(delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN)
 
 
@@ -69,7 +69,7 @@ def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence
 
 def calm(flight: Scenario) -> Scenario:
     """Tuning flight without the randomly drawn wind and without unmodelled delay."""
-    delays = dataclasses.replace(flight.delays, longest_command=None)
+    delays = dataclasses.replace(flight.agent.delays, longest_command=None)
     return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 

@@ -204,7 +204,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: s
         for knob, at in zip(knobs, middle, strict=True)
     )
     numbers = {place: number for knob in moved for place, number in knob.numbers}
-    law = flight.controller
+    law = flight.agent.controller
     place = flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
@@ -220,11 +220,11 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
     """
-    law = scenario.controller.name
+    law = scenario.agent.controller.name
     names = [f"{law}{TUNED}"] if law in tuned_factors() else []
     names += [law] if law in LAWS else []
-    model = plain_model(scenario.controller.par.model)
-    facts = loop_facts(scenario.rates, scenario.delays)
+    model = plain_model(scenario.agent.controller.par.model)
+    facts = loop_facts(scenario.rates, scenario.agent.delays)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _make(name, model, facts)

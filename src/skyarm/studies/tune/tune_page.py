@@ -29,7 +29,7 @@ def front_name(number: int) -> str:
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
     """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
-    controller = tuning.plan.flight.controller
+    controller = tuning.plan.flight.agent.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
     below, gains = inner_place(controller), {}
     for knob in tuning.plan.knobs:
@@ -53,7 +53,7 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
     before = gains_of(tuning, tuning.before)
     units = {knob.path: knob.unit for knob in plan.knobs}
     lines = [
-        f"# Gains of {plan.label} for {plan.flight.plant.vehicle.name}, written by skyarm tune.",
+        f"# Gains of {plan.label} for {plan.flight.agent.plant.vehicle.name}, written by skyarm tune.",
         '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --laws THIS FILE',
         "schema = 1",
         *_table("law", words),
@@ -78,9 +78,9 @@ def about(tuning: Tuning) -> Facts:
     return {
         **plan.facts(),
         "scenario": plan.check.name,
-        "vehicle": plan.flight.plant.vehicle.name,
-        "vehicle_digest": identity(plan.flight.plant.vehicle),
-        "belief_digest": identity(plan.flight.controller.par.model.vehicle),
+        "vehicle": plan.flight.agent.plant.vehicle.name,
+        "vehicle_digest": identity(plan.flight.agent.plant.vehicle),
+        "belief_digest": identity(plan.flight.agent.controller.par.model.vehicle),
         "flight_digest": identity(plan.flight),
         "candidates": plan.effort.candidates,
         "unseen_plants": plan.unseen,
@@ -140,7 +140,7 @@ def error_words(vehicle: Vehicle) -> str:
 
 def tune_page(found: Tuning) -> str:
     """HTML page of a tuning's results, in one self-contained file."""
-    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
+    plan, vehicle = found.plan, found.plan.flight.agent.plant.vehicle
     facts = (
         f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants; the front on {plan.unseen} "
         f"plants that the search did not use; seed {plan.seed}"
@@ -170,7 +170,7 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
         found: result.
         seconds: duration of the tuning, s.
     """
-    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
+    plan, vehicle = found.plan, found.plan.flight.agent.plant.vehicle
     error = error_words(vehicle)
     rows: list[Row] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
     for i, point in enumerate((found.before, *found.points)):

@@ -139,7 +139,7 @@ class Tuning:
     @property
     def controller(self) -> Controller:
         """Controller with the selected gains."""
-        return with_gains(self.plan.flight.controller, self.plan.knobs, self.pick.logs)
+        return with_gains(self.plan.flight.agent.controller, self.plan.knobs, self.pick.logs)
 
     @property
     def meets(self) -> bool:
@@ -223,7 +223,7 @@ class Tuner:
     def check(self, rows: Array, again: Scores) -> list[Point]:
         """Evaluate initial gains and the best candidates on unseen plants, with their stability margins."""
         plan = self._plan
-        mixed = plan.check.reference == plan.flight.reference
+        mixed = plan.check.agent.reference == plan.flight.agent.reference
         flown = self._flown_once("unseen", plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
         self._progress(self._total, self._total, "margins")
         scored, margins = scores(flown), self._margins.measure(rows)
@@ -320,7 +320,7 @@ def tune(
         moves, scenario = False, of_vehicle(what if isinstance(what, Vehicle) else load_vehicle(what), controller)
     else:
         moves, scenario = True, as_scenario(what, controller)
-    label = controller or scenario.controller.name
+    label = controller or scenario.agent.controller.name
     plan = plan_of(scenario, moves, label, knobs, Effort().scale(candidates, plants), seed)
     return tune_plan(plan, workers=workers, on=on, folder=folder, progress=progress)
 
@@ -338,14 +338,14 @@ def plan_of(
         effort: size of the search.
         seed: seed of plants, noise and search.
     """
-    scenario.controller.require_compiled("skyarm tune")
+    scenario.agent.controller.require_compiled("skyarm tune")
     flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
     return TuningPlan(
         flight=flight,
         check=own if moves else flight,
         own=shorten(own) if moves else None,
         aside=tuning_flight(scenario, unseen=True),
-        knobs=find_knobs(scenario.controller, scenario.controller.name, knobs),
+        knobs=find_knobs(scenario.agent.controller, scenario.agent.controller.name, knobs),
         effort=effort,
         seed=seed,
         label=label,
@@ -381,7 +381,7 @@ def tune_plan(
 def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     """Tune the gains of a controller, with a given runner for the simulations."""
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
-    law = start.flight.controller
+    law = start.flight.agent.controller
     plan = dataclasses.replace(
         plan,
         flight=start.flight,

@@ -146,7 +146,7 @@ def flight_events(log: Log) -> tuple[Event, ...]:
         gust = gust_interval(log)
         return () if gust is None else (Event("gust", *gust),)
     events = [Event(*each) for component in scenario.components for each in component.events]
-    for fault in scenario.faults:
+    for fault in scenario.agent.faults:
         actuator = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
         if fault.stuck or fault.signal is not None:
             events.append(Event(f"{actuator} {'stuck' if fault.stuck else 'varies'}", float(fault.start), np.inf))

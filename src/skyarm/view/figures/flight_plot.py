@@ -137,7 +137,7 @@ def world_of(named: Named, span: Span) -> Scene:
             continue
         ends = inside[[0, -1]]
         seen = Instants(
-            vehicle=scenario.plant.vehicle, times=log.time[ends], position=log.position[ends],
+            vehicle=scenario.agent.plant.vehicle, times=log.time[ends], position=log.position[ends],
             quaternion=log.quaternion[ends], joints=log.joints[ends], around=np.mean(log.tip[inside], axis=0),
         )  # fmt: skip
         scene = scene_in_log(scenario.components, seen, lambda name: log.component(name)[ends])  # noqa: B023

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from skyarm.log.flight_log import Log
+from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.simulate.assemble_log import LoggedSamples, Piece, join_pieces
+from skyarm.simulate.assemble_log import AgentPiece, LoggedSamples, log_of_agent
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -92,7 +93,7 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
         states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty
     )
     info = {"status": "completed", "rates_hz": {"control": inputs.scenario.rates.control}}
-    log = join_pieces(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info=info)
+    log = log_of_agent(inputs.scenario, [AgentPiece(inputs.scenario, inputs, row, samples)], None, info=info)
     return InstantLog(**vars(log), flown=inputs.scenario)
 
 
@@ -142,8 +143,10 @@ class EpisodePictures:
         time, row = ticks / scenario.rates.control, min(int(ticks), scenario.steps - 1)
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
             self._last = now.agent.state
-        state, around = self._last, self._stages.surroundings(now.components, now.agent.drives, time)
-        wind, numbers = self._stages.wind(around, state), np.array([leaves(state)], dtype=float)
+        state, last = self._last, now.with_agent(replace(now.agent, state=self._last))
+        around = self._stages.surroundings(last, time)
+        (motion,) = self._stages.motions(last, around)
+        wind, numbers = wind_at(around.of(0), motion), np.array([leaves(state)], dtype=float)
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn

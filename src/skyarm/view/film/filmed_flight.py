@@ -133,7 +133,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         ValueError: the log does not tell its vehicle.
     """
     scenario = log.scenario
-    vehicle = scenario.plant.vehicle
+    vehicle = scenario.agent.plant.vehicle
     now = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     quaternion = read(log.time, continuous(log.quaternion), times)
@@ -142,7 +142,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         around=np.mean(now["desired_tip"] if about is None else about, axis=0),
         patch=patch_about(now["tip"] if about is None else about),
     )  # fmt: skip
-    push, whole = getattr(scenario.reference, "push", None), log.status == "completed"
+    push, whole = getattr(scenario.agent.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), applied_force(log)
     return FilmedFlight(
         label=label,

@@ -241,8 +241,8 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
     if surfaces:
         yield "contact force (N)", {name: _force(name) for name in surfaces}, None
     # of joints whose drives take another setpoint no effort is known
-    joints = [link.joint for link in first.plant.vehicle.links]
-    driven = [i for i in range(len(joints)) if not any(each.first.commands_setpoints[i] for each in flights)]
+    joints = [link.joint for link in first.agent.plant.vehicle.links]
+    driven = [i for i in range(len(joints)) if not any(each.first.agent.commands_setpoints[i] for each in flights)]
     if driven:
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
         efforts = {joints[i].name: _effort(i, limited) for i in driven}
@@ -251,7 +251,7 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
             efforts,
             100.0 if limited else None,
         )
-    if first.plant.vehicle.rotors:
+    if first.agent.plant.vehicle.rotors:
         rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}
         yield "slowest and fastest rotor (% of limit)", rotors, 100.0
 

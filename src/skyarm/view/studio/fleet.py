@@ -53,17 +53,17 @@ LOG, SCENARIO = ".npz", ".toml"
 
 def adjustable(plain: Scenario) -> Scenario:
     """Add wind, push, actuator faults and delay to a scenario, inactive until a slider sets them."""
-    named, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
+    named, vehicle = {fault.name for fault in plain.agent.faults}, plain.agent.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=link.joint.name) for link in vehicle.links]
     names = [fault.name for fault in faults]
     faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
-    delays = plain.delays
-    if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
+    delays = plain.agent.delays
+    if plain.kind == "rigid_body" and plain.agent.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
     return with_words(
         plain,
-        faults=(*plain.faults, *faults),
+        faults=(*plain.agent.faults, *faults),
         delays=delays,
         wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
         forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
@@ -88,7 +88,7 @@ class Fleet(Clock):
         with contextlib.suppress(ValueError):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
-            if (plain.reference, plain.path_time) == (longer.reference, longer.path_time):
+            if (plain.agent.reference, plain.agent.path_time) == (longer.agent.reference, longer.agent.path_time):
                 self.planned, self._duration = False, longest
         self.scenario = self.under(None)
         self.push_path = f"environment.forces.{len(self.scenario.forces) - 1}"
@@ -258,7 +258,7 @@ class Flight:
 
     def __init__(self, law: str | None, scenario: Scenario, push: str) -> None:
         self.law, self.first = law, scenario
-        self.title = law or scenario.controller.name
+        self.title = law or scenario.agent.controller.name
         self.knobs = knobs_of(scenario, push)
         numbers = [f"{push}.gust.{name}" for name in ("peak.x", "peak.y", "peak.z", "start", "duration")]
         self._paths = [*(knob.path for knob in self.knobs), *numbers]
@@ -308,7 +308,7 @@ class Flight:
     @property
     def vehicle(self) -> Vehicle:
         """Simulated vehicle of the plant."""
-        return self.first.plant.vehicle
+        return self.first.agent.plant.vehicle
 
     def poses(self) -> Placed:
         """Current positions and rotations of the vehicle's bodies."""
@@ -316,7 +316,7 @@ class Flight:
 
     def goal(self) -> Placed:
         """Desired positions and rotations of the vehicle's bodies at the current time."""
-        return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
+        return goal_of(self.vehicle, self.session.scenario.agent.reference.at(self.session.time))
 
     @property
     def hung_mass(self) -> float:
@@ -326,9 +326,9 @@ class Flight:
     def scene(self, around: Array) -> Scene:
         """Surfaces, objects and forces around the vehicle at the current time."""
         session = self.session
-        motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.plant.gravity)
+        motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.agent.plant.gravity)
         seen = instant_of(motion, session.time, around)
-        return scene_now(session.scenario.components, session.now.components, seen, motion)
+        return scene_now(session.scenario.components, session.now.memories, seen, motion)
 
     @property
     def last(self) -> PlottedInstant:
@@ -407,7 +407,7 @@ class Flight:
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
-    if autopilot_of(scenario.controller) is not None:
+    if autopilot_of(scenario.agent.controller) is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
     with contextlib.suppress(ScenarioError):

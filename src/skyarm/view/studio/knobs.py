@@ -108,17 +108,21 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield (slider panel, parameter path) of all parameters of a scenario that may be adjusted."""
-    law = parts(scenario.controller.par)
+    law = parts(scenario.agent.controller.par)
     gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
-    if scenario.path_time is None:  # one is planned for the reference as it is
-        yield from (("reference", path) for path in _of_tree(path_names(scenario.reference)["base"], "reference.base"))
-        yield from _all_below("reference", {f"reference.{word}": getattr(scenario.reference, word) for word in SIGNALS})
+    if scenario.agent.path_time is None:  # one is planned for the reference as it is
+        yield from (
+            ("reference", path) for path in _of_tree(path_names(scenario.agent.reference)["base"], "reference.base")
+        )
+        yield from _all_below(
+            "reference", {f"reference.{word}": getattr(scenario.agent.reference, word) for word in SIGNALS}
+        )
     blowing = {f"environment.{word}": getattr(scenario, word) for word in ("wind", "air", "forces")}
     yield from _all_below("wind and forces", blowing)
-    if not scenario.has_estimator:
-        yield from _all_below("sensors", {"sensors": scenario.noise})
-    for each in scenario.sensors:
+    if not scenario.agent.has_estimator:
+        yield from _all_below("sensors", {"sensors": scenario.agent.noise})
+    for each in scenario.agent.sensors:
         where = f"sensors.{each.name}"
         # an encoder that differences its positions reads no rates
         unread = f"{where}.rate." if getattr(each.sensor, "rates", "") == "difference" else " "
@@ -127,8 +131,8 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from (
             row for row in errors if not row[1].startswith(unread) and isinstance(_exact(scenario, row[1]), float)
         )
-    yield from _all_below("faults", {"environment.faults": scenario.faults})
-    loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))
+    yield from _all_below("faults", {"environment.faults": scenario.agent.faults})
+    loads = (f"payloads.{i}.mass" for i in range(len(scenario.agent.payloads)))
     yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
     yield "delay", "delays.command"
 

@@ -82,7 +82,7 @@ class Page(PageLoop):
         self._making = 0
         self._turn = 0
         self._picture: FleetPicture = FleetPicture(server)
-        own = self.fleet.scenario.controller.name
+        own = self.fleet.scenario.agent.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart[PlottedInstant]] = []
@@ -157,7 +157,7 @@ class Page(PageLoop):
         """Show a scenario at its initial state, and start compiling its flights."""
         self.fleet = fleet
         scenario = fleet.scenario
-        self._picture.build(scenario, [law or scenario.controller.name for law in laws])
+        self._picture.build(scenario, [law or scenario.agent.controller.name for law in laws])
         for place, law in enumerate(laws):
             self._make(fleet, law, place)
 
@@ -171,7 +171,7 @@ class Page(PageLoop):
             flight: Flight | None = fleet.make_flight(law)
             words = ""
         except Exception as error:  # of a law of the user's own it may be any
-            name = law or fleet.scenario.controller.name
+            name = law or fleet.scenario.agent.controller.name
             flight, words = None, f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 

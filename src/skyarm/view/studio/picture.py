@@ -81,7 +81,7 @@ class FlightNodes:
     """
 
     def __init__(self, scene: SceneApi, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
-        vehicle, end, first = scenario.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
+        vehicle, end, first = scenario.agent.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
         self._vehicle, self._around, self._lost, self._first = vehicle, placed.tip, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint, points, wires = tones_of(COLORS[number]), first.attached, SHELL * number
@@ -161,7 +161,7 @@ def touch_arrows(arrows: Sequence[Arrow]) -> Array:
 
 def first_scene(scenario: Scenario, around: Array) -> Scene:
     """Surfaces, objects and cables at the start of a scenario."""
-    motion = PointMotion(scenario.plant.vehicle, first_state(scenario), gravity=scenario.plant.gravity)
+    motion = PointMotion(scenario.agent.plant.vehicle, first_state(scenario), gravity=scenario.agent.plant.gravity)
     memories = first_memories(scenario.components, 1.0 / scenario.rates.control)
     return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
 
@@ -231,13 +231,13 @@ class FleetPicture(StudioStage):
             nodes.remove()
         if self._ghost is not None:
             self._ghost.remove()
-        vehicle = scenario.plant.vehicle
+        vehicle = scenario.agent.plant.vehicle
         placed = poses_of(vehicle, first_state(scenario))
         self._origin = placed.positions[0]
         self._follow(self._origin)
         self._flights = [FlightNodes(self._scene, i, scenario, title, placed) for i, title in enumerate(titles)]
         self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
-        self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
+        self._draw_ghost(goal_of(vehicle, scenario.agent.reference.at(0.0)))
         scene = first_scene(scenario, placed.tip)
         self._ground.position = (0.0, 0.0, scene.ground or 0.0)
         self._look_at(scene, placed)

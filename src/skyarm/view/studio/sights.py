@@ -56,11 +56,14 @@ class PlottedInstant:
 def sight(session: Session) -> PlottedInstant:
     """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
-    vehicle, state = scenario.plant.vehicle, now.agent.state
+    vehicle, state = scenario.agent.plant.vehicle, now.agent.state
     placed = poses_of(vehicle, state)
     outside = session.wind
-    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
-    push = getattr(scenario.reference, "push", None)
+    upward, away = (
+        float(placed.rotations[0, 2, 2]),
+        placed.tip - goal_of(vehicle, scenario.agent.reference.at(time)).tip,
+    )
+    push = getattr(scenario.agent.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
     return PlottedInstant(
@@ -73,7 +76,7 @@ def sight(session: Session) -> PlottedInstant:
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
-        contacts=contact_forces(scenario.components, now.components, PointMotion(vehicle, state)),
+        contacts=contact_forces(scenario.components, now.memories, PointMotion(vehicle, state)),
     )
 
 

@@ -82,6 +82,10 @@ class Carrier(Generic[Memory]):
         """Largest inverse effective mass (1/kg) at a point up to ``reach`` (m) from the movable body's surface."""
         return self.mobility
 
+    def mobility_of(self, place: Vec3) -> Scalar:
+        """Largest inverse effective mass (1/kg) of the movable body at a place in its axes (m)."""
+        return self.mobility
+
     @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration (m^2) of the movable body; 0 for a mechanism."""

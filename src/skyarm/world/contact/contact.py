@@ -8,29 +8,31 @@ beside them, since it advances within a control period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import reduce
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import errors_as, shown
+from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
-from skyarm.world.contact.carrier import NOBODY, AnyCarrier, untouched_after
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, untouched_after
 from skyarm.world.contact.contact_point import ContactPoint, Touch, moving_points, wrenches_on
 from skyarm.world.contact.contact_steps import least_of, steps_of_carriers
 from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.grasp import Grasp, Pull
 from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
 from skyarm.world.contact.material import RECOVERY
 from skyarm.world.contact.mechanism import Mechanism
@@ -40,6 +42,14 @@ from skyarm.world.contact.surface import Surface
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
+
+FARTHEST = 0.05
+"""Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a cable's length, at the start."""
+
+P = TypeVar("P", ContactPoint, Gripper, Grasp)
+
+STRAIGHT = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))
+"""Rotation by no angle, whose entries may vary."""
 
 HIT = 1.2
 """Impact speed (m/s) above which steps are finest; slower impacts use proportionally longer steps."""
@@ -76,6 +86,7 @@ class ContactMemory:
         bristles: deflection of each pair's bristle, m, world axes, in the order of
             :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: memories of the grippers.
+        turns: attitudes that fixed grasps keep, from the axes of the body to those of the vehicle's frame.
     """
 
     finer: tuple[Scalar, ...]
@@ -83,6 +94,7 @@ class ContactMemory:
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
+    turns: tuple[Mat3, ...] = ()
 
 
 @immutable
@@ -92,16 +104,19 @@ class Contact(Force[ContactMemory]):
     Attributes:
         points: contact points of the vehicle; left out for its tip.
         objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
-        grippers: grippers of the vehicle.
+        grippers: grippers of the vehicle. grasps: joints that hold a body at a frame of a vehicle from the start.
     """
 
     registered_as = "world"
+
+    shared = True
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
+    grasps: tuple[Grasp, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     rotor_radius: Annotated[
         Scalar, Unit("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only", low=0.0)
     ] = 0
@@ -151,7 +166,7 @@ class Contact(Force[ContactMemory]):
         return (*((NOBODY, each) for each in self.surfaces), *carried)
 
     @property
-    def grasps(self) -> Grasps:
+    def gripping(self) -> Grasps:
         """Grippers of the vehicle combined with the movable bodies that they can grasp."""
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
@@ -165,7 +180,8 @@ class Contact(Force[ContactMemory]):
         return (
             *own,
             *steps_of_carriers(carriers, self.surfaces, points=bool(self.points)),
-            *self.grasps.steps(),
+            *self.gripping.steps(),
+            *self._steps_of_grasps(),
             *inner,
         )
 
@@ -177,7 +193,7 @@ class Contact(Force[ContactMemory]):
     @property
     def largest_euler_step(self) -> Scalar | None:
         """Longest stable semi-implicit Euler step (s) of the whole contact model; None without contact."""
-        grasped = [step for _, step in self.grasps.steps(euler=True)]
+        grasped = [step for _, step in (*self.gripping.steps(euler=True), *self._steps_of_grasps(euler=True))]
         inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
         return least_of((*(step for _, step in self.steps), *grasped, *inner))
 
@@ -187,11 +203,33 @@ class Contact(Force[ContactMemory]):
         step = self.largest_euler_step
         return None if step is None else VERLET_SHARE * step
 
-    def on(self, vehicle: Vehicle) -> Contact:
-        """Contact model in which the tip of a vehicle is the contact point if no contact point was given."""
-        if self.points or not vehicle.end_effector:
+    def _steps_of_grasps(self, *, euler: bool = False) -> list[tuple[str, Scalar]]:
+        """Longest stable integration step (s) of each grasp of a body that exists."""
+        bodies = {each.name: each for each in self.carriers}
+        held = [each for each in self.grasps if each.body in bodies]
+        return [(f"grasp {each.label!r}", each.step_of(bodies[each.body], euler=euler)) for each in held]
+
+    def on(self, vehicles: Mapping[str, Vehicle]) -> Contact:
+        """Contact model in which the tips of the vehicles are the contact points if no contact point was given.
+
+        The tip of a vehicle that holds a body by a grasp is none: it is where the body is.
+        """
+        holding = [each.agent or next(iter(vehicles)) for each in self.grasps]
+        tips = {name: each.end_effector for name, each in vehicles.items() if name not in holding and each.end_effector}
+        if self.points or not tips:
             return self
-        return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
+        if len(vehicles) == 1:
+            return replace(self, points=tuple(ContactPoint(name=TIP, frame=frame) for frame in tips.values()))
+        points = [ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name) for name, frame in tips.items()]
+        return replace(self, points=tuple(points))
+
+    def of_agent(self, name: str) -> Contact:
+        """Contact model with the points, grippers and grasps of one vehicle alone."""
+
+        def own(parts: tuple[P, ...]) -> tuple[P, ...]:
+            return tuple(each for each in parts if each.agent in ("", name))
+
+        return replace(self, points=own(self.points), grippers=own(self.grippers), grasps=own(self.grasps))
 
     @property
     def logged_pairs(self) -> int:
@@ -213,12 +251,23 @@ class Contact(Force[ContactMemory]):
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a contact model that does not fit a vehicle or needs too short integration steps."""
+        self.require_vehicles({"": vehicle}, period, gravity)
+
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse a contact model that does not fit the vehicles or needs too short integration steps."""
         carriers = self.carriers
+        bodies = [each.name for each in carriers]
+        for i, grasp in enumerate(self.grasps):
+            if grasp.body not in bodies:
+                known = must_be_one_of(bodies, grasp.body) if bodies else "there are no objects or mechanisms"
+                raise RecordError(f"world.grasps[{i}].body = {shown(grasp.body)}: {known}")
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
         if not self.points and not carriers:
-            raise RecordError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
+            name = next(iter(vehicles.values())).name
+            raise RecordError(f"world.points: is missing; vehicle {name!r} has no tip")
         for i, point in enumerate(self.points):
+            vehicle = _vehicle_of(point.agent, vehicles, f"world.points[{i}]")
             try:
                 point.place(vehicle)
             except VehicleError as error:
@@ -229,12 +278,30 @@ class Contact(Force[ContactMemory]):
             if not mechanism.surfaces:
                 where = f"world.mechanisms[{i}].parts"
                 raise RecordError(f"{where}: is missing; nothing of {mechanism.name!r} can be touched")
-        for i, gripper in enumerate(self.grippers):
-            with errors_as(RecordError, f"world.grippers[{i}].frame = {shown(gripper.frame)}: ", VehicleError):
-                vehicle.frame(gripper.frame or None)
-            if not carriers:
-                raise RecordError("world.grippers: must be left out of a world without objects")
+        holders: list[tuple[str, Gripper | Grasp]] = [(f"grippers[{i}]", each) for i, each in enumerate(self.grippers)]
+        holders += [(f"grasps[{i}]", each) for i, each in enumerate(self.grasps)]
+        for at, holder in holders:
+            vehicle = _vehicle_of(holder.agent, vehicles, f"world.{at}")
+            with errors_as(RecordError, f"world.{at}.frame = {shown(holder.frame)}: ", VehicleError):
+                vehicle.frame(holder.frame or None)
+        if self.grippers and not carriers:
+            raise RecordError("world.grippers: must be left out of a world without objects")
         self.require_steps(period / MOST_STEPS)
+
+    def require_within_reach(self, motion: PointMotion) -> None:
+        """Refuse a grasp whose frame is too far from its place on the body at the start, given the vehicles' motion.
+
+        Raises:
+            RecordError: one line.
+        """
+        memory = self.start(0.0, ())
+        for i, (grasp, _, pull, frame) in enumerate(self.pulls(memory, motion, 0.0)):
+            apart = frame.position - pull.place
+            far = sqrt(apart.dot(apart)) - grasp.length
+            if concrete(far) and far > FARTHEST:
+                of = f"frame {grasp.frame or 'tip'} of {grasp.agent or 'the vehicle'}"
+                words = f"{of} starts {far:.3g} m from there, must be within {FARTHEST:g} m"
+                raise RecordError(f"world.grasps[{i}].place = {shown([float(c) for c in grasp.place])}: {words}")
 
     def require_steps(self, least: float) -> None:
         """Refuse a contact model that needs integration steps shorter than ``least`` (s)."""
@@ -257,6 +324,7 @@ class Contact(Force[ContactMemory]):
             bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
+            turns=(STRAIGHT,) * sum(each.kind == "fixed" for each in self.grasps),
         )
 
     def advance(
@@ -279,34 +347,52 @@ class Contact(Force[ContactMemory]):
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
     def on_carriers(
-        self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
+        self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting], t: Scalar
     ) -> list[tuple[Vec3, Vec3]]:
         """Force (N) and torque (N m) of contacts and grasps on each movable body, about the body's origin."""
-        pulls: Sequence[tuple[Vec3, Vec3] | None] = [None] * len(self.carriers)
+        pulls: list[tuple[Vec3, Vec3] | None] = [None] * len(self.carriers)
         if self.grippers:
-            pulls = self.grasps.on_bodies(memory.grips, memory.carried, motion)
+            pulls = [*self.gripping.on_bodies(memory.grips, memory.carried, motion)]
+        for _, index, pull, _ in self.pulls(memory, motion, t):
+            origin = self.carriers[index].frame(memory.carried[index]).position
+            turning = pull.torque + (pull.place - origin).cross(pull.force)
+            force, torque = pulls[index] or (ZERO3, ZERO3)
+            pulls[index] = force + pull.force, torque + turning
         loads = []
-        for i, (carrier, body, pull) in enumerate(zip(self.carriers, memory.carried, pulls, strict=True)):
+        for i, (carrier, body, grasped) in enumerate(zip(self.carriers, memory.carried, pulls, strict=True)):
             origin, force, torque = carrier.frame(body).position, ZERO3, ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
                     push = each.touch.force if each.by == i else -each.touch.force
                     force, torque = force + push, torque + (each.place - origin).cross(push)
-            loads.append((force, torque) if pull is None else (force + pull[0], torque + pull[1]))
+            loads.append((force, torque) if grasped is None else (force + grasped[0], torque + grasped[1]))
         return loads
+
+    def pulls(
+        self, memory: ContactMemory, motion: PointMotion, t: Scalar
+    ) -> list[tuple[Grasp, int, Pull, CarriedFrame]]:
+        """Each grasp with the number of its body, its pull on the body, and the vehicle's frame."""
+        names, turns, rows = [each.name for each in self.carriers], iter(memory.turns), []
+        for grasp in self.grasps:
+            index, frame = names.index(grasp.body), grasp.frame_of(motion)
+            body = self.carriers[index].frame(memory.carried[index])
+            turn: Mat3 | tuple[()] = next(turns) if grasp.kind == "fixed" else ()
+            rows.append((grasp, index, grasp.pull(turn, frame, body, t), frame))
+        return rows
 
     def slope(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> ContactMemory:
         """Time derivative of the contact model's internal state."""
         meetings = self.meetings(memory, motion)
-        rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
+        rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings, t), strict=True)
         return ContactMemory(
             finer=tuple(0.0 for _ in memory.finer),
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
+            turns=tuple(UNCHANGED.turn for _ in memory.turns),
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
@@ -321,7 +407,7 @@ class Contact(Force[ContactMemory]):
     ) -> ContactMemory:  # fmt: skip
         """Internal state of the contact model after forces accelerated the movable bodies for ``dt`` (s)."""
         felt = memory if felt is None else felt
-        pushes = self.on_carriers(felt, motion, self.meetings(felt, motion))
+        pushes = self.on_carriers(felt, motion, self.meetings(felt, motion), t)
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
         carried = tuple(carrier.after_push(body, *push, motion.gravity, dt) for carrier, body, push in rows)
         return replace(memory, carried=carried)
@@ -347,12 +433,20 @@ class Contact(Force[ContactMemory]):
                 force, torque = force + each.force, torque + each.torque
             pushes.append((force, torque))
         on_points = wrenches_on(self.points, motion, pushes)
-        return on_points + self.grasps.on_vehicle(memory.grips, memory.carried, motion)
+        grasped = []
+        for grasp, _, pull, frame in self.pulls(memory, motion, t):
+            at = motion.of(grasp.agent).vehicle.frame(grasp.frame or None)
+            torque = -pull.torque - (pull.place - frame.position).cross(pull.force)
+            grasped.append(
+                Wrench(force_W=-pull.force, torque_W=torque, point=at.position, body=at.link, agent=grasp.agent)
+            )
+        return [*on_points, *self.gripping.on_vehicle(memory.grips, memory.carried, motion), *grasped]
 
     def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
         """Internal state of the contact model in which friction balances the weight of bodies that start at rest."""
+        memory = replace(memory, turns=self._turns(memory, motion)) if memory.turns else memory
         weights = {i: each.mass * motion.gravity for i, each in enumerate(self.objects) if each.standing}
-        if vehicle:
+        if vehicle and len(motion.agents) == 1:
             weights[NOBODY] = motion.vehicle.mass * motion.gravity
         if not weights:
             return memory
@@ -360,16 +454,23 @@ class Contact(Force[ContactMemory]):
         meetings = self.meetings(memory, motion)
         return replace(memory, bristles=standing_bristles(meetings, memory.bristles, weights, materials))
 
+    def _turns(self, memory: ContactMemory, motion: PointMotion) -> tuple[Mat3, ...]:
+        """Attitudes that fixed grasps keep: those in which frame and body are to each other at the start."""
+        bodies = {each.name: each.frame(body) for each, body in zip(self.carriers, memory.carried, strict=True)}
+        turns = [each.turn(motion, bodies[each.body]) for each in self.grasps if each.kind == "fixed"]
+        return tuple(Mat3(*(Vec3(*map(data, row)) for row in turn.rows)) for turn in turns)
+
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Internal state of the contact model after the grippers close, open or slip at a control instant."""
         if not self.grippers:
             return memory
-        return replace(memory, grips=self.grasps.after(memory.grips, memory.carried, t, motion))
+        return replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
 
-    def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
+    def holds(self, memory: ContactMemory, frame: str, agent: str = "") -> tuple[Scalar, ...]:
         """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper holds a body, else 0."""
         grips = zip(self.grippers, memory.grips, strict=True)
-        return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
+        ours = [grip for own, grip in grips if own.frame in ("", frame) and own.agent in ("", agent)]
+        return tuple(where(grip.taken > 0.5, 1.0, 0.0) for grip in ours)
 
     def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
         """True if nothing can touch a surface within ``seconds`` and no gripper holds anything.
@@ -377,6 +478,8 @@ class Contact(Force[ContactMemory]):
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
         """
+        if self.grasps:
+            return False
         apart = [grip.taken < 0.5 for grip in memory.grips]
         apart += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
         return reduce(logical_and, apart) if apart else True
@@ -416,7 +519,8 @@ class Contact(Force[ContactMemory]):
         labels = [f"{surface.name}/{point.name}" for _, surface in self.every_surface for point in self.points]
         columns = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
         columns += [column for carrier in self.carriers for column in carrier.columns]
-        return (*columns, *(column for gripper in self.grippers for column in gripper.columns))
+        columns += [column for gripper in self.grippers for column in gripper.columns]
+        return (*columns, *(column for grasp in self.grasps for column in grasp.columns))
 
     @property
     def constants(self) -> Mapping[str, tuple[Scalar, ...]]:
@@ -428,7 +532,10 @@ class Contact(Force[ContactMemory]):
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, body in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(body)
-        return (*numbers, *self.grasps.logged(memory.grips, memory.carried, motion))
+        numbers += self.gripping.logged(memory.grips, memory.carried, motion)
+        for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
+            numbers += [sqrt(pull.force.dot(pull.force)), *pull.force]
+        return tuple(numbers)
 
     def shapes(self, seen: Instants) -> Scene:
         """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""
@@ -451,3 +558,18 @@ class Contact(Force[ContactMemory]):
             f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
             f"about {step / least:.0f} in place of each of rates.physics, and cost that much more",
         )
+
+
+def _vehicle_of(agent: str, vehicles: Mapping[str, Vehicle], where: str) -> Vehicle:
+    """Vehicle that a point, gripper or grasp is on.
+
+    Raises:
+        RecordError: one line: there is no such vehicle, or none is named of several.
+    """
+    if agent in vehicles:
+        return vehicles[agent]
+    if (not agent and len(vehicles) == 1) or "" in vehicles:
+        return next(iter(vehicles.values()))
+    if not agent:
+        raise RecordError(f"{where}.agent: is missing; must be one of {', '.join(vehicles)}")
+    raise RecordError(f"{where}.agent = {shown(agent)}: {must_be_one_of(vehicles, agent)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
@@ -15,6 +15,7 @@ from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -55,6 +56,7 @@ class ContactPoint:
         frame: frame of the vehicle, in whose axes ``position`` is; empty where ``body`` defines them.
         body: "base" or the name of a link.
         ring: points on a circle about the position, in its place; :meth:`each` makes them.
+        agent: name of the vehicle; empty for the only one.
     """
 
     name: Annotated[str, Unit("", "name of the contact point, for logs and messages", rule=coerce.name)]
@@ -63,6 +65,7 @@ class ContactPoint:
     position: Annotated[Vec3, Unit("m", "position of the contact point, axes of its frame or body")] = ZERO3
     radius: Annotated[Scalar, Unit("m", "radius of the contact ball; 0 for a point", low=0.0)] = 0
     ring: Ring | None = None
+    agent: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "point")
@@ -183,6 +186,20 @@ Moving = tuple[Vec3, Vec3, Vec3]
 
 def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
     """Position, velocity and angular velocity of every contact point, world axes."""
+    rows = dict[int, Moving]()
+    for agent, own in _by_agent(points):
+        rows |= dict(zip(own, _moving_points([points[i] for i in own], motion.of(agent)), strict=True))
+    return [rows[i] for i in range(len(points))]
+
+
+def _by_agent(points: Sequence[ContactPoint]) -> list[tuple[str, list[int]]]:
+    """Names of the vehicles that contact points are on, each with the numbers of its points."""
+    names = dict.fromkeys(point.agent for point in points)
+    return [(name, [i for i, point in enumerate(points) if point.agent == name]) for name in names]
+
+
+def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
+    """Position, velocity and angular velocity of the contact points of one vehicle."""
     places, shared = _places(points, motion)
     axes = {body: _axes(motion, body) for body in shared}
     rows = list[Moving]()
@@ -201,16 +218,26 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
 def wrenches_on(
     points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]]
 ) -> list[Wrench]:
-    """Wrenches on the vehicle's bodies from a force (N) and a torque (N m) at every contact point."""
+    """Wrenches on the vehicles' bodies from a force (N) and a torque (N m) at every contact point."""
+    wrenches = list[Wrench]()
+    for agent, own in _by_agent(points):
+        wrenches += _wrenches_on([points[i] for i in own], motion.of(agent), [pushes[i] for i in own], agent)
+    return wrenches
+
+
+def _wrenches_on(
+    points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]], agent: str
+) -> list[Wrench]:
+    """Wrenches on the bodies of one vehicle from a force (N) and a torque (N m) at each of its contact points."""
     places, shared = _places(points, motion)
     axes, whole, single = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
-            sum_of = whole.get(body, Wrench(body=body))
+            sum_of = whole.get(body, Wrench(body=body, agent=agent))
             moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
-            whole[body] = Wrench(force_W=sum_of.force_W + force, torque_W=moment, body=body)
+            whole[body] = Wrench(force_W=sum_of.force_W + force, torque_W=moment, body=body, agent=agent)
         else:
-            single.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+            single.append(Wrench(force_W=force, torque_W=torque, point=at, body=body, agent=agent))
     return [*whole.values(), *single]
 
 

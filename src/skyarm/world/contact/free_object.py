@@ -140,6 +140,22 @@ class FreeObject(Carrier[ObjectMotion]):
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
+    def mobility_of(self, place: Vec3) -> Scalar:
+        """Largest inverse effective mass (1/kg) at a place: row sums bound the eigenvalues of 1 / m + S(r)^T J^-1 S(r).
+
+        Source: Gershgorin 1931.
+        """
+        r, J = place - self.com, self.moments
+        diagonal = (
+            divide(r.z * r.z, J.y) + divide(r.y * r.y, J.z),
+            divide(r.z * r.z, J.x) + divide(r.x * r.x, J.z),
+            divide(r.y * r.y, J.x) + divide(r.x * r.x, J.y),
+        )
+        beside = (divide(r.x * r.y, J.z), divide(r.x * r.z, J.y), divide(r.y * r.z, J.x))
+        xy, xz, yz = (absolute(each) for each in beside)
+        rows = (diagonal[0] + xy + xz, diagonal[1] + xy + yz, diagonal[2] + xz + yz)
+        return 1.0 / self.mass + maximum(maximum(rows[0], rows[1]), rows[2])
+
     @property
     def step_share(self) -> float:
         """Empirical factor by which contact with this free object shortens the longest stable integration step."""

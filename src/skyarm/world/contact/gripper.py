@@ -32,10 +32,12 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.grasp import frame_of
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
@@ -111,6 +113,7 @@ class Gripper:
     Attributes:
         name: name in messages, logs and paths. kind: one of ``KINDS``.
         frame: frame of the vehicle; empty for its tip. closed: command, a signal of time.
+        agent: name of the vehicle; empty for the only one.
     """
 
     name: Annotated[str, Unit("", "name of the gripper, for messages, logs and paths", rule=coerce.name)]
@@ -165,6 +168,7 @@ class Gripper:
             effect="higher values let the held body swing less in the grasp",
         ),
     ] = 0.5
+    agent: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")
@@ -388,19 +392,7 @@ class Grasps:
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
         """World pose and velocity of each gripper's frame."""
-        frames = []
-        for gripper in self.grippers:
-            at = motion.vehicle.frame(gripper.frame or None)
-            columns = [motion.to_world(at.rotation.column(i), at.link) for i in range(3)]
-            frames.append(
-                CarriedFrame(
-                    position=motion.position(at.position, at.link),
-                    rotation=Mat3.columns(*columns),
-                    velocity=motion.velocity(at.position, at.link),
-                    turning=motion.to_world(motion.angular_velocity(at.link), at.link),
-                )
-            )
-        return frames
+        return [frame_of(motion.of(gripper.agent), gripper.frame) for gripper in self.grippers]
 
     def bodies(self, memories: Sequence[Tree]) -> list[CarriedFrame]:
         """World pose and velocity of each movable body."""
@@ -446,12 +438,13 @@ class Grasps:
         """Reaction forces and torques of all grasps on the vehicle."""
         frames, wrenches = self.frames(motion), []
         for gripper, frame, row in zip(self.grippers, frames, self.holds(grips, memories, frames), strict=True):
-            at = motion.vehicle.frame(gripper.frame or None)
+            at = motion.of(gripper.agent).vehicle.frame(gripper.frame or None)
             force = torque = ZERO3
             for hold in row:
                 force = force - hold.force
                 torque = torque - hold.torque - (hold.place - frame.position).cross(hold.force)
-            wrenches.append(Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link))
+            wrench = Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link, agent=gripper.agent)
+            wrenches.append(wrench)
         return wrenches
 
     def after(
@@ -464,7 +457,8 @@ class Grasps:
         for gripper, grip, frame, row in zip(self.grippers, grips, frames, possible, strict=True):
             skins = [_skin(carrier, body, frame.position) for carrier, body in zip(self.carriers, bodies, strict=True)]
             seen = tuple((body, *skin, hold) for body, skin, hold in zip(bodies, skins, row, strict=True))
-            following.append(gripper.after(grip, t, frame, seen))
+            now = motion.of(gripper.agent).task_time if gripper.agent else t
+            following.append(gripper.after(grip, now, frame, seen))
         return tuple(following)
 
     def logged(self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion) -> list[Scalar]:

@@ -44,7 +44,7 @@ def initial_clearance(contact: Contact, vehicle: Vehicle, state: State) -> tuple
 
     Infinite where nothing can touch.
     """
-    contact = contact.on(vehicle)
+    contact = contact.on({"": vehicle})
     meetings = contact.meetings(contact.start(1.0, ()), PointMotion(vehicle, state))
     ours = (
         (-float(each.touch.depth), contact.points[each.index].name, each.surface)

@@ -1,0 +1,68 @@
+"""Members of a group by name: an immutable mapping in order, which records contain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import Field
+from typing import Any, TypeVar
+
+from skyarm.records import coerce
+from skyarm.records.immutable import immutable
+
+T = TypeVar("T")
+
+SOLE = "main"
+"""Name of the only member of a group whose file gives no names."""
+
+
+@immutable(kw_only=False)
+class Members(Mapping[str, T]):
+    """Immutable mapping from names to records, in order; at least one.
+
+    Attributes:
+        names: names of the members. records: the members.
+        others: names of members that are left out of a view of some.
+    """
+
+    names: tuple[str, ...]
+    records: tuple[T, ...]
+    others: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self.names:
+            raise KeyError(name)
+        return self.records[self.names.index(name)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, name: str) -> Members[T]:
+        """View of one member, with the names of the others."""
+        return Members((name,), (self[name],), tuple(each for each in self.names if each != name))
+
+
+def members_of(kind: str) -> Callable[[str, object], Members[Any]]:
+    """Make a check that accepts a mapping from names to instances of a class, given by the name of that class."""
+
+    def check(field: str, value: object) -> Members[Any]:
+        if not isinstance(value, Mapping) or not value:
+            coerce.refuse(field, value, f"must be a mapping from names to {kind}, at least one")
+        for name, each in value.items():
+            if not isinstance(name, str) or not name.isidentifier():
+                coerce.refuse(field, name, "must be names that are words: letters, digits and underscores")
+            if type(each).__name__ != kind:
+                coerce.refuse(f"{field}.{name}", each, f"must be a {kind}")
+        return value if isinstance(value, Members) else Members(tuple(value), tuple(value.values()))
+
+    return check
+
+
+def alone(field: Field[Any]) -> str:
+    """Name of the property for the only member of a group, which the field's metadata states; empty for other fields.
+
+    Plain data contains a sole member called ``main`` under that name, as before groups had names.
+    """
+    return str(field.metadata.get("alone", ""))

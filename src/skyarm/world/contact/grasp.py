@@ -1,0 +1,177 @@
+"""Grasps: joints that hold a body of the world at a frame of a vehicle from the start of a flight.
+
+A grasp is a spring with damping of stated numbers, so that the force in it follows from the flight also where several
+vehicles hold one body and statics alone does not say who bears what:
+
+* ``ball`` holds a place: the body turns about it freely;
+* ``fixed`` holds the attitude, too, in which frame and body are to each other when the flight begins;
+* ``cable`` pulls along a line of a length, and never pushes.
+
+A gripper (:mod:`skyarm.world.contact.gripper`) is a grasp that takes hold and gives way in flight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import field
+from typing import Annotated
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.world.component import Column
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
+from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
+
+KINDS = ("fixed", "ball", "cable")
+
+TINY = 1e-24
+"""Squared length (m^2) added below a root, whose slope is infinite at zero."""
+
+
+@immutable
+class Pull:
+    """Force and torque of a grasp on the body, world axes.
+
+    Attributes:
+        force: N, at ``place`` (m). torque: N m, beside that of the force.
+    """
+
+    force: Vec3
+    torque: Vec3
+    place: Vec3
+
+
+@immutable
+class Grasp:
+    """Joint between a frame of a vehicle and a body of the world, from the start of the flight.
+
+    Attributes:
+        agent: name of the vehicle; empty for the only one. frame: frame of the vehicle; empty for its tip.
+        body: name of the object or of the mechanism's part. kind: one of ``KINDS``.
+        name: name in logs; left out, of vehicle and body.
+    """
+
+    body: Annotated[str, Unit("", "object or mechanism that the grasp holds", rule=coerce.name)]
+    agent: str = ""
+    frame: str = ""
+    place: Annotated[Vec3, Unit("m", "place of the grasp, axes of the body from its middle")] = ZERO3
+    kind: Annotated[str, Unit("", "kind of the grasp", rule=coerce.word_of(KINDS))] = "ball"
+    stiffness: Annotated[
+        Scalar,
+        Unit(
+            "N/m",
+            "stiffness of the grasp",
+            low=0.0,
+            strict=True,
+            effect="higher values hold the body more rigidly and need smaller integration steps",
+        ),
+    ] = 5000.0
+    damping: Annotated[
+        Scalar,
+        Unit("N s/m", "damping of the grasp", low=0.0, effect="higher values let the body swing less in the grasp"),
+    ] = 20.0
+    radius: Annotated[
+        Scalar,
+        Unit(
+            "m",
+            "radius of the patch over which a fixed grasp holds: attitude stiffness is stiffness times its square",
+            low=0.0,
+            strict=True,
+        ),
+    ] = 0.02
+    length: Annotated[Scalar, Unit("m", "length of a cable without load", low=0.0)] = 0
+    release: Annotated[Scalar, Unit("s", "time at which the grasp opens", low=0.0, infinite=True)] = math.inf
+    name: str = field(default="", metadata=WRITTEN_IF_ANY)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "grasp")
+        coerce.fold_zeros(self, "length")
+        if self.kind != "cable" and not coerce.absent(self.length):
+            raise RecordError(
+                f"grasp.length = {self.length!r}: must be left out of a {self.kind} grasp; cables have one"
+            )
+
+    @property
+    def label(self) -> str:
+        """Name of the grasp in a log."""
+        return self.name or f"{self.agent}_{self.body}".strip("_")
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Log columns of the grasp: force, and pull on the body."""
+        pull = (Column("grasp_pull", f"{self.label}/{axis}", "N", "of a grasp on the body") for axis in "xyz")
+        return (Column("grasp_force", self.label, "N", "of a grasp"), *pull)
+
+    def step_of(self, carrier: AnyCarrier, *, euler: bool = False) -> Scalar:
+        """Longest stable integration step (s) of the spring and damper between the lightest tip and a body."""
+        mobility = carrier.mobility_of(self.place) + 1.0 / LIGHTEST
+        if self.kind == "fixed":  # over the patch, on the body's smallest moment of inertia and on that of the tip
+            inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
+            mobility = mobility + divide(self.radius * self.radius, inertia) + 1.0 / LIGHTEST
+        square, decay = self.stiffness * mobility, self.damping * mobility
+        if euler:
+            return minimum(NORMAL_STEP / sqrt(square), euler_step_of(square, decay))
+        half = 0.5 * decay
+        fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
+        return minimum(NORMAL_STEP / sqrt(square), BRISTLE_STEP / fastest)
+
+    def frame_of(self, motion: PointMotion) -> CarriedFrame:
+        """World pose and velocity of the vehicle's frame."""
+        return frame_of(motion.of(self.agent), self.frame)
+
+    def turn(self, motion: PointMotion, body: CarriedFrame) -> Mat3:
+        """Rotation from the axes of the body to those of the vehicle's frame, which a fixed grasp keeps."""
+        return self.frame_of(motion).rotation.T @ body.rotation
+
+    def pull(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, t: Scalar) -> Pull:
+        """Force and torque of the grasp on the body.
+
+        Args:
+            turn: rotation of :meth:`turn` that a fixed grasp keeps; empty for other kinds.
+            frame: the vehicle's frame.
+            body: the body's frame.
+            t: s.
+        """
+        place = body.position + body.rotation.apply(self.place)
+        stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
+        if self.kind == "cable":
+            force = self._tension(stretch, frame.velocity - body.velocity_at(place))
+        else:
+            force = stretch * self.stiffness + speed * self.damping
+        torque = ZERO3
+        if not isinstance(turn, tuple):
+            aim, error, square = frame.rotation @ turn, ZERO3, self.radius * self.radius
+            for i in range(3):
+                error = error + body.rotation.column(i).cross(aim.column(i)) * 0.5
+            torque = (error * self.stiffness + (frame.turning - body.turning) * self.damping) * square
+        if math.isinf(self.release) if isinstance(self.release, float) else False:
+            return Pull(force=force, torque=torque, place=place)
+        share = where(t < self.release, 1.0, 0.0)
+        return Pull(force=force * share, torque=torque * share, place=place)
+
+    def _tension(self, line: Vec3, speed: Vec3) -> Vec3:
+        """Force of a cable along the line from the body to the frame: it pulls where it is taut, and never pushes."""
+        length = sqrt(line.dot(line) + TINY)
+        along = line * divide(1.0, length)
+        stretch = length - self.length
+        tension = maximum(self.stiffness * stretch + self.damping * speed.dot(along), 0.0)
+        return along * where(stretch > 0.0, tension, 0.0)
+
+
+def frame_of(motion: PointMotion, name: str) -> CarriedFrame:
+    """World pose and velocity of a vehicle's frame; of the tip for an empty name."""
+    at = motion.vehicle.frame(name or None)
+    columns = [motion.to_world(at.rotation.column(i), at.link) for i in range(3)]
+    return CarriedFrame(
+        position=motion.position(at.position, at.link),
+        rotation=Mat3.columns(*columns),
+        velocity=motion.velocity(at.position, at.link),
+        turning=motion.to_world(motion.angular_velocity(at.link), at.link),
+    )

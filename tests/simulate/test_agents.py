@@ -1,0 +1,192 @@
+"""Flights of several agents: each as if it flew alone where nothing joins them, and what they share."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.log.formats import load_log
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Delays, NamedSensor, Scenario, ScenarioError
+from skyarm.simulate.loop import run_in_python
+from skyarm.world.component import Component, Wrench
+from support.teams import team
+
+ARRAYS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "efforts")
+
+
+def two(**options: Any) -> Scenario:
+    """Two vehicles with arms in one scenario, which nothing joins: those of two shipped scenarios."""
+    one, other = (skyarm.load_scenario(name, duration=0.5) for name in ("case1", "case3"))
+    agents = {"left": one.agent, "right": dataclasses.replace(other.agent, **options)}
+    return dataclasses.replace(one, agents=agents)
+
+
+def assert_same(log: Any, other: Any, arrays: tuple[str, ...] = ARRAYS) -> None:
+    """Logs of one vehicle with the same bits."""
+    for array in arrays:
+        np.testing.assert_array_equal(log[array], other[array], err_msg=array)
+
+
+def alone(scenario: Scenario, name: str) -> Scenario:
+    """Scenario of one of several vehicles that are not joined, as if there were no others."""
+    return dataclasses.replace(scenario.of(name), agents={name: scenario.agents[name]})
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize(
+    "delays",
+    [Delays(), Delays(measurement=0.005, command=0.003), Delays(command=0.002, rotors=0.004, joints=0.001)],
+    ids=["none", "late", "apart"],
+)
+def test_agents_that_nothing_joins_fly_as_if_alone(plant: str, delays: Delays) -> None:
+    both = two(delays=delays).with_kind(plant)
+    log = skyarm.run(both)
+    for name in ("left", "right"):
+        own = skyarm.run(alone(both, name))
+        if plant == "mujoco" or delays == Delays():
+            assert_same(log.agents[name], own)
+        else:  # commands of both divide the steps of each
+            np.testing.assert_allclose(log.agents[name].position, own.position, rtol=0, atol=1e-7)
+
+
+def test_python_floats_fly_the_bits_of_machine_code() -> None:
+    both = team("bar", duration=0.1)
+    ours, theirs = skyarm.run(both), run_in_python(both)
+    for name in ("left", "right"):
+        assert_same(ours.agents[name], theirs.agents[name])
+    np.testing.assert_array_equal(ours.object_position, theirs.object_position)
+
+
+def test_the_only_agent_of_a_team_is_that_of_a_scenario_without_names() -> None:
+    one = skyarm.load_scenario("case3", duration=0.5)
+    solo = dataclasses.replace(one, agents={"solo": one.agent})
+    assert_same(skyarm.run(solo), skyarm.run(one))
+
+
+def test_noise_of_an_agent_follows_from_its_name() -> None:
+    one = skyarm.load_scenario("case3", duration=0.2)
+    noise = dataclasses.replace(one.agent.noise, position=0.01)
+    noisy = dataclasses.replace(one.agent, noise=noise)
+    pair = skyarm.run(dataclasses.replace(one, agents={"main": noisy, "other": noisy}))
+    main = skyarm.run(dataclasses.replace(one, agents={"main": noisy}))
+    assert_same(pair.agents["main"], main)  # an agent beside it changes no other's draws
+    measured = {name: each.measured_position - each.position for name, each in pair.agents.items()}
+    assert 0.005 < measured["other"].std() < 0.02
+    assert abs(np.corrcoef(measured["main"].ravel(), measured["other"].ravel())[0, 1]) < 0.25
+
+
+def test_a_changed_number_of_one_agent_is_of_that_one_alone() -> None:
+    both = two()
+    session = skyarm.Session(both)
+    session.fly(40)
+    before = session.snapshot()
+    session.change({"agents.right.plant.payload.mass": 0.1})
+    log = session.run()
+    assert_same(log.agents["left"], skyarm.run(alone(both, "left")))
+    assert np.abs(log.agents["right"].position - skyarm.run(both).agents["right"].position).max() > 1e-3
+    again = skyarm.run(session.plan)
+    assert_same(again.agents["right"], log.agents["right"])
+    session.restore(before)
+    assert_same(session.run().agents["right"], skyarm.run(both).agents["right"])
+    with pytest.raises(ScenarioError, match=r"^path = 'plant.gravity': is of one agent, must be agents.NAME.plant"):
+        skyarm.Session(both).change({"plant.gravity": 9.0})
+
+
+def test_the_end_of_a_flight_names_the_agent_that_ended_it() -> None:
+    both = two()
+    falling = dataclasses.replace(both, environment=dataclasses.replace(both.environment, ground=True), duration=3.0)
+    log = skyarm.run(with_numbers(falling, {"agents.right.plant.payload.mass": 2.0}))
+    assert log.status == "ground"
+    assert log.info["cause"].startswith("right: ")
+    assert log.agents["left"].status == "ground"
+    assert log.agents["left"].time.size == log.time.size
+
+
+def test_a_log_of_several_agents_is_read_as_it_was_written(tmp_path: Path) -> None:
+    flown = team("bar", duration=0.1)
+    log = skyarm.run(flown)
+    log.save_npz(tmp_path / "team.npz")
+    read = load_log(tmp_path / "team.npz")
+    assert list(read.agents) == ["left", "right"]
+    assert read.arrays().keys() == log.arrays().keys()
+    for name, array in log.arrays().items():
+        np.testing.assert_array_equal(read[name], array)
+    assert read.scenario == flown
+    assert_same(skyarm.replay(read).agents["left"], log.agents["left"])
+    with pytest.raises(
+        ValueError, match=r"^log.position: is of one agent; log.agents\[NAME\].position, of left, right$"
+    ):
+        read.position  # noqa: B018
+    log.save_csv(tmp_path / "team.csv")
+    heads = (tmp_path / "team.csv").read_text("utf-8").split("\n")[0].split(",")
+    assert heads[:2] == ["time [s]", "left_position_x [m]"]
+    assert heads.count("object_position_bar_x [m]") == 1
+
+
+def test_a_whole_scenario_flies_and_not_one_agent_of_it() -> None:
+    both = team("bar", duration=0.1)
+    with pytest.raises(ScenarioError, match=r"^agents = left: flies beside right; fly all$"):
+        skyarm.run(both.of("left"))
+    with pytest.raises(ScenarioError, match=r"^agents = left, right: must be one here; scenario\.of"):
+        both.plant  # noqa: B018
+    with pytest.raises(ScenarioError, match=r"^agents = 'nobody': must be one of left, right$"):
+        both.of("nobody")
+
+
+@dataclasses.dataclass(frozen=True)
+class Rubber(Component[tuple[()]]):
+    """Elastic cord between the bases of two agents."""
+
+    stiffness: float = 5.0
+    shared = True
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> list[Wrench]:
+        """Pull of the cord on both."""
+        apart = motion.agents["right"].position() - motion.agents["left"].position()
+        return [
+            Wrench(force_W=apart * self.stiffness, agent="left"),
+            Wrench(force_W=apart * -self.stiffness, agent="right"),
+        ]
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_force_of_ones_own_sees_all_agents_and_acts_on_each_by_name(plant: str) -> None:
+    both = team("bar", duration=4.0).with_kind(plant)
+    joined = dataclasses.replace(both.environment, world=None, forces=(Rubber(),))
+    log = skyarm.run(dataclasses.replace(both, environment=joined))
+    pulls = {name: each.wind_force[0] for name, each in log.agents.items()}
+    assert pulls["left"] == pytest.approx([0.0, -0.38 * 5.0, 0.0])
+    assert pulls["right"] == pytest.approx([0.0, 0.38 * 5.0, 0.0])
+    lean = {name: each.position[-1, 1] for name, each in log.agents.items()}
+    assert lean["left"] == pytest.approx(-lean["right"], abs=1e-9)
+    wrong = dataclasses.replace(joined, forces=(Wrong(),))
+    with pytest.raises(ScenarioError, match=r"gives a wrench on agent 'middle': must be one of left, right$"):
+        skyarm.run(dataclasses.replace(both, environment=wrong))
+
+
+class Wrong(Rubber):
+    """Force on an agent that is not there."""
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> list[Wrench]:
+        """Push on nobody."""
+        return [Wrench(force_W=Vec3(1.0, 0.0, 0.0), agent="middle")]
+
+
+def test_sensors_of_two_agents_are_read_by_their_own_names() -> None:
+    both = two()
+    imu = skyarm.load_scenario("hover_swing").agent.sensors[0].sensor
+    agents = {
+        name: dataclasses.replace(each, sensors=(NamedSensor(name="own", sensor=imu),))
+        for name, each in both.agents.items()
+    }
+    log = skyarm.run(dataclasses.replace(both, agents=agents))
+    left, right = (each.readings["own"] for each in log.agents.values())
+    assert left.keys() == right.keys()
+    assert any(not np.array_equal(left[key], right[key]) for key in left)
