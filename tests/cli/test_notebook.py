@@ -64,7 +64,7 @@ def test_the_command_prints_what_a_log_shows(
     with pytest.raises(SystemExit):
         main()
     printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
-    assert words_of(log) == [line for line in printed if not line.startswith("log: ")]
+    assert words_of(log) == [line for line in printed if not line.startswith(("log: ", "picture: "))]
 
 
 def test_a_scenario_a_vehicle_and_a_check_show_their_lines(log: skyarm.Log, quickly_drawn: None) -> None:

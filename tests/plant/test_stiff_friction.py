@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
-from skyarm.plant.compiled import RigidBodyPlant, example_command
-from skyarm.plant.interface import Truth, flat
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth, example_command, flat
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.records.leaves import leaves

@@ -43,11 +43,11 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
+from skyarm.plant.loads import before_euler_step, follow_commands
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import own_to_mujoco
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec, joint_addresses
-from skyarm.plant.rigid_body import before_euler_step, follow_commands
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places
 from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant

@@ -16,7 +16,7 @@ from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
-from skyarm.plant.interface import Flat, Truth, whole_steps
+from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
@@ -31,11 +31,6 @@ from skyarm.plant.largest_step import (
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impacts, far_step
 from skyarm.plant.surroundings import Surroundings, Together, several
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
-
-
-def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
-    """Command of zeros for tracing, with given numbers of rotors, joints and tilt angles."""
-    return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 
 class Steps(NamedTuple):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra.scalars import Scalar
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import checked, rules
@@ -106,3 +107,8 @@ def make_plant(scenario: Any, around: Any) -> Plant:
         world, around = scenario.agent.plant, around.of(0)
     plant: Plant = kind(world, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant
+
+
+def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
+    """Command of zeros for tracing, with given numbers of rotors, joints and tilt angles."""
+    return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)

@@ -14,7 +14,8 @@ from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.plant.surroundings import AnyComponent, Surroundings
+from skyarm.plant.interface import Truth
+from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
 from skyarm.records.leaves import Tree
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -143,3 +144,16 @@ def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, aroun
         rotor_speeds=speeds_after(vehicle.rotors, state.rotor_speeds, commands, dt),
         tilts=angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else (),
     )
+
+
+def follow_commands(
+    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
+) -> tuple[State, ...]:
+    """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
+    rows = enumerate(zip(worlds, states, commands, strict=True))
+    return tuple(with_lag(world.vehicle, state, command, dt, around.of(i)) for i, (world, state, command) in rows)
+
+
+def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:
+    """Surroundings from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
+    return around.bend(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around

@@ -18,8 +18,7 @@ import numpy as np
 from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.compiled import example_command
-from skyarm.plant.interface import Flat, Truth, whole_steps
+from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
@@ -28,12 +27,11 @@ from skyarm.plant.largest_step import (
     divisions,
     largest_step,
 )
-from skyarm.plant.loads import changes_inertia, rigid_loads
+from skyarm.plant.loads import before_euler_step, changes_inertia, follow_commands, rigid_loads
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
-from skyarm.plant.rigid_body import before_euler_step, follow_commands
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE

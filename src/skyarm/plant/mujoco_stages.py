@@ -19,9 +19,9 @@ from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
-from skyarm.plant.compiled import example_command
+from skyarm.plant.interface import example_command
+from skyarm.plant.loads import follow_commands
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.rigid_body import follow_commands
 from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable

@@ -21,11 +21,12 @@ from skyarm.plant.largest_step import VERLET
 from skyarm.plant.loads import (
     LOCKED,
     applied_force,
+    before_euler_step,
     changes_inertia,
+    follow_commands,
     loaded_vehicle,
     rigid_loads,
     stuck_of,
-    with_lag,
 )
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
@@ -85,14 +86,6 @@ def derivative(
 
 Moved = tuple[tuple[State, ...], Memories]
 """State of each vehicle, and internal states of coupled components, after a step."""
-
-
-def follow_commands(
-    worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together, dt: Scalar
-) -> tuple[State, ...]:
-    """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
-    rows = enumerate(zip(worlds, states, commands, strict=True))
-    return tuple(with_lag(world.vehicle, state, command, dt, around.of(i)) for i, (world, state, command) in rows)
 
 
 def coupled_rk4(
@@ -217,11 +210,6 @@ def coupled_verlet(
         replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
         for each, end in ends
     ), memories
-
-
-def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:
-    """Surroundings from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
-    return around.bend(around.slopes(around.motions(worlds, states)), dt) if around.coupled else around
 
 
 def _drift(state: State, dt: Scalar) -> State:

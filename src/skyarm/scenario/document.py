@@ -175,6 +175,12 @@ class Document:
         if not isinstance(entry, dict) or slot.table not in PATHS:
             return entry
         named = EACH in slot.path
+        if self._whole is not None and self.at(slot.table) != slot.table:
+            for each in entry:
+                at = f"{slot.table}.{each}"
+                if at in PATHS and slot_of(at).place[0] != "agent":
+                    words = f"must be left out; [{slot.table}] at the top has it for all agents"
+                    raise ValueError(f"{self.at(slot.table)}.{each}: {words}")
         return {each: inner for each, inner in entry.items() if _is_word(slot.table, each, inner) is named}
 
     def vehicle(self, path: str) -> Vehicle:

@@ -85,9 +85,6 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     fields, beside = Fields(entry, path), ["kind", "integrator", "drives"]
-    if path != "plant":  # of one of several agents
-        for name in {"kind", "integrator"} & fields.table.keys():
-            raise ValueError(f"{fields.at(name)}: must be left out; [plant] at the top has it for all agents")
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     return Truth(vehicle=carrier, gravity=gravity)
 

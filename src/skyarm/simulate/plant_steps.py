@@ -14,8 +14,8 @@ from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
-from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
-from skyarm.plant.interface import Plant
+from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
+from skyarm.plant.interface import Plant, example_command
 from skyarm.plant.rigid_body import Moved, accelerate, after_impacts
 from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.leaves import Tree, blend, leaves, rebuild

@@ -9,8 +9,8 @@ from skyarm.algebra import Force, Motion, Vec3
 from skyarm.compile import trace
 from skyarm.compile.tracing.lower import operations
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.compiled import example_command, example_state
-from skyarm.plant.interface import Truth
+from skyarm.plant.compiled import example_state
+from skyarm.plant.interface import Truth, example_command
 from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
 from support.one_vehicle import after_step, rate_of

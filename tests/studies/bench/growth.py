@@ -12,8 +12,8 @@ from skyarm.compile.llvm.llvm_loop import assembly
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.plant.compiled import example_command, example_state
-from skyarm.plant.interface import Truth
+from skyarm.plant.compiled import example_state
+from skyarm.plant.interface import Truth, example_command
 from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
 from support.one_vehicle import after_step

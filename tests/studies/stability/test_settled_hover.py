@@ -64,7 +64,9 @@ def test_what_a_law_learns_is_held_also_under_guard():
         assert getattr(par, "inner", par).parts.adaptation.load is not None
         held = without_adaptation(scenario).controller.par
         held = getattr(held, "inner", held)
-        assert (held.parts.adaptation.load, held.parts.adaptation.friction) == (None, None)
+        adaptation = held.parts.adaptation
+        assert adaptation.load is None
+        assert all(limits == (0.0, 0.0) for limits in adaptation.damping_limits)
 
 
 def test_a_hover_says_its_delay_margin_as_its_margins_do(scenario):
