@@ -65,7 +65,8 @@ def test_every_table_of_a_scenario_is_in_the_example():
     document = tomllib.loads(example())
     top = page("scenario_files.md").split("<!-- generated: words top ")[1].split("<!-- /generated -->")[0]
     tables = set(re.findall(r"^\| `(\w+)` \| table", top, re.MULTILINE))
-    others = {"agents", "estimator", "payloads", "world", "endings", "plugins", "numbers"}  # on pages or in sections of their own
+    # on pages or in sections of their own
+    others = {"agents", "estimator", "payloads", "world", "endings", "plugins", "numbers"}
     assert others < tables
     assert tables - others == {name for name, value in document.items() if isinstance(value, dict)} | {"changes"}
 
