@@ -151,7 +151,7 @@ class Grasp:
             for i in range(3):
                 error = error + body.rotation.column(i).cross(aim.column(i)) * 0.5
             torque = (error * self.stiffness + (frame.turning - body.turning) * self.damping) * square
-        if math.isinf(self.release) if isinstance(self.release, float) else False:
+        if isinstance(self.release, float) and math.isinf(self.release):
             return Pull(force=force, torque=torque, place=place)
         share = where(t < self.release, 1.0, 0.0)
         return Pull(force=force * share, torque=torque * share, place=place)
