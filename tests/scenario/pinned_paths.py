@@ -68,8 +68,17 @@ def computed(given: skyarm.Scenario) -> Iterator[str]:
 
 
 def pinned(given: skyarm.Scenario) -> Pinned:
-    """All paths of a scenario with their fields, and what is there: a number, what varies not, or a refusal."""
-    given = started(given)
+    """All paths of a scenario with their fields, and what is there: a number, what varies not, or a refusal.
+
+    Of several agents, those of the flight of each, under its name.
+    """
+    if len(given.agents) == 1:
+        return _pinned_of_one(started(given))
+    each = {name: _pinned_of_one(started(given.of(name))) for name in given.agents}
+    return {f"agents.{name}.{path}": row for name, rows in each.items() for path, row in rows.items()}
+
+
+def _pinned_of_one(given: skyarm.Scenario) -> Pinned:
     found: dict[str, tuple[tuple[Place, ...], str]] = {
         path: ((), f"computed in {unit_at(given, path)}") for path in computed(given)
     }

@@ -15,6 +15,7 @@ from skyarm.vehicle.vehicle_records import require_plant
 
 NAMES = (
     "crazyflie_arm1",
+    "dragonfly",
     "hexarotor12_arm5",
     "hexarotor_arm6",
     "hummingbird",
