@@ -12,6 +12,7 @@ from dataclasses import replace
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, sub
+from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
@@ -58,9 +59,21 @@ def accelerate(
 
 def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, tuple[Scalar, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
-    state, (force, torques) = motion.state, applied_force(motion, command, around)
-    moving = loaded_vehicle(motion.vehicle, around)
-    return dynamics.forward_dynamics(moving, state.joints, state.rate, state.joint_rates, force, torques)
+    return _solve(motion, loaded_vehicle(motion.vehicle, around), applied_force(motion, command, around))
+
+
+def _solve(
+    motion: PointMotion, moving: Vehicle, applied: tuple[Force, tuple[Scalar, ...]]
+) -> tuple[Motion, tuple[Scalar, ...]]:
+    """Forward dynamics of one vehicle; several of equal bodies share the code."""
+    state, (force, torques) = motion.state, applied
+    Given = tuple[tuple[Scalar, ...], Vec3, tuple[Scalar, ...], Force, tuple[Scalar, ...]]
+
+    def solve(given: Given) -> tuple[Motion, tuple[Scalar, ...]]:
+        return dynamics.forward_dynamics(moving, *given)
+
+    given = state.joints, state.rate, state.joint_rates, force, torques
+    return compiled_once("forward dynamics", solve, given, moving) if len(motion.agents) > 1 else solve(given)
 
 
 def derivative(
@@ -188,8 +201,7 @@ def coupled_verlet(
         """Vehicle states at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
         after = []
         for i, (motion, command, still) in enumerate(zip(at, commands, middle, strict=True)):
-            now, (force, torques) = motion.state, applied_force(motion, command, beside.of(i))
-            base, joints = dynamics.forward_dynamics(moving[i], now.joints, now.rate, now.joint_rates, force, torques)
+            base, joints = _solve(motion, moving[i], applied_force(motion, command, beside.of(i)))
             linear, angular = coordinate_acceleration(motions[i].rotation, base, motion.gravity)
             moved = replace(
                 still,

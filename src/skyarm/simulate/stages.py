@@ -14,6 +14,7 @@ from typing import cast
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, same, where
+from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
@@ -46,6 +47,9 @@ from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.world import Component, effectiveness_at
+
+Given = tuple[Tree, Measurement, Reference, Command | None, Scalar | None]
+"""Inputs of a decision: state of the law, measurement, reference; command from outside and what it replaces."""
 
 
 @immutable
@@ -288,15 +292,25 @@ class AgentStages:
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()] = ()
     ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
+        controller, vehicle = self.scenario.agent.controller, self.scenario.agent.plant.vehicle
         if self._command is not None and self._given is None:
-            return memory, with_rest(self.scenario.agent.plant.vehicle, self._command)
-        following, command = self.apply_law(memory, measurement, reference, path_time)
-        if self._command is None or self._given is None:
-            return following, command
-        own, joints_own = self._given < 0.5, absolute(self._given - 1.0) > 0.5
-        speeds = blend(own, command.rotor_speeds, self._command.rotor_speeds)
-        rest = blend(joints_own, command, self._command)
-        return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
+            return memory, with_rest(vehicle, self._command)
+
+        def choose(given: Given) -> tuple[Tree, Command]:
+            memory, measurement, reference, outside, mode = given
+            following, command = self.apply_law(memory, measurement, reference, path_time)
+            if outside is None or mode is None:
+                return following, command
+            own, joints_own = mode < 0.5, absolute(mode - 1.0) > 0.5
+            speeds = blend(own, command.rotor_speeds, outside.rotor_speeds)
+            rest = blend(joints_own, command, outside)
+            return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
+
+        given = memory, measurement, reference, self._command, self._given
+        loads_change = self.waits.with_task_loads(controller.par, path_time) is not controller.par
+        if not self.scenario.others or not controller.compiled or loads_change:
+            return choose(given)
+        return compiled_once((self._law, self.period), choose, given, (controller.par, vehicle))
 
     def apply_law(
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]

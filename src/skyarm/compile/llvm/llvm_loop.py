@@ -131,9 +131,9 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
     rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
+    writer.do(f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline alignstack({ALIGNED}) {{\nentry:")
+    writer.scratch(loop.program.nodes)
     writer.do(f"""
-define internal void @{BODY}({", ".join(ARGUMENTS)}) noinline alignstack({ALIGNED}) {{
-entry:
   br label %blocks
 blocks:
   %b = phi i64 [ %first, %entry ], [ %b.next, %next ]
@@ -189,7 +189,8 @@ done:
   ret void
 }""")
     entry = _entry(flush=lanes.contract and _x86())
-    return "\n".join([*writer.lines, *entry, *_call(), *sorted(writer.intrinsics), ""])
+    shared = [line for lines in writer.functions.values() for line in lines]
+    return "\n".join([*writer.lines, *shared, *entry, *_call(), *sorted(writer.intrinsics), ""])
 
 
 def _x86() -> bool:

@@ -79,12 +79,17 @@ class Lanes:
 
 @dataclass(slots=True)
 class Writer:
-    """Writer of an LLVM function: lines of assembly so far, and the name of each operation's result."""
+    """Writer of an LLVM function: lines of assembly so far, and the name of each operation's result.
+
+    Attributes:
+        functions: lines of the shared functions that are called, by the identity of each.
+    """
 
     lanes: Lanes
     lines: list[str] = field(default_factory=list)
     names: dict[int, str] = field(default_factory=dict)
     intrinsics: set[str] = field(default_factory=set)
+    functions: dict[int, list[str]] = field(default_factory=dict)
     _count: int = 0
 
     def fresh(self) -> str:
@@ -107,7 +112,9 @@ class Writer:
         for node, body in arrange(nodes):
             if node.op == "repeat":
                 self._loop(node, body)
-            elif node.op == "item":
+            elif node.op == "apply":
+                self._apply(node)
+            elif node.op in ("item", "result"):
                 self.names[node.index] = f"%r{node.args[0].index}.e{node.value}"
             elif node.index not in self.names:
                 self.names[node.index] = self._value(node)
@@ -140,6 +147,40 @@ class Writer:
         self.lines += [f"  br i1 {more}, label %{label}, label %{label}.exit", f"{label}.exit:"]
         for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
             self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+
+    def scratch(self, nodes: Iterable[Node]) -> None:
+        """Write assembly that reserves memory for arguments and results of the shared functions that nodes call."""
+        sizes = [max(len(node.args), len(node.value.outputs)) for node in nodes if node.op == "apply"]
+        if sizes:
+            self.do(f"  %scratch = alloca [{max(sizes)} x {self.lanes.vector}], align 64")
+
+    def _cell(self, k: int) -> str:
+        """Write assembly for the address of a number in the scratch memory; returns its name."""
+        return self.emit(f"getelementptr {self.lanes.vector}, ptr %scratch, i64 {k}")
+
+    def _apply(self, call: Node) -> None:
+        """Write the assembly of a call of a shared function, and of that function if this is its first call."""
+        function, vector = call.value, self.lanes.vector
+        if id(function) not in self.functions:
+            lines = self.functions[id(function)] = list[str]()
+            inner = Writer(self.lanes, lines, {}, self.intrinsics, self.functions)
+            name = f"@shared{len(self.functions)}"
+            inner.do(f"define internal void {name}(ptr noalias %numbers) noinline {{\nentry:")
+            inner.scratch(function.nodes)
+            for k, node in enumerate(function.inputs):
+                at = inner.emit(f"getelementptr {vector}, ptr %numbers, i64 {k}")
+                inner.names[node.index] = inner.emit(f"load {vector}, ptr {at}")
+            inner.program(function.nodes)
+            for k, node in enumerate(function.outputs):
+                at = inner.emit(f"getelementptr {vector}, ptr %numbers, i64 {k}")
+                inner.do(f"  store {vector} {inner.names[node.index]}, ptr {at}")
+            inner.do("  ret void\n}")
+        name = f"@shared{1 + list(self.functions).index(id(function))}"
+        for k, arg in enumerate(call.args):
+            self.do(f"  store {vector} {self.names[arg.index]}, ptr {self._cell(k)}")
+        self.do(f"  call void {name}(ptr %scratch)")
+        for k, _ in enumerate(function.outputs):
+            self.do(f"  %r{call.index}.e{k} = load {vector}, ptr {self._cell(k)}")
 
     def _goes_on(self, left: str) -> str:
         """Write assembly of the condition (i1) that any SIMD lane needs another iteration; returns its name."""

@@ -3,18 +3,21 @@
 A repetition is a loop in machine code, written out on every engine that has no loops. It keeps long programs short:
 twenty integration steps of a stiff joint cost the code of one. Its body may use any value from outside; what does not
 change inside is computed once. Loops do not nest: a repetition inside one is written out.
+
+A function that many records of one structure pass through, such as the law of several vehicles, is shared: its machine
+code is written once and called, so that eight equal vehicles compile about as fast as one, and stay in the cache.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeVar
 
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.fold import Scalar
-from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.compile.tracing.tracer import Graph, Node, is_condition
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend, leaves, rebuild
+from skyarm.records.leaves import blend, leaves, mismatch, rebuild
 
 
 @immutable(kw_only=False)
@@ -58,6 +61,8 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
             groups = [[next(given) for _ in range(size)] for size in sizes]
             # a call without results is not live: the first of them leads to its node
             made[node.index] = target.external(function, groups, 1)[0].args[0]
+        elif node.op == "apply":
+            made[node.index] = target.apply(node.value, args)
         elif node.op == "result":
             made[node.index] = target.result(args[0], node.value)
         elif node.op != "input":
@@ -133,6 +138,61 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record, unt
     return record
 
 
+Result = TypeVar("Result")
+
+
+def compiled_once(
+    key: Hashable, function: Callable[[Record], Result], record: Record, constants: object = ()
+) -> Result:
+    """Apply a function to a record; in a program for machine code, by code that is written once for all equal calls.
+
+    Calls are equal if key and constants are, and the structure and the constants of the record. Bits are those of
+    ``function(record)``.
+
+    Args:
+        key: what the function depends on besides the record, as far as it has a hash.
+        function: pure function of the record, without calls of Python functions that cannot be traced.
+        record: nested dataclass of scalars.
+        constants: what else the function depends on; where it has a symbolic value, each call has code of its own.
+    """
+    values, whole = leaves(record), (record, constants)
+    symbols, numbers = [leaf for leaf in values if isinstance(leaf, Node)], [*values, *leaves(constants)]
+    functions = symbols[0].graph.functions if symbols else None
+    if functions is None or any(isinstance(leaf, Node) for leaf in numbers[len(values) :]):
+        return function(record)
+    known = functions.setdefault(key, [])
+    call = next((each for each in known if _equal_call(each[0], whole, numbers)), None)
+    if call is None:
+        inner = Graph(loops=True)
+        inputs = [inner.input(f"x{i}") for i, _ in enumerate(symbols)]
+        given = iter(inputs)
+        result = function(rebuild(record, (next(given) if isinstance(leaf, Node) else leaf for leaf in values)))
+        folded = (leaf.value if isinstance(leaf, Node) and leaf.op == "const" else leaf for leaf in leaves(result))
+        result = rebuild(result, folded)
+        outputs = [leaf for leaf in leaves(result) if isinstance(leaf, Node)]
+        if any(map(is_condition, (*symbols, *outputs))):
+            return function(record)
+        call = whole, lower(inputs, live(outputs), outputs), result
+        known.append(call)
+    graph, (_, lowered, result) = symbols[0].graph, call
+    block = graph.apply(lowered, symbols)
+    results = (graph.result(block, k) for k in range(len(lowered.outputs)))
+    returned: Result = rebuild(result, (next(results) if isinstance(x, Node) else x for x in leaves(result)))
+    return returned
+
+
+def _equal_call(example: object, whole: object, numbers: Sequence[object]) -> bool:
+    """True if a call's record and constants are those of an example but for symbolic values."""
+    return mismatch(example, whole, "") is None and all(map(_same_constant, leaves(example), numbers))
+
+
+def _same_constant(one: object, other: object) -> bool:
+    """True if two leaves are symbols both, or the same number to the sign of a zero, or one object."""
+    if isinstance(one, Node) or isinstance(other, Node):
+        return isinstance(one, Node) and isinstance(other, Node)
+    return one is other or (type(one) is type(other) is float and repr(one) == repr(other))
+
+
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     """Order the operations of a program for evaluation, each with its loop body (empty for all but loops)."""
     arranged: list[tuple[Node, list[Node]]] = []
@@ -160,8 +220,15 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 def operations(nodes: Iterable[Node]) -> int:
     """Count the operations in one evaluation of a program; loop bodies count once per iteration."""
-    quiet = ("input", "const", "item")
-    count = 0
-    for node, body in arrange(nodes):
-        count += len(body) * node.value[0] if node.op == "repeat" else node.op not in quiet
-    return count
+    quiet = ("input", "const", "item", "result")
+    arranged = arrange(nodes)
+    called = {id(each.value): each.value for node, body in arranged for each in (node, *body) if each.op == "apply"}
+    sizes = {key: operations(function.nodes) for key, function in called.items()}
+
+    def of(node: Node) -> int:
+        return sizes[id(node.value)] if node.op == "apply" else 1
+
+    return sum(
+        sum(map(of, body)) * node.value[0] if node.op == "repeat" else of(node) * (node.op not in quiet)
+        for node, body in arranged
+    )

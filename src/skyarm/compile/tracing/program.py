@@ -103,6 +103,8 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
         given = iter(args)
         groups = ["".join(f"{next(given)}, " for _ in range(size)) for size in node.value[1]]
         return f"call{node.index}({', '.join(f'({group})' for group in groups)})"
+    if node.op == "apply":
+        return f"apply{node.index}(({''.join(f'{arg}, ' for arg in args)}))"
     form = divide if node.op == "div" else _FORMS.get(node.op)
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 
@@ -145,7 +147,10 @@ def python_function(program: Lowered) -> Flat:
     once more with the IEEE versions, which give the same bits wherever both are defined.
     """
     calls = {f"call{node.index}": _CallOnce(node.value[0]) for node in program.nodes if node.op == "call"}
-    constants = {"_inf": math.inf, "_nan": math.nan} | calls
+    applied = [node for node in program.nodes if node.op == "apply"]
+    shared = {id(node.value): python_function(node.value) for node in applied}
+    functions = {f"apply{node.index}": shared[id(node.value)] for node in applied}
+    constants = {"_inf": math.inf, "_nan": math.nan} | calls | functions
     fast_names: dict[str, Any] = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
     fast: Flat = fast_names["program"]

@@ -164,7 +164,11 @@ class Graph:
     """All symbolic values of a traced program as a graph, in order of creation.
 
     Args:
-        loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop; else it is written out.
+        loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop, and a shared function as one; else
+            they are written out.
+
+    Attributes:
+        functions: shared functions by their keys, as of :func:`skyarm.compile.tracing.lower.share`; None without.
     """
 
     def __init__(self, *, loops: bool = False) -> None:
@@ -172,6 +176,7 @@ class Graph:
         self.loops = loops
         self._loops_made = 0
         self._known: dict[Hashable, Node] = {}
+        self.functions: dict[Hashable, list[Any]] | None = {} if loops else None
 
     def input(self, name: str) -> Node:
         """Add an input to the traced program."""
@@ -281,8 +286,13 @@ class Graph:
         block = self._make("call", args, value, ("call", len(self.nodes)))
         return [self.result(block, k) for k in range(count)]
 
+    def apply(self, function: Any, args: Sequence[Node]) -> Node:
+        """Record a call of a traced function (:class:`skyarm.compile.tracing.lower.Lowered`), compiled once."""
+        key = ("apply", id(function), *[arg.index for arg in args])
+        return self._make("apply", tuple(args), function, key)
+
     def result(self, call: Node, k: int) -> Node:
-        """Symbolic value of result ``k`` of a call of a Python function."""
+        """Symbolic value of result ``k`` of a call of a function."""
         return self._make("result", (call,), k, ("result", call.index, k))
 
     def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Hashable) -> Node:

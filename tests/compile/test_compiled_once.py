@@ -1,0 +1,145 @@
+"""Code that several calls of one function share: written once, with the bits of the function written out."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from programs_random import bits, random_function, same_bits
+
+import skyarm
+from skyarm.algebra.scalars import sin, where
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_loop import assembly
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing import lower as room
+from skyarm.compile.tracing.lower import compiled_once, operations, repeat
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.simulate.engine import EpisodeCode
+
+
+@pytest.fixture(autouse=True)
+def _cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    monkeypatch.setattr(room, "WRITTEN_OUT", 0)
+
+
+def functions(loop):
+    """Number of shared functions in the machine code of a program."""
+    return assembly(loop, Lanes(1), logging=True).count("define internal void @shared")
+
+
+def traced(step, *, loops=True, carry=(0.0, 0.0), parameters=(0.0,), row=(0.0,)):
+    return trace_loop(step, carry, parameters, row, loops=loops)
+
+
+def wave(x):
+    """Function of a nested record: numbers, a text, a constant output and an input that passes through."""
+    (a, b), name, c = x
+    return (sin(a) * b + c, 0.0), name, repeat(3, lambda y: (y[0] * 0.5 + a,), (b,))[0], a
+
+
+def twice(carry, parameters, row, draws):
+    """Two calls of one function, the second with the result of the first, and one inside a loop."""
+    (first, zero), _, other, same = compiled_once("wave", wave, ((carry[0], carry[1]), "x", parameters[0]))
+    (second, _), *_ = compiled_once("wave", wave, ((first, carry[0]), "x", row[0]))
+    last = repeat(5, lambda y: (compiled_once("wave", wave, ((y[0], row[0]), "x", carry[1]))[2],), (other,))[0]
+    return (second, last + zero), (same, first)
+
+
+def test_shared_code_has_the_bits_of_the_function_written_out():
+    shared, plain = (traced(twice, loops=kept) for kept in (True, False))
+    assert functions(shared) == 1
+    assert functions(plain) == 0
+    rng = np.random.default_rng(3)
+    carry, parameters, rows = rng.normal(size=(2, 9)), rng.normal(size=(1, 9)), rng.normal(size=(4, 1))
+    flown = [Kernel(loop, Lanes(4), logging=True).run(carry, parameters, rows) for loop in (shared, plain)]
+    assert same_bits(flown[0][0], flown[1][0])
+    assert same_bits(flown[0][1], flown[1][1])
+    a, v, k, g = rng.normal(size=4).tolist()
+    direct = twice((a, v), (k,), (g,), ())
+    assert bits(shared.stepper()((a, v, k, g))) == bits((*direct[0], *direct[1]))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_shared_code_of_a_random_function_has_the_bits_of_python_floats(seed):
+    function, ends = random_function(np.random.default_rng(seed), length=10), 2
+
+    def step(carry, parameters, row, draws):
+        once = compiled_once("f", lambda x: tuple(function(*x)[-ends:]), (*carry, *parameters, *row))
+        return tuple(compiled_once("f", lambda x: tuple(function(*x)[-ends:]), (*once, *parameters, *row))), ()
+
+    loop = traced(step)
+    rng = np.random.default_rng(seed)
+    for point in rng.normal(size=(10, 4)).tolist():
+        direct = step(tuple(point[:2]), (point[2],), (point[3],), ())
+        expected = bits(direct[0])
+        assert bits(loop.stepper()(tuple(point))) == expected
+        now = Kernel(loop, Lanes(1)).run(np.array(point[:2])[:, None], np.array([[point[2]]]), np.array([[point[3]]]))
+        assert bits(tuple(now[0][:, 0].tolist())) == expected
+
+
+def test_calls_of_other_constants_structure_or_keys_have_code_of_their_own():
+    def step(carry, parameters, row, draws):
+        a, b = carry
+
+        def of(key, record, constants=()):
+            return compiled_once(key, lambda x: (x[0] * x[1],), record, constants)[0]
+
+        numbers = [of("k", (a, 2.0)), of("k", (b, 2.0)), of("k", (a, 3.0)), of("k", (a, 0.0)), of("k", (a, -0.0))]
+        numbers += [of("k", (a, b)), of("k", (a, b, "text")), of("other", (a, b)), of("k", (a, b), (1.5,))]
+        return (sum(numbers, 0.0), b), ()
+
+    assert functions(traced(step)) == 8  # the second call alone is the first one's
+
+
+def test_a_symbolic_constant_is_written_out_and_so_is_a_condition():
+    def step(carry, parameters, row, draws):
+        a, b = carry
+        with_symbol = compiled_once("s", lambda x: (x[0] * row[0],), (a,), (row[0],))[0]
+        truth = compiled_once("t", lambda x: (x[0] < x[1],), (a, b))[0]
+        return (where(truth, with_symbol, b), b), ()
+
+    loop = traced(step)
+    assert functions(loop) == 0
+    assert loop.stepper()((1.0, 2.0, 0.0, 3.0))[0] == 3.0
+
+
+def test_shared_code_may_call_shared_code():
+    def outer(x):
+        inner = compiled_once("inner", lambda y: (sin(y[0]) + y[1],), (x[0], x[1]))[0]
+        return (compiled_once("inner", lambda y: (sin(y[0]) + y[1],), (inner, x[0]))[0],)
+
+    def step(carry, parameters, row, draws):
+        once = compiled_once("outer", outer, carry)[0]
+        return (compiled_once("outer", outer, (once, carry[0]))[0], once), ()
+
+    shared, plain = (traced(step, loops=kept) for kept in (True, False))
+    assert functions(shared) == 2
+    carry = np.array([[0.3, -2.0], [1.1, 0.7]])
+    runs = [Kernel(loop, Lanes(2)).run(carry, np.zeros((1, 2)), np.zeros((3, 1)))[0] for loop in (shared, plain)]
+    assert same_bits(*runs)
+
+
+def test_operations_count_shared_code_as_often_as_it_runs():
+    def step(carry, parameters, row, draws):
+        def once(x):
+            return compiled_once("sine", lambda y: (sin(y[0]) * y[1],), (x[0], row[0]))
+
+        return (repeat(50, once, (carry[0],))[0], once(carry[1:])[0]), ()
+
+    shared, plain = (operations(traced(step, loops=kept).program.nodes) for kept in (True, False))
+    assert shared == pytest.approx(plain, rel=0.1)
+
+
+def test_equal_vehicles_share_the_code_of_their_law_and_their_dynamics():
+    one = skyarm.load_scenario("case3", duration=0.1)
+    sizes = []
+    for count in (1, 2, 4):
+        team = dataclasses.replace(one, agents={f"a{i}": one.agent for i in range(count)}) if count > 1 else one
+        text = assembly(EpisodeCode(team).loop, Lanes(1), logging=True)
+        sizes.append((text.count("define internal void @shared"), len(text)))
+    assert [functions for functions, _ in sizes] == [0, 2, 2]
+    assert sizes[1][1] < 1.7 * sizes[0][1]
+    assert sizes[2][1] < 3.0 * sizes[0][1]
