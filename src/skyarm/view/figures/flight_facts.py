@@ -151,10 +151,10 @@ def own_forces(log: Log, array: str) -> Array:
 def parts_of_others(log: Log) -> frozenset[str]:
     """Names of the contact points and grippers of the vehicles that fly beside that of a log."""
     scenario = scenario_of(log)
-    if scenario is None or not scenario.others or scenario.world is None:
+    if scenario is None or scenario.world is None:
         return frozenset()
     parts = (*scenario.world.points, *scenario.world.grippers)
-    return frozenset(each.name for each in parts if each.agent not in scenario.agents)
+    return frozenset(each.name for each in parts if each.agent not in ("", *scenario.agents))
 
 
 def grasp_pulls(log: Log) -> dict[str, Array]:
