@@ -121,6 +121,11 @@ def vehicle_logs(label: str, log: Log) -> list[tuple[str, Log]]:
     return [(f"{label}, {name}" if label else name, own) for name, own in log.agents.items()]
 
 
+def vehicles_by_label(flights: Named) -> dict[str, Log]:
+    """Return the log of each vehicle of several flights by its legend label."""
+    return {shorten_label(name): own for label, log in flights.items() for name, own in vehicle_logs(label, log)}
+
+
 def shorten_label(text: str) -> str:
     """Shorten a label in its middle to the length of a legend entry."""
     half = (LONGEST - 1) // 2
@@ -144,24 +149,30 @@ def applied_force(log: Log) -> Array | None:
 def own_forces(log: Log, array: str) -> Array:
     """Logged forces (N, k) at the contact points or of the grippers of a log's vehicle, without those of others."""
     table, others = log.component(array), parts_of_others(log)
-    own = [i for i, label in enumerate(component_labels(log, array)) if label.rpartition("/")[2] not in others]
-    return table[:, own] if others else table
+    if not others:
+        return table
+    own = [i for i, label in enumerate(component_labels(log, array)) if others.isdisjoint(label.split("/"))]
+    return table[:, own]
 
 
 def parts_of_others(log: Log) -> frozenset[str]:
-    """Names of the contact points and grippers of the vehicles that fly beside that of a log."""
+    """Names of contact points, grippers and grasps of the vehicles that fly beside that of a log."""
     scenario = scenario_of(log)
     if scenario is None or scenario.world is None:
         return frozenset()
-    parts = (*scenario.world.points, *scenario.world.grippers)
-    return frozenset(each.name for each in parts if each.agent not in ("", *scenario.agents))
+    world, own = scenario.world, ("", *scenario.agents)
+    names = [each.name for each in world.points if each.agent not in own]
+    names += [each.name for each in world.grippers if each.agent not in own]
+    return frozenset([*names, *(each.label for each in world.grasps if each.agent not in own)])
 
 
 def grasp_pulls(log: Log) -> dict[str, Array]:
     """Force (N, 3), world axes, of a log's vehicle on each body that it holds by grasps, by the body's name."""
     pulls, forces = log.component("grasp_pull").reshape(log.time.size, -1, 3), dict[str, Array]()
     scenario = scenario_of(log) if pulls.size else None
-    for i, grasp in enumerate(scenario.world.grasps if scenario is not None and scenario.world is not None else ()):
+    if scenario is None or scenario.world is None:
+        return {}
+    for i, grasp in enumerate(scenario.world.grasps):
         if grasp.agent in ("", *scenario.agents):
             forces[grasp.body] = forces.get(grasp.body, 0.0) + pulls[:, i]
     return forces

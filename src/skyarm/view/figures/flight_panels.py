@@ -11,7 +11,7 @@ import numpy as np
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns, names_of, unit_of_kind
+from skyarm.log.log_columns import columns, component_labels, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
@@ -174,9 +174,7 @@ def _contact(logs: Logs) -> Panels:
 def _grasps(logs: Logs) -> Panels:
     """Make a panel for each body in grasps, with the force of each vehicle on it."""
     bodies = dict.fromkeys(body for log in logs for body in grasp_pulls(log))
-    return [
-        Panel(label=f"Force on {body}", unit="N", of=_pull(body), magnitude=True, span=0.1) for body in bodies
-    ]
+    return [Panel(label=f"Force on {body}", unit="N", of=_pull(body), magnitude=True, span=0.1) for body in bodies]
 
 
 def _pull(body: str) -> Read:
@@ -194,7 +192,11 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        if pair not in pairs or pair[1] in parts_of_others(log) or log.component("contact_force").shape[1] != len(pairs):
+        if (
+            pair not in pairs
+            or pair[1] in parts_of_others(log)
+            or log.component("contact_force").shape[1] != len(pairs)
+        ):
             return None
         return np.asarray(log.component("contact_force")[:, pairs.index(pair)])
 
@@ -261,7 +263,16 @@ def _parts(logs: Logs) -> Panels:
 
 def _log_column(name: str) -> Read:
     """Make a function that reads a logged quantity of a wind, force, contact, payload or battery, by column name."""
-    return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
+
+    def read(log: Log) -> Array | None:
+        each = next((each for each in columns(log) if each.name == name), None)
+        if each is None:
+            return None
+        labels = component_labels(log, each.array.removeprefix(f"{COMPONENTS}."))
+        of_other = each.index is not None and not parts_of_others(log).isdisjoint(labels[each.index].split("/"))
+        return None if of_other else each.of(log)
+
+    return read
 
 
 KINDS: Mapping[str, Callable[[Logs], Panels]] = {

@@ -24,8 +24,7 @@ from skyarm.view.figures.flight_facts import (
     flight_events,
     flights_by_label,
     scenario_of,
-    shorten_label,
-    vehicle_logs,
+    vehicles_by_label,
 )
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.projection import SIDE, TOP, Projection, outline
@@ -47,21 +46,21 @@ FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 """Role of a shape -> fill colour; other roles have that of an object."""
 
 
-def path_figure(named: Named, span: Span, world: Scene) -> Picture:
+def path_figure(flights: Named, span: Span) -> Picture:
     """Draw the tip paths over a time interval, from above and from the right.
 
     Args:
-        named: words of the legend -> log.
+        flights: words of the legend -> log.
         span: first and last instant, s.
-        world: surroundings, as :func:`world_of` has them.
 
     Returns:
-        a figure with the world: filled as it is at first, what moves also as a line where it is at last. A plane is
-        drawn where it is seen from its edge.
+        a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
+        where it is at last. A plane is drawn where it is seen from its edge.
     """
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
     handles: Handles = {}
+    named, world = vehicles_by_label(flights), world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
     PAPER.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
@@ -219,12 +218,12 @@ def plot(
     if file is not None:
         require_suffix(Path(file))
     whole = flights_by_label(flights)
-    named = {shorten_label(name): own for label, log in whole.items() for name, own in vehicle_logs(label, log)}
+    named = vehicles_by_label(whole)
     if not 1 <= len(named) <= MOST:
         raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
     span = _window(window, named)
     if kind == PATH:
-        figure = path_figure(named, span, world_of(whole, span))
+        figure = path_figure(whole, span)
     else:
         panels = panels_of(kind, list(named.values()), together=len(named) > len(whole))
         figure = _panels_figure(panels, named, span, kind == ALL)

@@ -122,15 +122,14 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
 
 
 def _corners_of_grasped(flight: FilmedFlight) -> Iterator[Array]:
-    """Corners (F, 3) of the movable bodies of a flight with grasps, each moved inwards by the radius of a vehicle."""
+    """Corners (F, 3) of the movable bodies of a flight with grasps."""
     solids = flight.scene.solids
     # marks of grasps are the only solids of their role
     grasped = any(each.shape.role == "point" for each in solids)
     for body in (each for each in solids if grasped and each.shape.role == "object"):
         half = body.shape.size if body.shape.kind == "box" else (max(body.shape.size),) * 3
-        inner = np.maximum(np.array(half) - _vehicle_radius([flight]), 0.0)
         for signs in product((-1.0, 1.0), repeat=3):
-            yield body.position + body.rotation @ (signs * inner)
+            yield body.position + body.rotation @ np.multiply(signs, half)
 
 
 def _vehicle_radius(flights: Flights) -> float:

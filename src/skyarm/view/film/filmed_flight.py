@@ -127,7 +127,7 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
         raise ValueError(f"labels = {shown(names)}: must be as many as the flights, {len(logs)}")
     colors, flights = iter(COLORS), list[FilmedFlight]()
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
-        team = [_resampled(own, label, next(colors), times, number) for label, own in vehicle_logs(name, log)]
+        team = [_resample(own, label, next(colors), times, number) for label, own in vehicle_logs(name, log)]
         flights += _with_scenes(team, log, times)
     return flights
 
@@ -145,12 +145,12 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
     Raises:
         ValueError: the log does not tell its vehicle.
     """
-    (flight,) = _with_scenes([_resampled(log, label, color, times)], log, times, about)
+    (flight,) = _with_scenes([_resample(log, label, color, times)], log, times, about)
     return flight
 
 
-def _resampled(log: Log, label: str, color: Color, times: Array, number: int = 0) -> FilmedFlight:
-    """Flight of one vehicle at a film's frames, without a scene."""
+def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0) -> FilmedFlight:
+    """Resample a log of one vehicle at a film's frames, without a scene."""
     agent = log.scenario.agent
     now = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
@@ -171,6 +171,7 @@ def _resampled(log: Log, label: str, color: Color, times: Array, number: int = 0
         end=end_time(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         number=number,
+        scene=Scene(),
         **now,
     )
 

@@ -117,8 +117,10 @@ def _grasp_scene(grasp: Grasp, i: int, rotation: Array, position: Array, seen: I
     """Mark of the place of a grasp on its body, line of its cable, and arrow of its force on the vehicle.
 
     Args:
-        grasp: grasp of the world. i: its index.
-        rotation: (N, 3, 3) of the body. position: (N, 3) m.
+        grasp: grasp of the world.
+        i: index of the grasp.
+        rotation: (N, 3, 3) of the body.
+        position: (N, 3) m of the body.
         seen: the instants, with the logged pulls of all grasps.
     """
     holder, label = seen.of(grasp.agent), f"grasp/{grasp.label}"
