@@ -25,7 +25,7 @@ from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants, Scene
 from support.commands import skyarm as typed
 from support.pictures import needs_display
-from support.teams import TEAMS, rotations, team
+from support.teams import TEAMS, rotations, team, with_world
 
 TIMES = np.array([0.0, 0.1, 0.25])
 
@@ -82,6 +82,14 @@ def test_grasps_are_marked_on_the_body_and_pull_at_their_vehicles(name: str) -> 
     assert sum(each.kind == "arrow" for each in drawn) == len(grasps)
 
 
+def test_one_of_them_alone_has_its_own_grasp_only() -> None:
+    (alone,) = film_flights([flown("cables").agents["right"]], TIMES)
+    assert alone.label == "centroidal_joint"
+    assert [each.name for each in alone.scene.lines] == ["grasp/right_bar"]
+    assert [each.name for each in alone.scene.arrows] == ["grasp/right_bar"]
+    assert sorted(each.shape.role for each in alone.scene.solids) == ["object", "point"]
+
+
 def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
     """Scene of a body on a cable, ``apart`` (m) beside the vehicle ``left``; ``right`` has a contact point."""
     scenario = team("bar")
@@ -103,6 +111,8 @@ def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
     numbers |= {"object_position": np.array([[apart, 0.0, 0.0]]), "object_quaternion": still}
     first, second = (scene_in_log([world], dataclasses.replace(each, agents=agents), numbers.__getitem__)
                      for each in agents.values())  # fmt: skip
+    alone = dataclasses.replace(agents["left"], agents={"left": agents["left"]})
+    assert [each.name for each in scene_in_log([world], alone, numbers.__getitem__).arrows] == ["grasp/left_bar"]
     assert first.attached == ()
     assert "point/skid" in [shape.name for shape in second.attached]
     (arrow,) = (each for each in first.arrows if each.name.endswith("skid"))
@@ -191,6 +201,28 @@ def test_a_recording_has_every_vehicle_and_the_body_once() -> None:
             np.testing.assert_allclose(place, own.position[row(log, k)], atol=2e-4)
     names = {str(message.get("name")) for _, message in messages}
     assert {name for name in names if name.endswith("world/bar")} == {"/flight1/solids/world/bar"}
+
+
+def test_recorded_teams_stand_apart_and_their_vehicles_together() -> None:
+    pytest.importorskip("viser", reason="no extra 'studio'")
+    from recorded_scenes import place_at, unpacked
+
+    from skyarm.view.film.recording import record
+
+    both = record([flown("bar"), flown("cables")], FilmSettings(fps=10, layout="side"))
+    messages = unpacked(both.content)["messages"]
+    roots = [place_at(messages, f"/flight{i}", "SetPositionMessage", "position", 0.0) for i in range(1, 5)]
+    np.testing.assert_array_equal(roots[0], roots[1])
+    np.testing.assert_array_equal(roots[2], roots[3])
+    assert np.linalg.norm(roots[0] - roots[2]) > 0.5
+
+
+def test_contact_points_are_on_their_own_vehicle() -> None:
+    above = {"body": "base", "position": Vec3(0.0, 0.0, 0.1)}
+    points = tuple(ContactPoint(name=f"{name}_hook", agent=name, **above) for name in ("left", "right"))
+    flights = film_flights([skyarm.run(with_world(team("bar", duration=0.02), points=points))], TIMES[:1])
+    for flight, name in zip(flights, ("left", "right"), strict=True):
+        assert {each.name for each in flight.scene.attached} == {f"point/{name}_hook", f"stalk/{name}_hook"}
 
 
 @needs_display

@@ -192,13 +192,8 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        if (
-            pair not in pairs
-            or pair[1] in parts_of_others(log)
-            or log.component("contact_force").shape[1] != len(pairs)
-        ):
-            return None
-        return np.asarray(log.component("contact_force")[:, pairs.index(pair)])
+        forces, owned = log.component("contact_force"), pair in pairs and pair[1] not in parts_of_others(log)
+        return np.asarray(forces[:, pairs.index(pair)]) if owned and forces.shape[1] == len(pairs) else None
 
     return read
 

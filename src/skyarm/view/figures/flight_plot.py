@@ -140,16 +140,16 @@ def world_of(named: Named, span: Span) -> Scene:
         inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
-        ends, agents, team = inside[[0, -1]], dict[str, Instants](), log.agents if len(log.agents) > 1 else {"": log}
-        around = np.mean(np.concatenate([own.tip[inside] for own in team.values()]), axis=0)
-        for (name, own), agent in zip(team.items(), scenario.agents.values(), strict=True):
+        ends, agents, team = inside[[0, -1]], dict[str, Instants](), [*log.agents.values()]
+        around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
+        for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
             agents[name] = Instants(
                 vehicle=agent.plant.vehicle, times=log.time[ends], position=own.position[ends],
                 quaternion=own.quaternion[ends], joints=own.joints[ends], around=around, name=name,
             )  # fmt: skip
-        name, own = next(iter(team.items()))
-        seen, first = replace(agents[name], agents=agents), next(iter(scenario.agents))
-        scene = scene_in_log(scenario.of(first).components, seen, lambda name: own.component(name)[ends])  # noqa: B023
+        name, first = next(iter(agents)), team[0]
+        seen = replace(agents[name], agents=agents)
+        scene = scene_in_log(scenario.of(name).components, seen, lambda name: first.component(name)[ends])  # noqa: B023
         if scene.solids or scene.lines or scene.ground is not None:
             return scene
     return Scene()

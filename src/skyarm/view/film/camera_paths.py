@@ -186,10 +186,10 @@ def free_azimuth(flights: Flights) -> float:
     if len(team) == 1 and not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     places = np.array([flight.desired_position.mean(axis=0) for flight in team])
-    places = (places - places.mean(axis=0)) / (len(team) * max(float(np.ptp(places, axis=0).max()), 1e-9))
+    places = places / max(float(norm(np.ptp(places, axis=0))), 1e-9)
     sides = SIDES if len(team) == 1 else SIDES + ACROSS
     hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in sides]
-    apart = [float(np.abs(places @ _axes_of_view(side)[:, 0]).sum()) for side in sides]
+    apart = [float(np.ptp(places @ _axes_of_view(side)[:, 0])) for side in sides]
     return sides[int(np.argmin(np.subtract(hidden, apart)))]
 
 

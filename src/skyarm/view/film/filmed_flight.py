@@ -180,18 +180,16 @@ def _with_scenes(team: Flights, log: Log, times: Array, about: Array | None = No
     """Add the scenes around the vehicles of a flight: what all share to the first, to each what it has for itself."""
     around = np.mean(np.concatenate([each.desired_tip for each in team]) if about is None else about, axis=0)
     patch = patch_about(np.concatenate([each.tip for each in team]) if about is None else about)
-    agents = {
-        name: Instants(
+    scenario, agents = log.scenario, dict[str, Instants]()
+    for name, each in zip(scenario.agents, team, strict=True):
+        agents[name] = Instants(
             vehicle=each.vehicle, times=times, position=each.position, quaternion=each.quaternion, joints=each.joints,
             around=around, patch=patch, name=name,
-        )
-        for name, each in zip(log.agents if len(team) > 1 else [""], team, strict=True)
-    }  # fmt: skip
-    for i, (each, own, seen) in enumerate(zip(team, log.agents.values(), agents.values(), strict=True)):
-        scenario = own.scenario
-        scene = _scene(own, scenario.components, replace(seen, agents=agents))
-        if i:
-            mine = _scene(own, scenario.own_components(scenario.agent), seen)
+        )  # fmt: skip
+    for each, own, (name, seen) in zip(team, log.agents.values(), agents.items(), strict=True):
+        scene = _scene(own, scenario.of(name).components, replace(seen, agents=agents))
+        if each is not team[0]:
+            mine = _scene(own, scenario.own_components(scenario.agents[name]), seen)
             scene = replace(mine, attached=scene.attached)
         yield replace(each, scene=scene)
 

@@ -55,7 +55,7 @@ def contact_scene(
     solids += [_carrier_solid(*each) for each in carried]
     own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
     frames = {each.name: poses[i] for i, each in enumerate(carriers)}
-    drawn = [_grasp_scene(each, i, *frames[each.body], seen) for i, each in enumerate(grasps)]
+    drawn = [_grasp_scene(each, i, *frames[each.body], seen) for i, each in enumerate(grasps) if seen.has(each.agent)]
     return Scene(
         solids=(*solids, *(solid for each in drawn for solid in each.solids)),
         lines=tuple(line for each in drawn for line in each.lines),
@@ -168,6 +168,8 @@ def _touch_arrows(
     every = [*((each, *still) for each in surfaces), *carried]
     pairs = [(*surface, point) for surface in every for point in points]
     for i, (surface, turn, origin, point) in enumerate(pairs):
+        if not seen.has(point.agent):
+            continue
         force = seen.numbers["contact_force"][:, i]
         name = f"touch/{surface.name}/{point.name}"
         own = seen.of(point.agent)
