@@ -29,7 +29,8 @@ def plot(
     kind: Annotated[
         str | None,
         typer.Option(
-            help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, path or all; all if left out"
+            help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, team, path or all; "
+            "all if left out"
         ),
     ] = None,
     window: Annotated[

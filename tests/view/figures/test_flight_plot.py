@@ -72,6 +72,8 @@ def expected(kind: str, log: skyarm.Log) -> list[tuple[str, Any, Any]]:
         ],
     }
     found["all"] = [panel for each in found.values() for panel in each]
+    factors = [float(rotor.thrust_coefficient) for rotor in log.scenario.plant.vehicle.rotors]
+    found["team"] = [("Tip error [mm]", error, None), ("Thrust [N]", log.rotor_speeds**2 @ factors, None)]
     return found[kind]
 
 
@@ -323,7 +325,7 @@ def test_labels_are_what_tells_flights_apart() -> None:
         ({"kind": "contact"}, "kind = 'contact': must be another one, for the flights have no contact"),
         (
             {"kind": "speed"},
-            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, parts, all, path",
+            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, parts, team, all, path",
         ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
         ({"window": (2.0, 1.0)}, "window = [2, 1]: must start before it stops"),
@@ -418,7 +420,9 @@ def test_flights_of_a_picture_are_logs_and_paths(tmp_path: Path) -> None:
 def test_the_applied_force_is_that_on_surfaces_or_else_that_of_a_grip():
     def log(**forces):
         columns = {name: np.array(values, dtype=float) for name, values in forces.items()}
-        return SimpleNamespace(component=lambda name: columns.get(name, np.zeros((2, 0))))
+        return SimpleNamespace(
+            component=lambda name: columns.get(name, np.zeros((2, 0))), scenario=None, time=np.zeros(2)
+        )
 
     touches, grips = [[1.0, 2.0], [0.0, 4.0]], [[5.0], [6.0]]
     assert applied_force(log(contact_force=touches, gripper_force=grips)).tolist() == [3.0, 4.0]

@@ -10,6 +10,7 @@ import numpy as np
 
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
+from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike
@@ -96,9 +97,12 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
 
     Returns:
         names of the files, or of the laws, or law and scenario, law and plant, law and seed, whichever tells all
-        flights apart; at last numbers.
+        flights apart; at last numbers. Empty for a single flight of several vehicles, which their names tell apart.
     """
-    laws = [str(log.info.get("controller", "")) for log in logs]
+    if len(logs) == 1 and len(logs[0].agents) > 1:
+        return [""]
+    every = [dict.fromkeys(str(own.info.get("controller", "")) for own in log.agents.values()) for log in logs]
+    laws = [" and ".join(each) for each in every]
     told_by = (
         [f"{law}, {log.info.get(field, '')}" for law, log in zip(laws, logs, strict=True)]
         for field in ("scenario", "plant", "seed")
@@ -108,6 +112,18 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
         if len(short) == len(logs) == len(set(short)):
             return short
     return [shorten_label(f"{i + 1}: {law}") for i, law in enumerate(laws)]
+
+
+def vehicle_logs(label: str, log: Log) -> list[tuple[str, Log]]:
+    """Log of each vehicle with its label: that of the flight, and the vehicle's name where there are several."""
+    if len(log.agents) == 1:
+        return [(label, log)]
+    return [(f"{label}, {name}" if label else name, own) for name, own in log.agents.items()]
+
+
+def vehicles_by_label(flights: Named) -> dict[str, Log]:
+    """Return the log of each vehicle of several flights by its legend label."""
+    return {shorten_label(name): own for label, log in flights.items() for name, own in vehicle_logs(label, log)}
 
 
 def shorten_label(text: str) -> str:
@@ -122,12 +138,44 @@ def ending_of(log: Log) -> str:
 
 
 def applied_force(log: Log) -> Array | None:
-    """Contact force (N) on the vehicle over time, normal to surfaces or of the grip on a handle; else None."""
-    touches, grips = log.component("contact_force"), log.component("gripper_force")
+    """Contact force (N) on the vehicle over time: normal to surfaces, of the grip on a handle, of grasps; else None."""
+    touches, grips, pulls = (own_forces(log, "contact_force"), own_forces(log, "gripper_force"), grasp_pulls(log))
     if not touches.size:
-        return None
+        return np.linalg.norm([*pulls.values()], axis=2).sum(axis=0) if pulls else None
     normal, grip = np.asarray(touches.sum(axis=1)), np.asarray(grips.sum(axis=1))
     return grip if grips.size and not normal.any() else normal
+
+
+def own_forces(log: Log, array: str) -> Array:
+    """Logged forces (N, k) at the contact points or of the grippers of a log's vehicle, without those of others."""
+    table, others = log.component(array), parts_of_others(log)
+    if not others:
+        return table
+    own = [i for i, label in enumerate(component_labels(log, array)) if others.isdisjoint(label.split("/"))]
+    return table[:, own]
+
+
+def parts_of_others(log: Log) -> frozenset[str]:
+    """Names of contact points, grippers and grasps of the vehicles that fly beside that of a log."""
+    scenario = scenario_of(log)
+    if scenario is None or scenario.world is None:
+        return frozenset()
+    world, own = scenario.world, ("", *scenario.agents)
+    names = [each.name for each in world.points if each.agent not in own]
+    names += [each.name for each in world.grippers if each.agent not in own]
+    return frozenset([*names, *(each.label for each in world.grasps if each.agent not in own)])
+
+
+def grasp_pulls(log: Log) -> dict[str, Array]:
+    """Force (N, 3), world axes, of a log's vehicle on each body that it holds by grasps, by the body's name."""
+    pulls, forces = log.component("grasp_pull").reshape(log.time.size, -1, 3), dict[str, Array]()
+    scenario = scenario_of(log) if pulls.size else None
+    if scenario is None or scenario.world is None:
+        return {}
+    for i, grasp in enumerate(scenario.world.grasps):
+        if grasp.agent in ("", *scenario.agents):
+            forces[grasp.body] = forces.get(grasp.body, 0.0) + pulls[:, i]
+    return forces
 
 
 def desired_push(log: Log) -> Array | None:

@@ -9,8 +9,9 @@ from typing import Any, SupportsFloat
 
 import numpy as np
 
+from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns, names_of, unit_of_kind
+from skyarm.log.log_columns import columns, component_labels, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
@@ -19,7 +20,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.flight_facts import desired_push, scenario_of
+from skyarm.view.figures.flight_facts import desired_push, grasp_pulls, parts_of_others, scenario_of
 
 Read = Callable[[Log], Array | None]
 """Function from a log to a curve (N,); None for a log without it."""
@@ -121,14 +122,36 @@ def _tracking(logs: Logs) -> Panels:
     ]
 
 
+TIP_ERROR = Panel(
+    label="Tip error",
+    unit="mm",
+    of=distance("tip", "tip_reference", MILLIMETRES),
+    magnitude=True,
+    span=1.0,
+)
+"""Panel of the distance of the tip from its reference."""
+
+
 def _tip(logs: Logs) -> Panels:
-    error = distance("tip", "tip_reference", MILLIMETRES)
-    norm = Panel(label="Tip error", unit="mm", of=error, magnitude=True, span=1.0)
-    return [*by_axis("Tip", "tip", "tip_reference"), norm]
+    return [*by_axis("Tip", "tip", "tip_reference"), TIP_ERROR]
+
+
+def _team(logs: Logs) -> Panels:
+    """Make panels that compare vehicles: tip error, forces on the bodies in their grasps, total thrust."""
+    thrust = Panel(label="Thrust", unit="N", of=_thrust, magnitude=True, span=0.1)
+    return [TIP_ERROR, *_grasps(logs), thrust]
+
+
+def _thrust(log: Log) -> Array | None:
+    """Sum of the nominal thrusts (N) of all rotors at their speeds; None without a scenario."""
+    rotors = [rotor for vehicle in _vehicles([log]) for rotor in vehicle.rotors]
+    pairs = zip(rotors, log.rotor_speeds.T, strict=False)
+    forces = [float(rotor.thrust_coefficient) * np.asarray(push(rotor, speed)) for rotor, speed in pairs]
+    return np.asarray(np.sum(forces, axis=0)) if forces else None
 
 
 def _contact(logs: Logs) -> Panels:
-    """Make panels of the normal contact force, one per pair of surface and contact point that touched."""
+    """Make panels of contact forces: one per pair of surface and point that touched, and per body in grasps."""
     pairs = dict.fromkeys(
         pair
         for log in logs
@@ -145,7 +168,23 @@ def _contact(logs: Logs) -> Panels:
             span=0.1,
         )
         for surface, point in pairs
-    ]
+    ] + _grasps(logs)
+
+
+def _grasps(logs: Logs) -> Panels:
+    """Make a panel for each body in grasps, with the force of each vehicle on it."""
+    bodies = dict.fromkeys(body for log in logs for body in grasp_pulls(log))
+    return [Panel(label=f"Force on {body}", unit="N", of=_pull(body), magnitude=True, span=0.1) for body in bodies]
+
+
+def _pull(body: str) -> Read:
+    """Make a function that computes the force (N) of a vehicle on a body that it holds by grasps."""
+
+    def read(log: Log) -> Array | None:
+        pull = grasp_pulls(log).get(body)
+        return None if pull is None else np.asarray(np.linalg.norm(pull, axis=1))
+
+    return read
 
 
 def _pair_force(*pair: str) -> Read:
@@ -153,9 +192,8 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        if pair not in pairs or log.component("contact_force").shape[1] != len(pairs):
-            return None
-        return np.asarray(log.component("contact_force")[:, pairs.index(pair)])
+        forces, owned = log.component("contact_force"), pair in pairs and pair[1] not in parts_of_others(log)
+        return np.asarray(forces[:, pairs.index(pair)]) if owned and forces.shape[1] == len(pairs) else None
 
     return read
 
@@ -220,7 +258,16 @@ def _parts(logs: Logs) -> Panels:
 
 def _log_column(name: str) -> Read:
     """Make a function that reads a logged quantity of a wind, force, contact, payload or battery, by column name."""
-    return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
+
+    def read(log: Log) -> Array | None:
+        each = next((each for each in columns(log) if each.name == name), None)
+        if each is None:
+            return None
+        labels = component_labels(log, each.array.removeprefix(f"{COMPONENTS}."))
+        of_other = each.index is not None and not parts_of_others(log).isdisjoint(labels[each.index].split("/"))
+        return None if of_other else each.of(log)
+
+    return read
 
 
 KINDS: Mapping[str, Callable[[Logs], Panels]] = {
@@ -231,10 +278,8 @@ KINDS: Mapping[str, Callable[[Logs], Panels]] = {
     "efforts": _efforts,
     "rotors": _rotors,
     "parts": _parts,
+    "team": _team,
 }
-
-RARE = ("parts",)
-"""Kinds of panels that are drawn only if they are named."""
 
 ALL, PATH = "all", "path"
 
@@ -255,8 +300,13 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
             yield word, replace(log, **received)
 
 
-def panels_of(kind: str, logs: Logs) -> Panels:
+def panels_of(kind: str, logs: Logs, *, together: bool = False) -> Panels:
     """Make the panels of one kind of time plot, for all joints and rotors of the given flights.
+
+    Args:
+        kind: one of KINDS, or ALL of them but "parts"; "team" only if vehicles fly together.
+        logs: logs of single vehicles.
+        together: whether some of them fly together.
 
     Raises:
         ValueError: one line: no such kind, or flights that have nothing of it.
@@ -264,8 +314,10 @@ def panels_of(kind: str, logs: Logs) -> Panels:
     if kind not in (*KINDS, ALL):
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
-    kinds = [name for name in KINDS if name not in RARE and (name != "tip" or has_tip)] if kind == ALL else [kind]
-    panels = [panel for each in kinds for panel in KINDS[each](logs)]
+    left_out = {"parts", *([] if has_tip else ["tip"]), *([] if together else ["team"])}
+    kinds = [name for name in KINDS if name not in left_out] if kind == ALL else [kind]
+    each_once = {(panel.label, panel.unit): panel for each in kinds for panel in KINDS[each](logs)}
+    panels = [*each_once.values()]
     if not panels:
         missing = {"efforts": "joints", "contact": "contact", "parts": "parts that log"}.get(kind, "rotors")
         raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")

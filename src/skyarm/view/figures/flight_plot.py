@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from skyarm.view.figures.flight_facts import (
     flight_events,
     flights_by_label,
     scenario_of,
+    vehicles_by_label,
 )
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.projection import SIDE, TOP, Projection, outline
@@ -44,11 +46,11 @@ FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 """Role of a shape -> fill colour; other roles have that of an object."""
 
 
-def path_figure(named: Named, span: Span) -> Picture:
+def path_figure(flights: Named, span: Span) -> Picture:
     """Draw the tip paths over a time interval, from above and from the right.
 
     Args:
-        named: words of the legend -> log.
+        flights: words of the legend -> log.
         span: first and last instant, s.
 
     Returns:
@@ -58,7 +60,7 @@ def path_figure(named: Named, span: Span) -> Picture:
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
     handles: Handles = {}
-    world = world_of(named, span)
+    named, world = vehicles_by_label(flights), world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
     PAPER.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
@@ -84,6 +86,9 @@ def draw_view(
     """
     PAPER.dress(ax)
     handles = _paths(ax, view, named, span)
+    for solid in world.solids:
+        if solid.shape.role == "point":  # of a grasp, which is in view like the paths
+            ax.update_datalim(view.flat(solid.position))
     _frame(ax)
     for solid in world.solids:
         _draw_solid(ax, view, solid)
@@ -135,12 +140,16 @@ def world_of(named: Named, span: Span) -> Scene:
         inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
-        ends = inside[[0, -1]]
-        seen = Instants(
-            vehicle=scenario.agent.plant.vehicle, times=log.time[ends], position=log.position[ends],
-            quaternion=log.quaternion[ends], joints=log.joints[ends], around=np.mean(log.tip[inside], axis=0),
-        )  # fmt: skip
-        scene = scene_in_log(scenario.components, seen, lambda name: log.component(name)[ends])  # noqa: B023
+        ends, agents, team = inside[[0, -1]], dict[str, Instants](), [*log.agents.values()]
+        around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
+        for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
+            agents[name] = Instants(
+                vehicle=agent.plant.vehicle, times=log.time[ends], position=own.position[ends],
+                quaternion=own.quaternion[ends], joints=own.joints[ends], around=around, name=name,
+            )  # fmt: skip
+        name, first = next(iter(agents)), team[0]
+        seen = replace(agents[name], agents=agents)
+        scene = scene_in_log(scenario.of(name).components, seen, lambda name: first.component(name)[ends])  # noqa: B023
         if scene.solids or scene.lines or scene.ground is not None:
             return scene
     return Scene()
@@ -194,8 +203,9 @@ def plot(
         flights: a log or the path of its file, several, or several by the words that the legend has for them.
         file: written there too, as PNG, SVG or PDF by its suffix.
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
-            with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from
-            above and from the right, with the world). Of one flight also what was measured and estimated of these.
+            with the wanted one, and of grasps), "efforts" and "rotors" with their limits, "all" of these; "team" (tip
+            error, forces of grasps and thrust of each vehicle); or "path" (of the tip, from above and from the right,
+            with the world). Of one flight also what was measured and estimated of these.
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
@@ -207,14 +217,16 @@ def plot(
     """
     if file is not None:
         require_suffix(Path(file))
-    named = flights_by_label(flights)
+    whole = flights_by_label(flights)
+    named = vehicles_by_label(whole)
     if not 1 <= len(named) <= MOST:
         raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
     span = _window(window, named)
     if kind == PATH:
-        figure = path_figure(named, span)
+        figure = path_figure(whole, span)
     else:
-        figure = _panels_figure(panels_of(kind, list(named.values())), named, span, kind == ALL)
+        panels = panels_of(kind, list(named.values()), together=len(named) > len(whole))
+        figure = _panels_figure(panels, named, span, kind == ALL)
     if file is not None:
         save_picture(figure, Path(file))
     return figure

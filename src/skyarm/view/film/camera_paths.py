@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+from numpy.linalg import norm
 
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.view.film.filmed_flight import FilmedFlight, Flights
+from skyarm.view.film.filmed_flight import FilmedFlight, Flights, by_flight
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
@@ -19,6 +21,9 @@ AZIMUTH, ELEVATION = 125.0, -16.0
 
 SIDES = (AZIMUTH, 180.0 - AZIMUTH, -AZIMUTH, AZIMUTH - 180.0)
 """Candidate azimuths: from the front right, from the rear right, and the same from the left."""
+
+ACROSS = tuple(90.0 - side for side in SIDES)
+"""Further candidates for several vehicles, which may stand behind each other in the others: nearer to the x axis."""
 
 LOOKS = 24
 """Number of instants at which a view is evaluated."""
@@ -80,7 +85,8 @@ def follow(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
 def tip(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a close-up camera that follows the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
-    distance = _distance_for_sphere(0.9 * max(map(vehicle_reach, flights)), aspect)
+    apart = max(float(norm(flight.desired_tip - desired, axis=1).max()) for flight in flights)
+    distance = _distance_for_sphere(0.9 * max(map(vehicle_reach, flights)) + apart, aspect)
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
@@ -104,11 +110,26 @@ def vehicle_reach(flight: FilmedFlight) -> float:
 
 
 def _places_in_view(flight: FilmedFlight) -> list[Array]:
-    """Actual and desired positions (F, 3) of base and tip that the camera keeps in view."""
+    """Positions (F, 3) that the camera keeps in view: actual and desired ones of base and tip, and bodies in grasps."""
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
-    # a lost vehicle leaves the picture
-    return [part for at, desired in pairs for part in (desired + _limit_lengths(at - desired, farthest), desired)]
+    bodies = [corner - flight.desired_position for corner in _corners_of_grasped(flight)]
+    # a lost vehicle leaves the picture, and so does a body that falls
+    return [
+        *(part for at, desired in pairs for part in (desired + _limit_lengths(at - desired, farthest), desired)),
+        *(flight.desired_position + _limit_lengths(each, farthest + float(norm(each[0]))) for each in bodies),
+    ]
+
+
+def _corners_of_grasped(flight: FilmedFlight) -> Iterator[Array]:
+    """Corners (F, 3) of the movable bodies of a flight with grasps."""
+    solids = flight.scene.solids
+    # marks of grasps are the only solids of their role
+    grasped = any(each.shape.role == "point" for each in solids)
+    for body in (each for each in solids if grasped and each.shape.role == "object"):
+        half = body.shape.size if body.shape.kind == "box" else (max(body.shape.size),) * 3
+        for signs in product((-1.0, 1.0), repeat=3):
+            yield body.position + body.rotation @ np.multiply(signs, half)
 
 
 def _vehicle_radius(flights: Flights) -> float:
@@ -160,11 +181,16 @@ def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
 
 
 def free_azimuth(flights: Flights) -> float:
-    """Camera azimuth (deg) from which surfaces and objects hide the tips least."""
-    if not any(flight.scene.obstacles for flight in flights):
+    """Camera azimuth (deg) from which surfaces and objects hide the tips least, and vehicles stand widest apart."""
+    team = by_flight(flights)[0]
+    if len(team) == 1 and not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
-    hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
-    return SIDES[int(np.argmin(hidden))]
+    places = np.array([flight.desired_position.mean(axis=0) for flight in team])
+    places = places / max(float(norm(np.ptp(places, axis=0))), 1e-9)
+    sides = SIDES if len(team) == 1 else SIDES + ACROSS
+    hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in sides]
+    apart = [float(np.ptp(places @ _axes_of_view(side)[:, 0])) for side in sides]
+    return sides[int(np.argmin(np.subtract(hidden, apart)))]
 
 
 def _occlusion(flight: FilmedFlight, towards: Array) -> float:

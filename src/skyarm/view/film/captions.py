@@ -64,7 +64,7 @@ class FrameLayout:
 
     Attributes:
         width, height: size of the whole. scale: scale of texts and bands, 1 at 720 lines.
-        title: band at the top. heads: one above each panel, or in one band a part for each flight.
+        title: band at the top. heads: above each panel a part for each vehicle, or in one band.
         panels: rectangles of the three-dimensional views. plot: rectangle of the error's plot, None without.
     """
 
@@ -182,7 +182,9 @@ def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(typeface(bold=bold)), height)
 
 
-def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bool) -> FrameLayout:
+def frame_layout(
+    width: int, height: int, flights: int, layout: str, *, plot: bool, agents: Sequence[int] = ()
+) -> FrameLayout:
     """Compute the rectangles of 3D panels, captions and plot in a film frame.
 
     Args:
@@ -191,6 +193,7 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
         flights: number of them.
         layout: "side" or "over".
         plot: whether to draw a plot; omitted in a frame that is too low.
+        agents: number of vehicles of each flight; one if left out.
     """
     scale = min(height / DESIGNED, width / (1.2 * DESIGNED))
     title, head, gap = (max(1, round(scale * part)) for part in (TITLE, HEAD, GAP))
@@ -198,7 +201,11 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
     top = title + head
     tall = height - top - below
     parts = _columns(width, flights, gap)
-    heads = tuple(Box(left, title, wide, head) for left, wide in parts)
+    heads = tuple(
+        Box(left + right, title, narrow, head)
+        for (left, wide), count in zip(parts, agents or [1] * flights, strict=True)
+        for right, narrow in _columns(wide, count, gap)
+    )
     panels = tuple(Box(left, top, wide, tall) for left, wide in (parts if layout == "side" else [(0, width)]))
     return FrameLayout(
         width=width,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels
+from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels, vehicle_logs
 from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import PATCH, Instants, Scene
@@ -57,9 +57,10 @@ WIDEST = 6.0
 
 @immutable
 class FilmedFlight:
-    """Flight data at the F frames of a film, in SI units and world axes: poses, references, tip error, forces.
+    """Flight of one vehicle at the F frames of a film, in SI units and world axes: poses, references, error, forces.
 
     Attributes:
+        number: index of the flight in the film, the same for the vehicles that fly together.
         label: name in the picture. color: colour of the vehicle, its trail and its curve.
         vehicle: the plant's.
         position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
@@ -71,7 +72,7 @@ class FilmedFlight:
         contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
             where it asks for none.
         tilts: (F, rotors that tilt) rad; without columns where none does.
-        scene: solids, lines and arrows of the scenario's components.
+        scene: solids, lines and arrows of the scenario's components; of what vehicles share only with the first.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -99,28 +100,40 @@ class FilmedFlight:
     contact: Array | None = None
     contact_curve: Array | None = None
     wanted_curve: Array | None = None
+    number: int = 0
 
 
 Flights = Sequence[FilmedFlight]
-"""Flights shown together in one film."""
+"""Flights of single vehicles shown together in one film, those of one flight next to each other."""
+
+
+def by_flight(flights: Flights) -> list[list[FilmedFlight]]:
+    """Group the vehicles of a film by the flight that they are in."""
+    return [[*group] for _, group in groupby(flights, lambda each: each.number)]
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
-    """Resample several logs at a film's frames, each with a name and a colour.
+    """Resample several logs at a film's frames, each vehicle with a name and a colour.
 
     Raises:
         ValueError: too many flights or labels, or a log that does not tell its vehicle.
     """
-    if not 1 <= len(logs) <= MOST_FLIGHTS:
-        raise ValueError(f"flights = {len(logs)}: must be from 1 to {MOST_FLIGHTS} in one film")
+    count = sum(len(log.agents) for log in logs)
+    if not 1 <= count <= MOST_FLIGHTS:
+        what = "flights" if count == len(logs) else "agents"
+        raise ValueError(f"{what} = {count}: must be from 1 to {MOST_FLIGHTS} in one film")
     names = flight_labels(logs) if labels is None else list(labels)
     if len(names) != len(logs):
         raise ValueError(f"labels = {shown(names)}: must be as many as the flights, {len(logs)}")
-    return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
+    colors, flights = iter(COLORS), list[FilmedFlight]()
+    for number, (log, name) in enumerate(zip(logs, names, strict=True)):
+        team = [_resample(own, label, next(colors), times, number) for label, own in vehicle_logs(name, log)]
+        flights += _with_scenes(team, log, times)
+    return flights
 
 
 def film_flight(log: Log, label: str, color: Color, times: Array, about: Array | None = None) -> FilmedFlight:
-    """Resample a log at a film's frames by linear interpolation; the last state is held after the flight's end.
+    """Resample a log of one vehicle at a film's frames by linear interpolation; after its end, the last state stays.
 
     Args:
         log: log of the flight.
@@ -132,23 +145,22 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
     Raises:
         ValueError: the log does not tell its vehicle.
     """
-    scenario = log.scenario
-    vehicle = scenario.agent.plant.vehicle
+    (flight,) = _with_scenes([_resample(log, label, color, times)], log, times, about)
+    return flight
+
+
+def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0) -> FilmedFlight:
+    """Resample a log of one vehicle at a film's frames, without a scene."""
+    agent = log.scenario.agent
     now = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
-    quaternion = read(log.time, continuous(log.quaternion), times)
-    seen = Instants(
-        vehicle=vehicle, times=times, position=now["position"], quaternion=quaternion, joints=now["joints"],
-        around=np.mean(now["desired_tip"] if about is None else about, axis=0),
-        patch=patch_about(now["tip"] if about is None else about),
-    )  # fmt: skip
-    push, whole = getattr(scenario.agent.reference, "push", None), log.status == "completed"
+    push, whole = getattr(agent.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), applied_force(log)
     return FilmedFlight(
         label=label,
         color=color,
-        vehicle=vehicle,
-        quaternion=quaternion,
+        vehicle=agent.plant.vehicle,
+        quaternion=read(log.time, continuous(log.quaternion), times),
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
         error=read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
@@ -158,9 +170,28 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         wanted_curve=desired_push(log),
         end=end_time(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        scene=_scene(log, scenario.components, seen),
+        number=number,
+        scene=Scene(),
         **now,
     )
+
+
+def _with_scenes(team: Flights, log: Log, times: Array, about: Array | None = None) -> Iterator[FilmedFlight]:
+    """Add the scenes around the vehicles of a flight: what all share to the first, to each what it has for itself."""
+    around = np.mean(np.concatenate([each.desired_tip for each in team]) if about is None else about, axis=0)
+    patch = patch_about(np.concatenate([each.tip for each in team]) if about is None else about)
+    scenario, agents = log.scenario, dict[str, Instants]()
+    for name, each in zip(scenario.agents, team, strict=True):
+        agents[name] = Instants(
+            vehicle=each.vehicle, times=times, position=each.position, quaternion=each.quaternion, joints=each.joints,
+            around=around, patch=patch, name=name,
+        )  # fmt: skip
+    for each, own, (name, seen) in zip(team, log.agents.values(), agents.items(), strict=True):
+        scene = _scene(own, scenario.of(name).components, replace(seen, agents=agents))
+        if each is not team[0]:
+            mine = _scene(own, scenario.own_components(scenario.agents[name]), seen)
+            scene = replace(mine, attached=scene.attached)
+        yield replace(each, scene=scene)
 
 
 def _error(log: Log, push: TipPush | None) -> Array:

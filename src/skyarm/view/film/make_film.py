@@ -18,7 +18,7 @@ from skyarm.records.units import Unit, units
 from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
-from skyarm.view.film.filmed_flight import Flights, film_flights, ghost_solids, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import Flights, by_flight, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import FramePanel, open_stage
 from skyarm.view.film.video_files import require_film_format
 from skyarm.world.scene.shapes import Solid
@@ -87,7 +87,8 @@ def film_frames(
         NoDisplayError: nothing can be drawn on this machine.
     """
     width, height = settings.width, settings.height
-    layout = frame_layout(width, height, len(flights), settings.layout, plot=settings.plot)
+    agents = [len(team) for team in by_flight(flights)]
+    layout = frame_layout(width, height, len(agents), settings.layout, plot=settings.plot, agents=agents)
     captions = Captions(flights, times, layout, settings.title or "")
     with open_stage(film_panels(flights, times, settings, layout), width, height, fine=settings.fine) as stage:
         for k in range(len(times)):
@@ -98,13 +99,13 @@ def film_frames(
 
 def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout) -> list[FramePanel]:
     """Make the 3D panels of a film: camera, solids, lines and arrows of their flights."""
-    together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
+    together = [list(flights)] if settings.layout == "over" else by_flight(flights)
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
         solids: list[Solid] = [solid for flight in inside for solid in vehicle_solids(flight)]
         if settings.ghost:
-            solids += ghost_solids(inside[0])
+            solids += [solid for flight in by_flight(inside)[0] for solid in ghost_solids(flight)]
         booms = max(longest_boom(flight.vehicle) for flight in inside)
         marks = marks_of(inside, times, booms, layout.scale)
         panels.append(
@@ -121,7 +122,8 @@ def _cameras(
     every = [flight for inside in together for flight in inside]
     path = CAMERAS[settings.camera]
     aspect = min(box.width / box.height for box in layout.panels)
-    if all(np.allclose(flight.desired_position, every[0].desired_position, atol=1e-3) for flight in every):
+    desired = [np.stack([flight.desired_position for flight in inside]) for inside in together]
+    if all(each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3) for each in desired):
         return [path(every, seconds, aspect)] * len(together)
     paths = [path(inside, seconds, aspect) for inside in together]
     distance = np.max([each.distance for each in paths], axis=0)

@@ -33,6 +33,7 @@ from skyarm.view.film.filmed_flight import (
     WIND,
     FilmedFlight,
     Flights,
+    by_flight,
     film_flights,
     role_color,
     touch_marks,
@@ -289,15 +290,16 @@ def _surroundings(
 
 def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
     """Offset (m) of each flight in a recording: zero to overlay flights, else side by side."""
-    if settings.layout == "over" or len(flights) == 1:
+    teams = by_flight(flights)
+    if settings.layout == "over" or len(teams) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
     turn = np.radians(free_azimuth(flights))
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
     along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
     apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
-    middle = 0.5 * (len(flights) - 1)
-    return [apart * (i - middle) * right for i in range(len(flights))]
+    middle = 0.5 * (len(teams) - 1)
+    return [apart * (i - middle) * right for i, team in enumerate(teams) for _ in team]
 
 
 def page_with(content: bytes) -> str:

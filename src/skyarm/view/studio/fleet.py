@@ -77,12 +77,14 @@ class Fleet(Clock):
         source: name or file of the scenario.
 
     Raises:
-        ScenarioError: one line: not a scenario.
+        ScenarioError: one line: not a scenario, or one of several vehicles.
     """
 
     def __init__(self, source: str) -> None:
         super().__init__()
         plain = load_scenario(source)
+        if len(plain.agents) > 1:
+            raise ScenarioError(f"agents = {', '.join(plain.agents)}: must be one; the studio shows one vehicle")
         self.source = source
         self.planned, self._duration = True, plain.duration
         with contextlib.suppress(ValueError):

@@ -541,7 +541,7 @@ class Contact(Force[ContactMemory]):
         """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""
         from skyarm.world.contact.contact_scene import contact_scene
 
-        return contact_scene(seen, self.surfaces, self.points, self.objects, self.mechanisms)
+        return contact_scene(seen, self.surfaces, self.points, self.objects, self.mechanisms, self.grasps)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
         """Warnings about contact that needs very short steps, and about ball grippers that hold objects tilted."""

@@ -19,14 +19,21 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import AnyCarrier
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
-from skyarm.world.scene.scene import PATCH, Arrow, Instants, Scene
+from skyarm.world.scene.scene import PATCH, Arrow, Instants, Line, Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, shape_between
 from skyarm.world.scene.vehicle_shapes import Poses, longest_boom, matrices, rotations_of, vectors
 
 POINT = 0.03
 """Radius of the drawn mark of a contact point, as a fraction of the longest boom; a ball has its own radius."""
+
+MARK = 0.08
+"""Radius of the drawn mark of a grasp, as a fraction of the vehicle's longest boom."""
+
+PIECES = 8
+"""Number of segments of a drawn cable."""
 
 LEVEL = 1e-9
 """Largest horizontal component of the normal of a plane that counts as level."""
@@ -38,6 +45,7 @@ def contact_scene(
     points: Sequence[ContactPoint],
     objects: Sequence[FreeObject],
     mechanisms: Sequence[Mechanism],
+    grasps: Sequence[Grasp] = (),
 ) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a flight."""
     carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
@@ -45,10 +53,14 @@ def contact_scene(
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
     carried = [(surface, *poses[i]) for i, each in enumerate(carriers) for surface in each.surfaces]
     solids += [_carrier_solid(*each) for each in carried]
+    own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
+    frames = {each.name: poses[i] for i, each in enumerate(carriers)}
+    drawn = [_grasp_scene(each, i, *frames[each.body], seen) for i, each in enumerate(grasps) if seen.has(each.agent)]
     return Scene(
-        solids=tuple(solids),
-        arrows=tuple(_touch_arrows(points, surfaces, carried, seen)),
-        attached=tuple(_point_shapes(points, seen.vehicle)),
+        solids=(*solids, *(solid for each in drawn for solid in each.solids)),
+        lines=tuple(line for each in drawn for line in each.lines),
+        arrows=(*_touch_arrows(points, surfaces, carried, seen), *(arrow for each in drawn for arrow in each.arrows)),
+        attached=tuple(_point_shapes(own, seen.vehicle)),
         ground=None if ground is None else float(ground.position.z),
     )
 
@@ -101,6 +113,35 @@ def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
 
 
+def _grasp_scene(grasp: Grasp, i: int, rotation: Array, position: Array, seen: Instants) -> Scene:
+    """Mark of the place of a grasp on its body, line of its cable, and arrow of its force on the vehicle.
+
+    Args:
+        grasp: grasp of the world.
+        i: index of the grasp.
+        rotation: (N, 3, 3) of the body.
+        position: (N, 3) m of the body.
+        seen: the instants, with the logged pulls of all grasps.
+    """
+    holder, label = seen.of(grasp.agent), f"grasp/{grasp.label}"
+    at = holder.vehicle.frame(grasp.frame or None)
+    end, place = holder.place(at.position, at.link), position + rotation @ np.array(floats(grasp.place))
+    mark = Shape(label, "point", "sphere", BASE, (MARK * longest_boom(holder.vehicle),))
+    force = -seen.numbers["grasp_pull"][:, 3 * i : 3 * i + 3]
+    lines: tuple[Line, ...] = ()
+    if grasp.kind == "cable":
+        share = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+        slack = float(grasp.length) ** 2 - ((end - place) ** 2).sum(axis=1)
+        sag = np.sqrt(3.0 * np.maximum(slack, 0.0))[:, None, None] * share * (1.0 - share) * [0.0, 0.0, 1.0]
+        cable = end[:, None] + share * (place - end)[:, None] - sag
+        lines = (Line(label, np.where(seen.times[:, None, None] < float(grasp.release), cable, np.nan)),)
+    return Scene(
+        solids=(Solid(mark, place, np.broadcast_to(np.eye(3), rotation.shape)),),
+        lines=lines,
+        arrows=(Arrow(label, end, force),),
+    )
+
+
 def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[Shape]:
     """Drawn shapes of the contact points: balls, each on a rod from the origin of its body."""
     least = POINT * longest_boom(vehicle)
@@ -127,10 +168,13 @@ def _touch_arrows(
     every = [*((each, *still) for each in surfaces), *carried]
     pairs = [(*surface, point) for surface in every for point in points]
     for i, (surface, turn, origin, point) in enumerate(pairs):
+        if not seen.has(point.agent):
+            continue
         force = seen.numbers["contact_force"][:, i]
         name = f"touch/{surface.name}/{point.name}"
-        at, body = point.place(seen.vehicle)
-        middle = seen.place(at, body)
+        own = seen.of(point.agent)
+        at, body = point.place(own.vehicle)
+        middle = own.place(at, body)
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue

@@ -88,6 +88,8 @@ class Instants:
         vehicle: vehicle of the plant, with concrete numbers.
         times: (N,) s.
         position, quaternion, joints: (N, 3) m, (N, 4) wxyz and (N, n) of the vehicle.
+        name: name of the vehicle; empty if parts of all names are its own.
+        agents: the same instants of all drawn vehicles by name, of this one, too.
         numbers: array -> (N, k), the columns that the asked part declares and logs.
         around: (3,) m, place of what happens. patch: half the width of what stands for a plane without an end, m.
     """
@@ -97,9 +99,19 @@ class Instants:
     position: Array
     quaternion: Array
     joints: Array
+    name: str = ""
+    agents: Mapping[str, Instants] = field(default_factory=dict)
     numbers: Mapping[str, Array] = field(default_factory=dict)
     around: Array = field(default_factory=lambda: np.zeros(3))
     patch: float = PATCH
+
+    def of(self, agent: str) -> Instants:
+        """Same instants of a vehicle by name; these for an empty name, or where vehicles have none."""
+        return self.agents[agent] if agent and self.name else self
+
+    def has(self, agent: str) -> bool:
+        """True if the vehicle that a part is on, by its name, is drawn."""
+        return not self.name or agent in ("", *self.agents)
 
     @cached_property
     def poses(self) -> Poses:
