@@ -15,8 +15,7 @@ from types import MappingProxyType
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
-from skyarm.compile.tracing.lower import Lowered
-from skyarm.compile.tracing.tracer import Node, is_condition
+from skyarm.compile.tracing.tracer import Lowered, Node, is_condition
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, Tree, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units

@@ -17,8 +17,7 @@ import numpy as np
 
 from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.machine_code import missing_extra
-from skyarm.compile.tracing.lower import Lowered
-from skyarm.compile.tracing.tracer import Node
+from skyarm.compile.tracing.tracer import Lowered, Node
 
 try:
     import jax

@@ -11,26 +11,12 @@ code is written once and called, so that eight equal vehicles compile about as f
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.fold import Scalar
-from skyarm.compile.tracing.tracer import Graph, Node, is_condition
-from skyarm.records.immutable import immutable
+from skyarm.compile.tracing.tracer import Graph, Lowered, Node, is_condition
 from skyarm.records.leaves import blend, leaves, mismatch, rebuild
-
-
-@immutable(kw_only=False)
-class Lowered:
-    """Traced program that consists of basic operations only.
-
-    Attributes:
-        inputs, outputs: inputs and outputs in their order. nodes: live operations, in an order of evaluation.
-    """
-
-    inputs: tuple[Node, ...]
-    nodes: tuple[Node, ...]
-    outputs: tuple[Node, ...]
 
 
 def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
@@ -155,42 +141,48 @@ def compiled_once(
         record: nested dataclass of scalars.
         constants: what else the function depends on; where it has a symbolic value, each call has code of its own.
     """
-    values, whole = leaves(record), (record, constants)
-    symbols, numbers = [leaf for leaf in values if isinstance(leaf, Node)], [*values, *leaves(constants)]
+    symbols, whole = _symbols(record), (record, constants)
     functions = symbols[0].graph.functions if symbols else None
-    if functions is None or any(isinstance(leaf, Node) for leaf in numbers[len(values) :]):
+    if functions is None or _symbols(constants):
         return function(record)
     known = functions.setdefault(key, [])
-    call = next((each for each in known if _equal_call(each[0], whole, numbers)), None)
+    call = next((each for each in known if _equal_call(each[0], whole)), None)
     if call is None:
         inner = Graph(loops=True)
         inputs = [inner.input(f"x{i}") for i, _ in enumerate(symbols)]
-        given = iter(inputs)
-        result = function(rebuild(record, (next(given) if isinstance(leaf, Node) else leaf for leaf in values)))
-        folded = (leaf.value if isinstance(leaf, Node) and leaf.op == "const" else leaf for leaf in leaves(result))
-        result = rebuild(result, folded)
-        outputs = [leaf for leaf in leaves(result) if isinstance(leaf, Node)]
+        result = function(_with_symbols(record, inputs))
+        result = _with_symbols(result, [each.value if each.op == "const" else each for each in _symbols(result)])
+        outputs = _symbols(result)
         if any(map(is_condition, (*symbols, *outputs))):
             return function(record)
         call = whole, lower(inputs, live(outputs), outputs), result
         known.append(call)
-    graph, (_, lowered, result) = symbols[0].graph, call
+    graph, (_, lowered, shape) = symbols[0].graph, call
     block = graph.apply(lowered, symbols)
-    results = (graph.result(block, k) for k in range(len(lowered.outputs)))
-    returned: Result = rebuild(result, (next(results) if isinstance(x, Node) else x for x in leaves(result)))
-    return returned
+    return _with_symbols(cast("Result", shape), [graph.result(block, k) for k in range(len(lowered.outputs))])
 
 
-def _equal_call(example: object, whole: object, numbers: Sequence[object]) -> bool:
+def _symbols(record: object) -> list[Node]:
+    """Symbolic values among the leaves of a nested dataclass."""
+    return [leaf for leaf in leaves(record) if isinstance(leaf, Node)]
+
+
+def _with_symbols(record: Record, values: Sequence[Scalar]) -> Record:
+    """Copy of a nested dataclass with its symbolic values replaced, in order."""
+    given = iter(values)
+    return rebuild(record, (next(given) if isinstance(leaf, Node) else leaf for leaf in leaves(record)))
+
+
+def _equal_call(example: object, whole: object) -> bool:
     """True if a call's record and constants are those of an example but for symbolic values."""
-    return mismatch(example, whole, "") is None and all(map(_same_constant, leaves(example), numbers))
+    return mismatch(example, whole, "") is None and all(map(_alike, leaves(example), leaves(whole)))
 
 
-def _same_constant(one: object, other: object) -> bool:
-    """True if two leaves are symbols both, or the same number to the sign of a zero, or one object."""
-    if isinstance(one, Node) or isinstance(other, Node):
-        return isinstance(one, Node) and isinstance(other, Node)
-    return one is other or (type(one) is type(other) is float and repr(one) == repr(other))
+def _alike(one: object, other: object) -> bool:
+    """True if two leaves are symbolic values both, or the same number to the sign of a zero, or one object."""
+    if type(one) is not type(other):
+        return False
+    return one is other or isinstance(one, Node) or (type(one) is float and repr(one) == repr(other))
 
 
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:

@@ -9,8 +9,8 @@ from typing import Any
 
 from skyarm.algebra.scalars import floats
 from skyarm.algebra.scalars.fold import Scalar
-from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
-from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.compile.tracing.lower import arrange, live, lower
+from skyarm.compile.tracing.tracer import Graph, Lowered, Node
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 

@@ -15,6 +15,7 @@ from typing import Any
 from skyarm.algebra.scalars import floats, register
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.fold import Scalar
+from skyarm.records.immutable import immutable
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
@@ -160,6 +161,19 @@ def is_condition(node: Node) -> bool:
     return node.op in CONDITIONS or isinstance(node.value, bool)
 
 
+@immutable(kw_only=False)
+class Lowered:
+    """Traced program that consists of basic operations only.
+
+    Attributes:
+        inputs, outputs: inputs and outputs in their order. nodes: live operations, in an order of evaluation.
+    """
+
+    inputs: tuple[Node, ...]
+    nodes: tuple[Node, ...]
+    outputs: tuple[Node, ...]
+
+
 class Graph:
     """All symbolic values of a traced program as a graph, in order of creation.
 
@@ -176,7 +190,7 @@ class Graph:
         self.loops = loops
         self._loops_made = 0
         self._known: dict[Hashable, Node] = {}
-        self.functions: dict[Hashable, list[Any]] | None = {} if loops else None
+        self.functions: dict[Hashable, list[tuple[object, Lowered, object]]] | None = {} if loops else None
 
     def input(self, name: str) -> Node:
         """Add an input to the traced program."""
@@ -286,8 +300,8 @@ class Graph:
         block = self._make("call", args, value, ("call", len(self.nodes)))
         return [self.result(block, k) for k in range(count)]
 
-    def apply(self, function: Any, args: Sequence[Node]) -> Node:
-        """Record a call of a traced function (:class:`skyarm.compile.tracing.lower.Lowered`), compiled once."""
+    def apply(self, function: Lowered, args: Sequence[Node]) -> Node:
+        """Record a call of a traced function, which is compiled once."""
         key = ("apply", id(function), *[arg.index for arg in args])
         return self._make("apply", tuple(args), function, key)
 
