@@ -29,6 +29,7 @@ from skyarm.compile.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statem
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.tracer import Lowered
 from skyarm.dynamics import State
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
