@@ -106,9 +106,12 @@ def _balance(
     body: str, weight: float, middle: Array, rows: Sequence[tuple[Grasp, Vec3, Vec3]], motion: PointMotion,
     remarks: list[str],
 ) -> Balance:  # fmt: skip
-    """Static equilibrium of a body of a weight (N) and centre of mass (m, world axes).
+    """Static equilibrium of a body.
 
     Args:
+        body: name of the body.
+        weight: N.
+        middle: (3,) centre of mass, m, world axes.
         rows: grasps, each with its place on the body and with the vehicle's frame, m, world axes.
         motion: motions of the vehicles at the start.
         remarks: remarks about the body.
@@ -139,12 +142,14 @@ def _balance(
     others, _ = _springs(G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed)
     left, below = needed - np.einsum("ijk,ik->j", G, wrenches), float(pole[2] - middle[2])
     lever, most, torque = float(np.linalg.norm(left[3:])) / weight, K[:, 5, 5], np.linalg.norm(wrenches[:, 3:], axis=1)
-    over, pivot = torque > most, ", ".join(each.label for each, own in zip(grasps, K, strict=True) if own.any())
+    pivot = "grasp " + ", ".join(each.label for each, own in zip(grasps, K, strict=True) if own.any())
+    over = torque > most
     departure = ""
     if not K.any():
         departure = "falls: nothing holds it"
     elif np.any(over):
-        departure = f"turns in {pivot}: its patch holds {most[over][0]:.3g} N m of {torque[over][0]:.3g} N m"
+        i = int(np.argmax(over))
+        departure = f"turns in grasp {grasps[i].label}: its patch holds {most[i]:.3g} N m of {torque[i]:.3g} N m"
     elif np.linalg.norm(left[:3]) > LEVER * weight:
         departure = f"swings: {pivot} cannot pull straight up from where it begins"
     elif np.any(np.abs(free[3:5]) > LEVER) and (lever > LEVER or below < -LEVER):
@@ -179,7 +184,7 @@ def _load(motion: PointMotion, grasp: Grasp, wrench: Array) -> Array:
 
 
 def poses_with_share(scenario: Scenario, name: str, held: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
-    """Level hover of one vehicle of a scenario at its start, with its share of the bodies and a payload (kg) at its tip.
+    """Level hover of one vehicle at the start, with its share of the bodies, and a payload (kg) at its tip.
 
     Thrust is the size of the force that the rotors give in all, for which the base tilts if grasps pull sideways.
     """
@@ -208,15 +213,15 @@ def load_of(scenario: Scenario, name: str, held: Sequence[Balance], payload: flo
     )
     thrust, share = float(poses.efforts(poses.joints)[WRENCH - 1, 0]), sum(each.share(name) for each in held)
     text = f"{' and '.join(shares)}; hover takes {thrust:.4g} N of thrust{_spare(margins[0])}"
-    used = [(each.value / each.limit, each.field) for each in joints if each.limit > 0.0]
-    text += "; {1} takes {0:.0%} of its limit".format(*max(used)) if used else ""
+    used = [(each.value / each.limit, each.question.removesuffix(poses.held)) for each in joints if each.limit > 0.0]
+    text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""
     turns = [replace(each, question=f"{each.question}{HELD}") for each in torque_authority(poses)]
     return [Finding("load share", NOTE, text, "world.grasps", value=share, unit="N"), *margins, *joints, *turns]
 
 
 def _spare(margin: Finding) -> str:
     """Words for a thrust margin; empty if it is not known."""
-    return "" if math.isnan(margin.value) else f", with {margin.value - 1.0:.0%} to spare at the busiest rotor"
+    return "" if math.isnan(margin.value) else f", with {margin.value - 1.0:+.0%} of thrust margin"
 
 
 def balance_of_bodies(held: Sequence[Balance]) -> list[Finding]:
