@@ -164,6 +164,7 @@ class ArmPoses:
         joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
         gravity: m/s^2.
         searched: whether the search may leave the sampled poses.
+        load: (4 + n, 1) generalized forces of a further load, which is the same in all poses.
     """
 
     vehicle: Vehicle
@@ -173,6 +174,7 @@ class ArmPoses:
     gravity: float
     held: str = ""
     searched: bool = True
+    load: Array | float = 0.0
 
     @classmethod
     def only(cls, vehicle: Vehicle, joints: Array, gravity: float, held: str) -> ArmPoses:
@@ -192,7 +194,7 @@ class ArmPoses:
 
     def efforts(self, joints: Array) -> Array:
         """Generalized forces (4 + n, poses) of level hovers: base torque and thrust, then joint efforts."""
-        return hover_efforts(self.vehicle, self.gravity, joints)
+        return hover_efforts(self.vehicle, self.gravity, joints) + self.load
 
     def squared_speeds(self, joints: Array) -> Array:
         """Squared rotor speeds (rotors, poses) of level hovers; not limited."""

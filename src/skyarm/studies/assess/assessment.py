@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
+from dataclasses import field, replace
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
@@ -12,7 +14,7 @@ from skyarm.records.files import PathLike, number
 from skyarm.records.immutable import immutable
 from skyarm.records.notebook import notebook_html
 from skyarm.scenario.scenario_file import is_scenario, load_scenario
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.scenario.unlikely_numbers import (
     law_warnings,
     part_warnings,
@@ -29,6 +31,7 @@ from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, rotor_layout
+from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
@@ -87,8 +90,10 @@ class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 
     Attributes:
-        name: name of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
-        poses: number of sampled arm poses. findings: results in the order of the questions.
+        name: name of the vehicle or scenario. vehicle: the simulated one, the first of several.
+        gravity: m/s^2. payload: kg at the tip. poses: number of sampled arm poses.
+        findings: results in the order of the questions; of several vehicles those about all.
+        agents: results for each of several vehicles by name; empty for one.
     """
 
     name: str
@@ -97,6 +102,7 @@ class Assessment:
     payload: float
     poses: int
     findings: tuple[Finding, ...]
+    agents: Mapping[str, Assessment] = field(default_factory=dict)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -104,21 +110,27 @@ class Assessment:
     @property
     def flies(self) -> bool:
         """True if no check found a fault, so that the vehicle can fly."""
-        return worst_level(self.findings) != FAULT
+        return worst_level(self.every) != FAULT
+
+    @property
+    def every(self) -> list[Finding]:
+        """All results: those of each of several vehicles, then those about all."""
+        return [*(each for one in self.agents.values() for each in one.findings), *self.findings]
 
     def alarms(self) -> list[Finding]:
         """Check results that are faults, then those that are warnings."""
-        return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
+        return [each for level in (FAULT, WARNING) for each in self.every if each.level == level]
 
     def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""
         return {
             "name": self.name,
-            "vehicle": self.vehicle.name,
+            **({} if self.agents else {"vehicle": self.vehicle.name}),
             "can_fly": self.flies,
             "gravity_m_s2": self.gravity,
             "payload_kg": self.payload,
             "arm_poses": self.poses,
+            **({"agents": {name: each.plain() for name, each in self.agents.items()}} if self.agents else {}),
             "findings": [each.plain() for each in self.findings],
         }
 
@@ -176,23 +188,30 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
 
 
 def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES) -> Assessment:
-    """Run all checks of a scenario: its vehicle, and its reference against the vehicle's limits.
+    """Run all checks of a scenario: its vehicles, their references against their limits, and the bodies that they hold.
 
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    about = assess_vehicle(
-        scenario.agent.plant.vehicle, gravity=float(scenario.agent.plant.gravity), payload=payload, poses=poses
-    )
-    try:
-        along = [*along_reference(scenario), *push_limits(scenario)]
-    except AllocationError:  # said by the vehicle's own findings
-        along = []
-    aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
-    findings = causes_first([*about.findings, *warnings_of_scenario(scenario), *aloft, *along])
-    if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
-        findings = (*findings, *delay_margin(scenario), *pressing_flights(scenario))
-    return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, findings)
+    held, agents = balances(scenario), dict[str, Assessment]()
+    for name in scenario.agents:
+        one, plant = scenario.of(name), scenario.of(name).agent.plant
+        about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
+        try:
+            along = [*along_reference(one), *push_limits(one), *load_of(scenario, name, held, payload)]
+        except AllocationError:  # said by the vehicle's own findings
+            along = []
+        aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
+        findings = causes_first([*about.findings, *warnings_of_scenario(one), *aloft, *along])
+        if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
+            hovering = with_words(one, world=None) if one.others else one  # no body hangs between it and the others
+            findings = (*findings, *delay_margin(hovering), *pressing_flights(one))
+        agents[name] = replace(about, name=name, findings=findings)
+    first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())
+    shared = (*balance_of_bodies(held), *(losses(scenario, held, payload) if flies and len(agents) > 1 else ()))
+    if len(agents) == 1:
+        return replace(first, name=scenario.name, findings=(*first.findings, *shared))
+    return replace(first, name=scenario.name, findings=shared, agents=agents)
 
 
 def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:

@@ -199,6 +199,27 @@ CHECKS: tuple[Check, ...] = (
     ),
     Check(
         SCENARIO,
+        "load share",
+        "note",
+        "weight of the bodies that the vehicle's grasps bear at the start; thrust and joint efforts that this takes",
+        "none",
+    ),
+    Check(
+        SCENARIO,
+        "balance of BODY",
+        "ok, note, warning",
+        "static equilibrium of a body in its grasps at the start; warning if it tips, swings or falls",
+        "grasps around the vertical through its centre of mass",
+    ),
+    Check(
+        SCENARIO,
+        "loss of NAME",
+        "note, warning",
+        "the same with the grasps of one vehicle open; warning at an alarm of another vehicle",
+        "a lighter body, more thrust, or one vehicle more",
+    ),
+    Check(
+        SCENARIO,
         QUESTION,
         "ok, note, warning",
         "extra delay at which the loop in hover becomes unstable",

@@ -12,25 +12,37 @@ from skyarm.view.pages import Line, Mark, Table, heading, table_of
 
 
 def sheet(found: Assessment) -> list[Line]:
-    """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
+    """Report of a check as lines and tables: of each vehicle alarms with remedies, notes, then passed checks."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
-    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
-    parts: list[Line] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
-    alarms = found.alarms()
-    parts += [_rows(alarms), ""] if alarms else []
+    parts: list[Line] = [heading(f"{_title(found)}, g = {found.gravity:g} m/s^2{load}")]
+    for each in found.agents.values():
+        parts += [heading(_title(each)), *_answers(each.findings)]
+    if found.findings or not found.agents:
+        parts += [*([heading("all together")] if found.agents else []), *_answers(found.findings)]
+    faults, milder = (sum(each.level == level for each in found.every) for level in (FAULT, WARNING))
+    counted = f"{milder} warning{'s' if milder != 1 else ''}"
+    verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
+    return [*parts, heading(f"{verdict}, {counted}")]
+
+
+def _title(found: Assessment) -> str:
+    """Name of a checked scenario or vehicle, with that of its vehicle if it has another."""
+    return found.name + (f" ({found.vehicle.name})" if found.vehicle.name != found.name and not found.agents else "")
+
+
+def _answers(findings: Iterable[Finding]) -> list[Line]:
+    """Results as a table of alarms with their remedies, one of notes, and a line of passed checks."""
+    by_level = {level: [each for each in findings if each.level == level] for level in (FAULT, WARNING, NOTE, OK)}
+    alarms, notes, well = by_level[FAULT] + by_level[WARNING], by_level[NOTE], by_level[OK]
+    parts: list[Line] = [_rows(alarms), ""] if alarms else []
     for each in alarms:
         limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"
         numbers = "" if math.isnan(each.value) or not each.field else f" ({_number(each.value, each)}{limit})"
         line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
         parts.append(Mark(text=line, title=each.level))
-    notes, well = ([each for each in found.findings if each.level == level] for level in (NOTE, OK))
     parts += ["", _rows(notes)] if notes else []
     short = "; ".join(dict.fromkeys(map(_in_short, well)))
-    parts += ["", Mark(text=f"{len(well)} without an alarm: {short}", title=OK), ""]
-    faults, milder = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
-    counted = f"{milder} warning{'s' if milder != 1 else ''}"
-    verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
-    return [*parts, heading(f"{verdict}, {counted}")]
+    return [*parts, "", Mark(text=f"{len(well)} without an alarm: {short}", title=OK), ""]
 
 
 def _in_short(each: Finding) -> str:

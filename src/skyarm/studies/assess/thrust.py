@@ -53,7 +53,7 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
     text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
     remedy = f"less mass, a shorter arm, or more thrust: {field}, rotors.thrust_coefficient"
     if not margin >= 1.0:
-        weight = float(poses.vehicle.mass) * poses.gravity
+        weight = float(poses.efforts(joints[None])[WRENCH - 1, 0])
         cannot = "cannot hover" if weight < highest_thrust(poses.vehicle) else "cannot lift itself"
         text = f"{cannot}: {text} ({weight:.3g} N of weight)"
     return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
