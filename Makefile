@@ -118,6 +118,7 @@ films: $(VENV)/.thorough
 		--window 0 11 --speed 1.5 --size 720x450 --fps 12
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
+	$(BIN)/python -m skyarm film two_hold_a_bar docs/images/two_hold_a_bar.webp $(SMALL) --speed 1.5 --camera fixed
 
 ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip
 
