@@ -204,7 +204,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
         findings = causes_first([*about.findings, *warnings_of_scenario(one), *aloft, *along])
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
-            hovering = with_words(one, world=None) if one.others else one  # no body hangs between it and the others
+            # by itself: others are not there, and a body that turns freely in a grasp would count as unstable
+            hovering = with_words(one, world=None) if held or one.others else one
             findings = (*findings, *delay_margin(hovering), *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
     first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())

@@ -83,8 +83,8 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
             rows = [(grasp, pull.place, frame.position) for grasp, of, pull, frame in pulls if of == index]
             weight, middle = float(thing.mass * motion.gravity), _array(memory.carried[index].position)
             if rows and weight > 0.0:
-                left = [row for row in rows if not lost or row[0].agent != lost]
-                solved.append(_balance(thing.name, weight, middle, left, motion, _touched(contact, index, motion)))
+                left, remarks = [r for r in rows if not lost or r[0].agent != lost], _remarks(contact, index, motion)
+                solved.append(_balance(thing.name, weight, middle, left, motion, remarks))
     return solved
 
 
@@ -92,7 +92,7 @@ def _array(vector: Vec3) -> Array:
     return np.array([float(each) for each in vector])
 
 
-def _touched(contact: Contact, index: int, motion: PointMotion) -> list[str]:
+def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
     """Remarks about the surfaces that an object touches at the start."""
     names = {
         each.surface if each.by == index else contact.carriers[each.by].name
@@ -245,7 +245,7 @@ def losses(scenario: Scenario, held: Sequence[Balance], payload: float = 0.0) ->
             loaded = load_of(scenario, name, after, payload)
             alarms = ", ".join(f"{each.level} in {each.question}" for each in loaded if each.level in ALARMS)
             if loaded:
-                texts.append(f"{name} bears {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
+                texts.append(f"{name} carries {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
             level = WARNING if alarms else level
         remedy = "a lighter body, more thrust, or one vehicle more"
         findings.append(Finding(f"loss of {lost}", level, "; ".join(texts), f"agents.{lost}", remedy))
