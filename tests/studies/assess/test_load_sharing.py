@@ -17,6 +17,7 @@ from skyarm.algebra import Vec3
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess import assessment
 from skyarm.studies.assess.load_sharing import Balance, balance_of_bodies, balances, losses, poses_with_share
+from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.surface import Surface
 from support.commands import skyarm as command
 from support.teams import GRAVITY, TEAMS, team, with_grasps, with_world
@@ -117,6 +118,17 @@ def test_cables_pull_along_their_lines() -> None:
     assert only(aslant).departure.startswith("swings: grasp left_bar, right_bar cannot pull straight up")
 
 
+def test_the_shorter_of_two_cables_at_one_place_bears_more() -> None:
+    cables = team("cables")
+    assert cables.world is not None
+    left, right = cables.world.grasps
+    double = with_world(cables, grasps=(left, dataclasses.replace(left, name="shorter", length=0.4999), right))
+    ours = only(double)
+    tension = 0.5 * (BAR / 2 - 2000.0 * 0.0001)
+    assert ours.wrenches[:, 2] == pytest.approx([tension, BAR / 2 - tension, BAR / 2], abs=1e-9)
+    assert (ours.determined, ours.share("left")) == (False, pytest.approx(BAR / 2, abs=1e-9))
+
+
 def test_a_cable_that_would_have_to_push_hangs_slack() -> None:
     one_side = with_object(team("cables"), com=Vec3(0.0, 0.25, 0.0))
     ours = only(one_side)
@@ -177,6 +189,8 @@ def test_a_body_that_touches_a_surface_is_said_and_shared_as_if_lifted() -> None
     table = Surface(name="table", shape="plane", position=Vec3(0.0, 0.0, 0.9903 - 0.0138))
     (found,) = balance_of_bodies(balances(with_world(team("bar"), surfaces=(table,))))
     assert (found.level, found.text) == ("note", "touches table at the start: its shares are those once it is lifted")
+    foot = ContactPoint(name="foot", frame="grip", agent="left")  # in the bar, which it holds
+    assert only(with_world(team("bar"), points=(foot,))).remarks == ()
     assert only(with_world(team("bar"), surfaces=(table,))).share("left") == pytest.approx(BAR / 2, abs=1e-9)
 
 
@@ -259,7 +273,9 @@ def test_joint_efforts_under_a_share_are_those_of_its_moment(arms: Scenario) -> 
     added = (poses.efforts(poses.joints) - bare.efforts(bare.joints))[:, 0]
     share = 0.8 * GRAVITY
     assert added[:4] == pytest.approx([TIP[1] * share, -TIP[0] * share, 0.0, share], abs=1e-5)
-    # a heavier payload at the tip is the same load
+    laden = poses_with_share(arms, "left", balances(arms), 0.1)
+    assert laden.efforts(laden.joints)[3, 0] == pytest.approx(4.9 * GRAVITY, abs=1e-9)
+    # a payload at the tip is the same load
     heavier = poses.vehicle.with_payload(0.8)
     weighted = dataclasses.replace(bare, vehicle=heavier).efforts(bare.joints)[:, 0]
     np.testing.assert_allclose(poses.efforts(poses.joints)[:, 0], weighted, rtol=0, atol=1e-5)
@@ -281,8 +297,22 @@ def test_findings_of_each_vehicle_are_under_its_name(monkeypatch: pytest.MonkeyP
     document = found.plain()
     assert set(document["agents"]) == set(found.agents)
     assert "agents" not in document["agents"]["left"]
-    assert "loss of left" in found._repr_html_()
+    page = found._repr_html_()
+    assert "loss of left" in page
+    assert "can fly: no fault, 5 warnings" in page
     assert document["agents"]["left"]["findings"] == [each.plain() for each in found.agents["left"].findings]
+
+
+def test_one_vehicle_that_holds_a_body_is_checked_with_it(tmp_path: Path) -> None:
+    text = (TEAMS / "bar.toml").read_text("utf-8").replace('"dragonfly.toml"', f'"{TEAMS.as_posix()}/dragonfly.toml"')
+    text = re.sub(r"\[agents.right[^[]*\[[^[]*", "", text)
+    text = text.replace("agents.left.", "").replace('agent = "left"\n', "").replace("[0.0, 0.19, ", "[0.0, 0.0, ")
+    (tmp_path / "alone.toml").write_text(text[: text.rindex("[[world.grasps]]")], "utf-8")
+    findings = {each.question: each for each in skyarm.check(tmp_path / "alone.toml", poses=4).findings}
+    assert findings["load share"].value == pytest.approx(BAR, abs=1e-9)
+    assert findings["balance of bar"].level == "ok"
+    assert findings["delay margin"].level == "ok"
+    assert not any(question.startswith("loss") for question in findings)
 
 
 def test_a_body_that_is_too_heavy_is_a_fault_of_the_command(tmp_path: Path) -> None:
@@ -304,6 +334,6 @@ def test_a_body_that_is_too_heavy_is_a_fault_of_the_command(tmp_path: Path) -> N
 def test_losses_are_notes_or_warnings_and_the_report_shows_them() -> None:
     done = command("check", str(TEAMS / "bar.toml"), "--arm-poses", "4", columns=300)
     assert done.code == 0
-    said = "bar is no longer in balance: it tips about grasp right_bar by 87 degrees; right bears 1.02 N, with +22%"
+    said = "bar is no longer in balance: it tips about grasp right_bar by 87 degrees; right carries 1.02 N, with +22%"
     assert re.search(rf"^note  loss of left +{re.escape(said)} of thrust margin", done.out, re.MULTILINE)
     assert done.out.rstrip().endswith("can fly: no fault, 0 warnings")

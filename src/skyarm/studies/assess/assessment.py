@@ -193,22 +193,23 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    held, agents = balances(scenario), dict[str, Assessment]()
+    bodies, agents = balances(scenario), dict[str, Assessment]()
     for name in scenario.agents:
         one, plant = scenario.of(name), scenario.of(name).agent.plant
         about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
         try:
-            along = [*along_reference(one), *push_limits(one), *load_of(scenario, name, held, payload)]
+            along = [*along_reference(one), *push_limits(one), *load_of(scenario, name, bodies, payload)]
         except AllocationError:  # said by the vehicle's own findings
             along = []
         aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
         findings = causes_first([*about.findings, *warnings_of_scenario(one), *aloft, *along])
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
-            hovering = with_words(one, world=None) if one.others else one  # no body hangs between it and the others
+            # by itself: others are not there, and a body that turns freely in a grasp would count as unstable
+            hovering = with_words(one, world=None) if bodies or one.others else one
             findings = (*findings, *delay_margin(hovering), *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
     first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())
-    shared = (*balance_of_bodies(held), *(losses(scenario, held, payload) if flies and len(agents) > 1 else ()))
+    shared = (*balance_of_bodies(bodies), *(losses(scenario, bodies, payload) if flies and len(agents) > 1 else ()))
     if len(agents) == 1:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
     return replace(first, name=scenario.name, findings=shared, agents=agents)

@@ -201,7 +201,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "load share",
         "note",
-        "weight of the bodies that the vehicle's grasps bear at the start; thrust and joint efforts that this takes",
+        "weight of the bodies that the vehicle's grasps carry at the start; thrust and joint efforts that this takes",
         "none",
     ),
     Check(

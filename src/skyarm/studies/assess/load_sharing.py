@@ -29,7 +29,7 @@ from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.grasp import Grasp
 
-HELD = " with its share"
+WITH_SHARE = " with its share"
 """Words behind the questions about a vehicle that bears its share of the bodies."""
 
 LEVER = 1e-4
@@ -83,8 +83,8 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
             rows = [(grasp, pull.place, frame.position) for grasp, of, pull, frame in pulls if of == index]
             weight, middle = float(thing.mass * motion.gravity), _array(memory.carried[index].position)
             if rows and weight > 0.0:
-                left = [row for row in rows if not lost or row[0].agent != lost]
-                solved.append(_balance(thing.name, weight, middle, left, motion, _touched(contact, index, motion)))
+                left, remarks = [r for r in rows if not lost or r[0].agent != lost], _remarks(contact, index, motion)
+                solved.append(_balance(thing.name, weight, middle, left, motion, remarks))
     return solved
 
 
@@ -92,7 +92,7 @@ def _array(vector: Vec3) -> Array:
     return np.array([float(each) for each in vector])
 
 
-def _touched(contact: Contact, index: int, motion: PointMotion) -> list[str]:
+def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
     """Remarks about the surfaces that an object touches at the start."""
     names = {
         each.surface if each.by == index else contact.carriers[each.by].name
@@ -183,7 +183,7 @@ def _load(motion: PointMotion, grasp: Grasp, wrench: Array) -> Array:
     return np.array([*base.torque, *base.force, *efforts], dtype=float)
 
 
-def poses_with_share(scenario: Scenario, name: str, held: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
+def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
     """Level hover of one vehicle at the start, with its share of the bodies, and a payload (kg) at its tip.
 
     Thrust is the size of the force that the rotors give in all, for which the base tilts if grasps pull sideways.
@@ -192,30 +192,30 @@ def poses_with_share(scenario: Scenario, name: str, held: Sequence[Balance], pay
     vehicle, gravity = one.agent.plant.vehicle, float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
     load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
-    for each in held:
+    for each in bodies:
         load += sum(own for grasp, own in zip(each.grasps, each.loads, strict=True) if grasp.agent in ("", name))
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
-    poses = ArmPoses.only(vehicle, np.array([first_state(one).joints], dtype=float), gravity, HELD)
+    poses = ArmPoses.only(vehicle, np.array([first_state(one).joints], dtype=float), gravity, WITH_SHARE)
     return replace(poses, load=np.array([[*load[:3], thrust, *load[6:]]]).T)
 
 
-def load_of(scenario: Scenario, name: str, held: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
+def load_of(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
     """Check results for one vehicle with its share of the bodies: the share, then rotors and joints under it."""
-    held = [each for each in held if any(grasp.agent in ("", name) for grasp in each.grasps)]
-    if not held:
+    bodies = [each for each in bodies if any(grasp.agent in ("", name) for grasp in each.grasps)]
+    if not bodies:
         return []
-    poses = poses_with_share(scenario, name, held, payload)
+    poses = poses_with_share(scenario, name, bodies, payload)
     margins, joints = thrust_margin(poses), joint_torques(poses)
     shares = (
         f"{each.share(name):.4g} N of the {each.weight:.4g} N of {each.body} ({each.share(name) / each.weight:.0%}, by "
         + ("geometry)" if each.determined else "the stiffness of the grasps)")
-        for each in held
+        for each in bodies
     )
-    thrust, share = float(poses.efforts(poses.joints)[WRENCH - 1, 0]), sum(each.share(name) for each in held)
+    thrust, share = float(poses.efforts(poses.joints)[WRENCH - 1, 0]), sum(each.share(name) for each in bodies)
     text = f"{' and '.join(shares)}; hover takes {thrust:.4g} N of thrust{_spare(margins[0])}"
     used = [(each.value / each.limit, each.question.removesuffix(poses.held)) for each in joints if each.limit > 0.0]
     text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""
-    turns = [replace(each, question=f"{each.question}{HELD}") for each in torque_authority(poses)]
+    turns = [replace(each, question=f"{each.question}{WITH_SHARE}") for each in torque_authority(poses)]
     return [Finding("load share", NOTE, text, "world.grasps", value=share, unit="N"), *margins, *joints, *turns]
 
 
@@ -224,10 +224,10 @@ def _spare(margin: Finding) -> str:
     return "" if math.isnan(margin.value) else f", with {margin.value - 1.0:+.0%} of thrust margin"
 
 
-def balance_of_bodies(held: Sequence[Balance]) -> list[Finding]:
+def balance_of_bodies(bodies: Sequence[Balance]) -> list[Finding]:
     """Check result for each body that grasps hold: whether its pose at the start is a stable equilibrium."""
     findings = []
-    for each in held:
+    for each in bodies:
         level = WARNING if each.departure else NOTE if each.remarks else OK
         text = "; ".join(filter(None, (each.departure, *each.remarks))) or "in stable equilibrium"
         remedy = "grasps around the vertical through its centre of mass, or fixed ones of more radius"
@@ -235,17 +235,17 @@ def balance_of_bodies(held: Sequence[Balance]) -> list[Finding]:
     return findings
 
 
-def losses(scenario: Scenario, held: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
+def losses(scenario: Scenario, bodies: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
     """Check result for the loss of each vehicle that holds a body: motion of the bodies, and shares of the others."""
     findings = []
-    for lost in dict.fromkeys(grasp.agent for each in held for grasp in each.grasps):
+    for lost in dict.fromkeys(grasp.agent for each in bodies for grasp in each.grasps):
         after, level = balances(scenario, lost), NOTE
         texts = [f"{each.body} is no longer in balance: it {each.departure}" for each in after if each.departure]
         for name in scenario.agents:
             loaded = load_of(scenario, name, after, payload)
             alarms = ", ".join(f"{each.level} in {each.question}" for each in loaded if each.level in ALARMS)
             if loaded:
-                texts.append(f"{name} bears {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
+                texts.append(f"{name} carries {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
             level = WARNING if alarms else level
         remedy = "a lighter body, more thrust, or one vehicle more"
         findings.append(Finding(f"loss of {lost}", level, "; ".join(texts), f"agents.{lost}", remedy))
