@@ -82,7 +82,7 @@ class Kernel:
         self.logging = logging
         size = operations(loop.program.nodes)
         text = assembly(loop, self.lanes, logging=logging)
-        self.engine = _make_engine(text, effort if size <= LARGE else 0)
+        self.engine = _make_engine(text, effort if operations(loop.program.nodes, True) <= LARGE else 0)
         address = self.engine.get_function_address(CALL)
         self.quick = QUICK(address)
         self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, size))

@@ -210,7 +210,7 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     return arranged
 
 
-def operations(nodes: Iterable[Node]) -> int:
+def operations(nodes: Iterable[Node], once: bool = False) -> int:
     """Count the operations in one evaluation of a program; loop bodies count once per iteration."""
     quiet = ("input", "const", "item", "result")
     arranged = arrange(nodes)
@@ -218,9 +218,9 @@ def operations(nodes: Iterable[Node]) -> int:
     sizes = {key: operations(function.nodes) for key, function in called.items()}
 
     def of(node: Node) -> int:
-        return sizes[id(node.value)] if node.op == "apply" else 1
+        return (0 if once else sizes[id(node.value)]) if node.op == "apply" else 1
 
-    return sum(
+    return (sum(sizes.values()) if once else 0) + sum(
         sum(map(of, body)) * node.value[0] if node.op == "repeat" else of(node) * (node.op not in quiet)
         for node, body in arranged
     )
