@@ -131,6 +131,7 @@ def test_operations_count_shared_code_as_often_as_it_runs():
 
     shared, plain = (operations(traced(step, loops=kept).program.nodes) for kept in (True, False))
     assert shared == pytest.approx(plain, rel=0.1)
+    assert operations(traced(step).program.nodes, written=True) < 0.1 * plain
 
 
 def test_equal_vehicles_share_the_code_of_their_law_and_their_dynamics():

@@ -80,9 +80,9 @@ class Kernel:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        size = operations(loop.program.nodes)
+        size, written = (operations(loop.program.nodes, written=each) for each in (False, True))
         text = assembly(loop, self.lanes, logging=logging)
-        self.engine = _make_engine(text, effort if operations(loop.program.nodes, True) <= LARGE else 0)
+        self.engine = _make_engine(text, effort if written <= LARGE else 0)
         address = self.engine.get_function_address(CALL)
         self.quick = QUICK(address)
         self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, size))

@@ -210,17 +210,23 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     return arranged
 
 
-def operations(nodes: Iterable[Node], once: bool = False) -> int:
-    """Count the operations in one evaluation of a program; loop bodies count once per iteration."""
+def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
+    """Count the operations in one evaluation of a program; loop bodies count once per iteration.
+
+    Args:
+        nodes: operations of the program.
+        written: count code that is compiled once once, not as often as it is called.
+    """
     quiet = ("input", "const", "item", "result")
     arranged = arrange(nodes)
     called = {id(each.value): each.value for node, body in arranged for each in (node, *body) if each.op == "apply"}
-    sizes = {key: operations(function.nodes) for key, function in called.items()}
+    sizes = {key: operations(function.nodes, written=written) for key, function in called.items()}
 
     def of(node: Node) -> int:
-        return (0 if once else sizes[id(node.value)]) if node.op == "apply" else 1
+        return sizes[id(node.value)] * (not written) if node.op == "apply" else 1
 
-    return (sum(sizes.values()) if once else 0) + sum(
+    calls = (
         sum(map(of, body)) * node.value[0] if node.op == "repeat" else of(node) * (node.op not in quiet)
         for node, body in arranged
     )
+    return sum(calls) + sum(sizes.values()) * written
