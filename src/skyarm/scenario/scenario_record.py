@@ -593,6 +593,11 @@ class Scenario:
         return {name: each.plant.vehicle for name, each in self.agents.items()}
 
     @property
+    def setpoints(self) -> dict[str, tuple[bool, ...]]:
+        """For each vehicle and joint, true if the law commands a setpoint of the joint's drive."""
+        return {name: each.commands_setpoints for name, each in self.agents.items()}
+
+    @property
     def autopilot(self) -> Any:
         """External autopilot that flies the only vehicle (:mod:`skyarm.links.autopilots`); None for control laws.
 
