@@ -593,6 +593,11 @@ class Scenario:
         return {name: each.plant.vehicle for name, each in self.agents.items()}
 
     @property
+    def law_names(self) -> str:
+        """Name of the control law; of several vehicles all that differ, joined by plus signs."""
+        return "+".join(dict.fromkeys(each.controller.name for each in self.agents.values()))
+
+    @property
     def setpoints(self) -> dict[str, tuple[bool, ...]]:
         """For each vehicle and joint, true if the law commands a setpoint of the joint's drive."""
         return {name: each.commands_setpoints for name, each in self.agents.items()}

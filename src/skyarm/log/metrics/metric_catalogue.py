@@ -14,7 +14,7 @@ Source: Barakou et al. 2026, Table 2 and section 5.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -295,9 +295,14 @@ def row_names(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]) -> 
     return tuple(name for own in names_by_agent(words, setpoints).values() for name in own)
 
 
-def catalogue_name(name: str) -> str:
-    """Name of a metric in the catalogue, without the name of the vehicle that it is of."""
-    return name.rpartition(WITHIN)[2]
+def catalogue_names(names: Iterable[str]) -> set[str]:
+    """Names of metrics in the catalogue, without those of the vehicles that they are of."""
+    return {name.rpartition(WITHIN)[2] for name in names}
+
+
+def is_torque(name: str) -> bool:
+    """True for the name of a joint's torque, with or without that of a vehicle."""
+    return name.rpartition(WITHIN)[2].startswith("tau")
 
 
 def _written_out(name: str, joints: int) -> list[str]:
