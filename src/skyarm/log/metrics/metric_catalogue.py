@@ -279,7 +279,7 @@ def names_by_agent(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]
     pairs = [(str(word).rpartition(WITHIN)[0], word) for word in words]
     for agent, word in pairs:
         if agent not in ("", *setpoints):
-            raise ValueError(f"metrics: {shown(word)}: the agent {must_be_one_of(setpoints, agent)}")
+            raise ValueError(f"metrics: {shown(word)}: agent = {shown(agent)}: {must_be_one_of(setpoints, agent)}")
     listed: dict[str, dict[str, str]] = {name: {} for name in setpoints}
     world = next(iter(listed.values()))
     for name, own in setpoints.items():
