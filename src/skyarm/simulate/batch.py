@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import repeat
 
 import numpy as np
 
@@ -132,15 +131,15 @@ class Batch:
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
-        joints = {name: vehicle.n for name, vehicle in scenario.vehicles.items()}
-        self._wanted = [required_totals([*own.values()], joints[name]) for name, own in self._listed.items()]
+        vehicles = scenario.vehicles
+        self._totals = [required_totals([*own.values()], vehicles[name].n) for name, own in self._listed.items()]
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
         options = LegOptions(
             paths=self.paths,
             stiffest=stiffest,
-            wanted=self._wanted,
+            wanted=self._totals,
             masks=self._masks,
             lanes=Lanes(host_width(single=single), single=single, contract=not bit_exact),
             every=log_every,
@@ -187,7 +186,7 @@ class Batch:
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
         status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
-        logs = batch_logs(log, self._times[:: self._log_every]) if self._log_every else []
+        logs = batch_logs(log, self._times[:: self._log_every]) if self._log_every else [None] * len(ended[0].agents)
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -197,7 +196,7 @@ class Batch:
             status=status,
             agents={
                 name: AgentOutcome(own.state, each)
-                for name, own, each in zip(self.scenario.agents, ended[0].agents, logs or repeat(None), strict=False)
+                for name, own, each in zip(self.scenario.agents, ended[0].agents, logs, strict=True)
             },
         )
 
@@ -231,9 +230,8 @@ class Batch:
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
         period, metrics = 1.0 / self.scenario.rates.control, dict[str, Array]()
-        rows = zip(self._listed.items(), self._wanted, tallies, strict=True)
-        for (agent, names), wanted, totals in rows:
-            named, joints = dict(zip(wanted, totals, strict=True)), self.scenario.vehicles[agent].n
+        for (agent, names), totals, sums in zip(self._listed.items(), self._totals, tallies, strict=True):
+            named, joints = dict(zip(totals, sums, strict=True)), self.scenario.vehicles[agent].n
             numbers = metric_values([*names.values()], named, instants, joints, period)
             metrics |= {name: numbers[each] for name, each in names.items()}
         return metrics

@@ -47,7 +47,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clocks_of_change, other_references
 from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
-from skyarm.world.component import by_array, owned_columns
+from skyarm.world.component import by_array, columns_of_agent
 
 Tallies: TypeAlias = tuple[Totals, ...]
 """Running sums and extremes of each vehicle's metrics."""
@@ -187,7 +187,7 @@ def _contact_inputs(
 ) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
     """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
-    own = owned_columns(scenario.components, next(iter(scenario.agents)))
+    own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.agent.reference.push
     return (
@@ -304,15 +304,15 @@ class Leg:
             each = zip(stages.agents, loop.agents, rows, flown.agents, goals, strict=True)
             instants = [_instant(agent, own, loop.ticks, row, sample, goal) for agent, own, row, sample, goal in each]
             counted = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
-            each_tally = zip(tallies, options.wanted, instants, strict=False)  # a leg may count nothing
-            tallies = tuple(advance_totals(totals, wanted, now, counted) for totals, wanted, now in each_tally)
-            return (following, tallies), self._logged(varied, rows, flown) if options.every else ()
+            rows_of_totals = zip(tallies, options.wanted, instants, strict=False)  # a leg may count nothing
+            tallies = tuple(advance_totals(sums, totals, now, counted) for sums, totals, now in rows_of_totals)
+            return (following, tallies), self._log_entries(varied, rows, flown) if options.every else ()
 
         program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
         kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort)
         return LegCode(kernel, program.result[1], key, substeps)
 
-    def _logged(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:
+    def _log_entries(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:
         """Quantities of each vehicle at a control instant that the log of the batch contains."""
         logged = []
         for agent, row, sample in zip(varied.agents.values(), rows, flown.agents, strict=True):

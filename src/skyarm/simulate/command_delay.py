@@ -82,7 +82,8 @@ def arrivals(late: Sequence[tuple[Scalar, ...]], before: Sequence[Command], afte
     if all(len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late):
         return [(row[0][0], tuple(command for _, command in row)) for row in zip(*each, strict=True)]
     ends = [[*accumulate(seconds for seconds, _ in parts)] for parts in each]
-    every, parts, start = [end for some in ends for end in some], Parts(), 0.0
+    every, parts = [end for some in ends for end in some], Parts()
+    start: Scalar = 0.0
     plain = all(type(end) is float for end in every)
     for end in sorted({*map(float, every)}) if plain else _ascending(every):
         now = list[Command]()

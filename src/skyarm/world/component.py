@@ -345,7 +345,7 @@ def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) ->
     return groups
 
 
-def owned_columns(components: Sequence[Component[Tree]], agent: str) -> dict[str, list[bool]]:
+def columns_of_agent(components: Sequence[Component[Tree]], agent: str) -> dict[str, list[bool]]:
     """For each log array of winds, forces and contacts, False for the columns of another vehicle than ``agent``."""
     own = [(each, each.of_agent(agent).columns) for each in components]
     return by_array(components, [column in theirs for each, theirs in own for column in each.columns])

@@ -81,7 +81,7 @@ def test_axes_name_the_vehicle() -> None:
 
 def test_contact_counts_at_the_vehicles_own_points() -> None:
     """Two vehicles that press the same wall, which nothing joins: each feels its own force, not the sum."""
-    one = skyarm.load_scenario("press_and_hold", duration=4.0)
+    one = skyarm.load_scenario("press_and_hold", duration=2.5)
     world = dataclasses.replace(one.world, points=())
     pair = dataclasses.replace(one, agents={"left": one.agent, "right": one.agent}, world=world)
     metrics = ["contact_peak", "contact_largest", "contact_losses", "contact_first"]

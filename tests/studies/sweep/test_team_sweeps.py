@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.studies.flights import work
 from skyarm.studies.flights.fly import one_scenario
 from skyarm.studies.flights.work import Work
 from skyarm.studies.sweep import load_study
-from skyarm.studies.sweep.plan import at_episode, prepare
+from skyarm.studies.sweep.plan import at_episode, fastest_plant, prepare
 from skyarm.studies.sweep.runner import fly_sweep, run_sweep
 from skyarm.studies.sweep.study import StudyError
 from skyarm.studies.sweep.study_file import study_from
@@ -58,6 +60,23 @@ def test_the_stiffest_grasp_fixes_the_steps_of_all_episodes() -> None:
     plan = prepare(study_from(study(vary={STIFFNESS: {"list": [1000.0, 4.0e4]}}, design="grid", episodes=2)))
     assert plan.stiffest.world is not None
     assert plan.stiffest.world.grasps[0].stiffness == 4.0e4
+
+
+def test_the_fastest_joint_friction_of_any_vehicle_fixes_the_steps() -> None:
+    one = skyarm.load_scenario("case1", duration=0.6)
+    pair = dataclasses.replace(one, agents={"left": one.agent, "right": one.agent})
+    path = "agents.right.plant.vehicle.links.0.joint.damping"
+    stiffest = fastest_plant(pair, {path: (0.001, 0.5)})
+    damping = {name: vehicle.links[0].joint.damping for name, vehicle in stiffest.vehicles.items()}
+    assert damping == {"left": one.agent.plant.vehicle.links[0].joint.damping, "right": 0.5}
+
+
+def test_a_metric_of_the_users_for_one_vehicle_belongs_to_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_up: list[str] = []
+    monkeypatch.setattr(work, "registrations", lambda _: {"mine": None, "other": None})
+    monkeypatch.setattr(work, "added_metric", lambda name: looked_up.append(name) or 0.0)
+    assert Work(label="a", scenario=team("bar"), metrics=("left/mine", "right/tilt_max")).program
+    assert looked_up == ["mine"]
 
 
 def test_laws_of_a_study_fly_with_every_vehicle_and_name_its_rows() -> None:

@@ -24,7 +24,7 @@ from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, shown
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.world.component import owned_columns
+from skyarm.world.component import columns_of_agent
 
 
 def score(
@@ -181,7 +181,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
     if not arrays or not log.info.get("scenario_record"):
         return arrays
     scenario = log.scenario
-    own = owned_columns(scenario.components, next(iter(scenario.agents)))
+    own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
     constants = [each for component in scenario.components for each in component.constants.items()]
     return (
         *((name, tuple(compress(columns, own[name]))) for name, columns in arrays),
