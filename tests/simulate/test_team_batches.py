@@ -11,6 +11,7 @@ import pytest
 
 import skyarm
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.scenario.endings import Ending
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Change, Delays, Scenario, ScenarioError, first_state
 from skyarm.simulate.batch import Batch, Outcome
@@ -126,6 +127,57 @@ def test_numbers_of_one_vehicle_its_delay_and_its_changes_are_its_own() -> None:
     outcome = fly(scenario, columns, ["position_error_mean"])
     single = dataclasses.replace(scenario)
     assert_as_alone(single, outcome, columns, ["position_error_mean"])
+
+
+def test_a_delay_of_one_vehicle_is_that_of_its_flight_alone() -> None:
+    """Nothing joins the vehicles; the delays of one divide the steps of both, which costs bits."""
+    case = skyarm.load_scenario("case2_gust", duration=0.6)
+    late = dataclasses.replace(case.agent, delays=Delays(longest_command=0.01))
+    both, delays = dataclasses.replace(case, agents={"left": late, "right": late}), np.array([0.0, 0.0034, 0.008])
+    path, metrics = "delays.command", ["iae_position"]
+    found = Batch(both, [f"agents.right.{path}"], metrics=metrics).fly({f"agents.right.{path}": delays}).metrics
+    one = dataclasses.replace(case, agents={"main": late})
+    alone = Batch(one, [path], metrics=metrics).fly({path: delays}).metrics["iae_position"]
+    assert np.all(np.abs(np.diff(alone)) > 1e-3 * alone[0])
+    np.testing.assert_allclose(found["right/iae_position"], alone, rtol=1e-6)
+    np.testing.assert_allclose(found["left/iae_position"], alone[0], rtol=1e-6)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Away(Ending):
+    """Further than 5 cm from the reference."""
+
+    status = "away"
+
+    def fine(self, scenario: Any, state: Any, goal: Any, slack: Any) -> Any:
+        apart = state.position - goal
+        return apart.dot(apart) <= (0.05 - slack) * (0.05 - slack)
+
+
+def test_a_status_follows_from_the_numbers_and_the_reference_of_its_vehicle() -> None:
+    scenario = dataclasses.replace(team("bar", duration=0.3), endings=(Away(),))
+    height, start = "agents.right.reference.base.position.2", "agents.right.initial.position.z"
+    outcome = Batch(scenario, [height, start], metrics=["tilt_max"]).fly(
+        {height: np.array([1.0, 1.08, 1.08]), start: np.array([1.0, 1.0, 1.08])}
+    )
+    assert outcome.status[:2].tolist() == ["completed", "away"]
+    assert outcome.end_time[1] == 0.0
+    assert outcome.end_time[2] > 0.0
+
+
+def test_a_rotor_of_one_vehicle_that_is_built_too_low_touches_the_ground() -> None:
+    scenario = team("bar", duration=0.1)
+    scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, ground=True))
+    path = "agents.right.plant.vehicle.rotors.front_left.position.z"
+    outcome = Batch(scenario, [path], metrics=["tilt_max"], effort=0).fly({path: np.array([0.0, -1.5])})
+    assert outcome.status.tolist() == ["completed", "ground"]
+
+
+def test_a_varied_reference_is_that_of_its_vehicle() -> None:
+    scenario = team("bar", duration=0.2)
+    columns = {"agents.left.reference.base.position.2": [1.0, 1.001], "agents.right.reference.yaw.value": [0.0, 0.1]}
+    metrics = ["position_error_mean", "position_error_mean_continuous"]
+    assert_as_alone(scenario, fly(scenario, columns, metrics), columns, metrics)
 
 
 def test_a_sole_vehicle_of_another_name_has_the_names_and_bits_of_one_without() -> None:

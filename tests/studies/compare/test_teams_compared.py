@@ -60,6 +60,14 @@ def test_a_law_of_all_vehicles_ends_the_changes_of_their_laws() -> None:
     assert {each.controller.name for each in changed.agents.values()} == {"hybrid_computed_torque"}
 
 
+def test_each_vehicle_has_the_law_for_its_own_model() -> None:
+    one, other = skyarm.load_scenario("case1"), skyarm.load_scenario("pull_door")
+    pair = dataclasses.replace(one, agents={"left": one.agent, "right": other.agent})
+    under = under_law(pair, "centroidal")
+    models = {name: each.controller.par.model.vehicle.name for name, each in under.agents.items()}
+    assert models == {"left": "hummingbird_arm2", "right": "hexarotor_arm6"}
+
+
 def test_a_log_of_several_vehicles_is_flown_again_under_another_law() -> None:
     log = skyarm.run(two())
     again = skyarm.replay(log)
