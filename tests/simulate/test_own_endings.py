@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.check_endings import endings_of, find_ending, statuses
+from skyarm.simulate.check_endings import LaneEnd, endings_of, find_ending, statuses
 from skyarm.simulate.loop import run_in_python
 from support.components import Ceiling, same_logs
 from support.flights import document
@@ -121,7 +121,7 @@ def test_statuses_of_lanes_are_those_of_single_states_in_their_order():
     named = [each.status if each else "completed" for each in wanted]
     assert set(named) == {"completed", "diverged", "ground", "ceiling", "away"}
     state = rebuild(first_state(scenario), iter(list(states.T)))
-    assert statuses(scenario, {}, state, goals, np.zeros(300, dtype=bool)).tolist() == named
+    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.zeros(300, dtype=bool)).tolist() == named
 
 
 def test_a_lane_inside_an_own_limit_that_machine_code_found_outside_keeps_its_cause():
@@ -129,5 +129,5 @@ def test_a_lane_inside_an_own_limit_that_machine_code_found_outside_keeps_its_ca
     scenario = dataclasses.replace(scenario, endings=(Ceiling(height=1.0 + 1e-8),))
     state = rebuild(first_state(scenario), iter([np.full(1, leaf) for leaf in leaves(first_state(scenario))]))
     goals = np.array([[0.0, 0.0, 1.0]])
-    assert statuses(scenario, {}, state, goals, np.array([True])).tolist() == ["ceiling"]
-    assert statuses(scenario, {}, state, goals, np.array([False])).tolist() == ["completed"]
+    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.array([True])).tolist() == ["ceiling"]
+    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.array([False])).tolist() == ["completed"]

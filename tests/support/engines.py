@@ -471,9 +471,7 @@ class BatchSession:
         if last.size:
             left: LoopState = rebuild(self._first, iter([leaf[last].astype(float) for leaf in self._carry]))
             values = {path: self._parameters[i, last].astype(float) for i, path in enumerate(self.paths)}
-            status = lane_statuses(
-                self.scenario, values, left.agent.state, left.agent.clock, left.ticks, np.zeros(last.size, dtype=bool)
-            )
+            status = lane_statuses(self.scenario, values, left, left.ticks, np.zeros(last.size, dtype=bool))
             self.ended[last] = status != "completed"
         self.truncated &= ~self.ended
 

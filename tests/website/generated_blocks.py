@@ -32,7 +32,7 @@ from skyarm.control.option_units import OptionText, option_texts
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
-from skyarm.log.metrics.metric_catalogue import FREE, GROUPS, GUST, INTERACTION, PAPER, TRACKING, measures
+from skyarm.log.metrics.metric_catalogue import FREE, GRASPS, GROUPS, GUST, INTERACTION, PAPER, TRACKING, measures
 from skyarm.records.field_rules import defaults
 from skyarm.records.registry import find, names
 from skyarm.records.registry.registrations import registrations
@@ -378,7 +378,7 @@ def metrics_block(group: str) -> str:
         "tracking": (*TRACKING, *PAPER),
         "gust": tuple(GUST),
         "free": tuple(FREE),
-        "contact": tuple(INTERACTION),
+        "contact": (*INTERACTION, *GRASPS),
         "registered": tuple(name for name in names("metric")),
     }[group]
     rows: list[Sequence[str]] = []

@@ -137,7 +137,9 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
     """
     todo, _ = suite.plan_cells()
     for flights in {each.entrant.name: each for each in todo if loaded_plugins()}.values():
-        check_law(flights.scenario())  # here, that no process has to
+        scenario = flights.scenario()
+        for name in scenario.agents:
+            check_law(scenario.of(name))  # here, that no process has to
     with bar(suite.name, pause=0.0) as advance:
         results = fly_suite(suite, folder, workers=count, on=on, progress=advance)
     report = suite.report(results)

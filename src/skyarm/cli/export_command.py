@@ -115,7 +115,7 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
     if step > LONGEST_STEP:
         raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
     if is_scenario(what):
-        scenario = load_scenario(what)
+        scenario = load_scenario(what).alone("a model of a vehicle")
         vehicle, applied, start = (
             scenario.agent.plant.vehicle,
             float(scenario.agent.plant.gravity),
@@ -166,7 +166,7 @@ def _law(
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
             if value is not None:
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
-        planned = load_scenario(controller)
+        planned = load_scenario(controller).alone("the law in C")
         chosen, title = planned.agent.controller, planned.name
         estimator = planned.agent.estimator.on_board
         if any(change.of_law for change in planned.changes):

@@ -90,7 +90,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"controller = {shown(controller)}: {must_be_named(controller)}")
     require_not_another(scenario, "scenario")
-    loaded = load_scenario(scenario, controller=controller)
+    loaded = load_scenario(scenario, controller=controller).alone("stability margins")
     say_suspicious(loaded)
     if not safety or isinstance(loaded.agent.controller.par, SafetyParameters):
         return loaded

@@ -158,7 +158,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         scenario = of_vehicle(load_vehicle(target), controller)
         words = law_entry(controller or scenario.agent.controller.name)
     else:
-        scenario = load_scenario(target, controller=controller)
+        scenario = load_scenario(target, controller=controller).alone("a search for gains")
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
         document: Tables = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}

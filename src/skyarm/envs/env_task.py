@@ -111,7 +111,7 @@ def _scenario(given: Scenario | PathLike, controller: str | None, duration: floa
         flown = given if duration is None else dataclasses.replace(given, duration=duration)
     else:
         flown = load_scenario(given, controller=controller, duration=duration)
-    require_flight(flown)
+    require_flight(flown.alone("an environment"))
     require_rigid_body(flown)
     if flown.changes:
         raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")

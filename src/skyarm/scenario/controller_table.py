@@ -175,12 +175,12 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
-    """Scenario with its control law replaced by the preset, law or gains file of a given name.
+    """Scenario with the law of each vehicle replaced by the preset, law or gains file of a given name.
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
     """
-    return scenario.under(controller_by_name(scenario, name))
+    return scenario.under(*(controller_by_name(scenario.of(each), name) for each in scenario.agents))
 
 
 PYTHON_ONLY = ("network", "program")

@@ -48,7 +48,10 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
     if len(scenario.agents) > 1 and is_of_agent(path):
         names = ", ".join(scenario.agents)
         raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
-    return scenario.of(next(iter(scenario.agents))), path
+    one = scenario.of(next(iter(scenario.agents)))
+    if one is not scenario and is_below(path, "changes"):  # numbered among those of all
+        one = dataclasses.replace(one, changes=scenario.changes)
+    return one, path
 
 
 def is_of_agent(path: str) -> bool:

@@ -573,6 +573,17 @@ class Scenario:
         """Names of the vehicles that fly beside the one of this scenario, which :meth:`of` made; () of a whole one."""
         return self._members.others
 
+    def alone(self, purpose: str) -> Scenario:
+        """Scenario itself, for a purpose that takes the flight of one vehicle without others.
+
+        Raises:
+            ScenarioError: there are several, or it is the view of one of them; the message names them.
+        """
+        if len(names := (*self.agents, *self.others)) > 1:
+            words = f"must be one for {purpose}; leave the others, and what they hold, out of the scenario"
+            raise ScenarioError(f"agents = {', '.join(names)}: {words}")
+        return self
+
     def of(self, name: str) -> Scenario:
         """Flight of one vehicle of the scenario, in the surroundings of all, as a scenario.
 
@@ -591,6 +602,16 @@ class Scenario:
     def vehicles(self) -> dict[str, Vehicle]:
         """True vehicle of each agent by name."""
         return {name: each.plant.vehicle for name, each in self.agents.items()}
+
+    @property
+    def law_names(self) -> str:
+        """Name of the control law; of several vehicles all that differ, joined by plus signs."""
+        return "+".join(dict.fromkeys(each.controller.name for each in self.agents.values()))
+
+    @property
+    def setpoints(self) -> dict[str, tuple[bool, ...]]:
+        """For each vehicle and joint, true if the law commands a setpoint of the joint's drive."""
+        return {name: each.commands_setpoints for name, each in self.agents.items()}
 
     @property
     def autopilot(self) -> Any:
@@ -614,10 +635,13 @@ class Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
         return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))
 
-    def under(self, controller: Controller) -> Scenario:
-        """Scenario with another law, and without scheduled changes of the present law."""
+    def under(self, *controllers: Controller) -> Scenario:
+        """Scenario with another law of each vehicle in order, and without scheduled changes of the present laws."""
+        agents = [self.agent] if len(controllers) == 1 else self.agents.values()
+        pairs = zip(agents, controllers, strict=True)
+        records = tuple(dataclasses.replace(own, controller=controller) for own, controller in pairs)
         changes = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=changes).with_controller(controller)
+        return dataclasses.replace(self, changes=changes, agents=dataclasses.replace(self._members, records=records))
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""

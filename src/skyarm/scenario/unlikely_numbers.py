@@ -66,6 +66,8 @@ LOOKS = 200
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about suspicious but allowed values of a scenario; empty if there are none."""
+    if len(scenario.agents) > 1:
+        return tuple(f"{name}: {line}" for name in scenario.agents for line in unlikely_numbers(scenario.of(name)))
     vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.agent.plant.vehicle))
     lines = (*unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario), *part_warnings(scenario))
     return (*vehicle, *lines)

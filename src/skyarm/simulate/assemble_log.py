@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -29,18 +29,8 @@ from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Component, WindSample
-from skyarm.world.component import Column
-
-Value = TypeVar("Value")
-
-
-def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) -> dict[str, list[Value]]:
-    """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
-    groups: dict[str, list[Value]] = {}
-    for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
-        groups.setdefault(column[0], []).append(number)
-    return groups
+from skyarm.world import WindSample
+from skyarm.world.component import Column, by_array
 
 
 @immutable(kw_only=False)

@@ -9,21 +9,23 @@ import numpy as np
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
-from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
+from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
+from skyarm.log.team_log import OfOneAgentError
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key
-from skyarm.simulate.batch_leg import Leg, LegOptions
-from skyarm.simulate.batch_log import BatchLog, Logged, batch_log
+from skyarm.simulate.batch_leg import Leg, LegOptions, Tallies
+from skyarm.simulate.batch_log import BatchLog, Logged, batch_logs
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     lane_columns,
     require_apart_from_changes,
+    require_compiled,
     require_count,
     require_draws,
     require_kind,
@@ -35,23 +37,50 @@ from skyarm.simulate.user_code import require_shapes
 
 
 @immutable(kw_only=False)
+class AgentOutcome:
+    """Motion of one vehicle in a batch of flights.
+
+    Attributes:
+        state: its last state in each lane. log: its log in a batch that keeps one, else None.
+    """
+
+    state: State
+    log: BatchLog | None = None
+
+
+@immutable(kw_only=False)
 class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 
     Attributes:
-        metrics: metrics by name; they count only the time an episode was alive. NaN where it ended before their window.
+        metrics: metrics by name, of several vehicles as ``left/tilt_max``; they count only the time an episode was
+            alive. NaN where it ended before their window.
         completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
         status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
-        state: last state of each lane.
-        log: log of a batch that keeps one, else None.
+        agents: last state and log of each vehicle by name.
     """
 
     metrics: dict[str, Array]
     completed: Array
     end_time: Array
     status: Array
-    state: State
-    log: BatchLog | None = None
+    agents: Mapping[str, AgentOutcome]
+
+    @property
+    def state(self) -> State:
+        """Last state of the only vehicle in each lane."""
+        return self._only("state").state
+
+    @property
+    def log(self) -> BatchLog | None:
+        """Log of the only vehicle in a batch that keeps one, else None."""
+        return self._only("log").log
+
+    def _only(self, name: str) -> AgentOutcome:
+        if len(self.agents) > 1:
+            names = ", ".join(self.agents)
+            raise OfOneAgentError(f"outcome.{name}: is of one agent; outcome.agents[NAME].{name}, of {names}")
+        return next(iter(self.agents.values()))
 
 
 class Batch:
@@ -94,21 +123,23 @@ class Batch:
         require_count("effort", effort, 0)
         log_every = require_count("log_every", log_every, 0)
         self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
-        self.names = metric_names(metrics, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
-        scenario.agent.controller.require_compiled("a batch")
+        self._listed = names_by_agent(metrics, scenario.setpoints)
+        self.names = tuple(name for own in self._listed.values() for name in own)
+        require_compiled(scenario)
         require_shapes(scenario)
         require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
-        self._wanted = required_totals(self.names, scenario.agent.plant.vehicle.n)
+        vehicles = scenario.vehicles
+        self._totals = [required_totals([*own.values()], vehicles[name].n) for name, own in self._listed.items()]
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
         options = LegOptions(
             paths=self.paths,
             stiffest=stiffest,
-            wanted=self._wanted,
+            wanted=self._totals,
             masks=self._masks,
             lanes=Lanes(host_width(single=single), single=single, contract=not bit_exact),
             every=log_every,
@@ -155,6 +186,7 @@ class Batch:
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
         status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
+        logs = batch_logs(log, self._times[:: self._log_every]) if self._log_every else [None] * len(ended[0].agents)
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -162,16 +194,18 @@ class Batch:
             # k / rate, not k * period, as the clock of a single run
             end_time=ticks / self.scenario.rates.control,
             status=status,
-            state=ended[0].agent.state,
-            log=batch_log(log, self._times[:: self._log_every]) if self._log_every else None,
+            agents={
+                name: AgentOutcome(own.state, each)
+                for name, own, each in zip(self.scenario.agents, ended[0].agents, logs, strict=True)
+            },
         )
 
     def _fly_legs(
         self, columns: list[Array], seed: int, episodes: Array, threads: int
-    ) -> tuple[list[tuple[LoopState, tuple[Array, ...]]], list[tuple[Logged, Array]]]:
+    ) -> tuple[list[tuple[LoopState, Tallies]], list[tuple[tuple[Logged, ...], Array]]]:
         """Simulate a batch from change to change; return final states and metric sums per interval, and all logs."""
         last: tuple[Leg, Array] | None = None
-        ends, log = list[tuple[LoopState, tuple[Array, ...]]](), list[tuple[Logged, Array]]()
+        ends, log = list[tuple[LoopState, Tallies]](), list[tuple[tuple[Logged, ...], Array]]()
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)
@@ -191,10 +225,13 @@ class Batch:
                 statuses[here] = leg.statuses(mine, left, ticks[here], ended[here])
         return statuses.astype(str)
 
-    def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
+    def _metrics(self, tallies: Tallies, ticks: Array) -> dict[str, Array]:
         """Metrics of each flight of the batch, from the sums accumulated in flight."""
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
-        named = dict(zip(self._wanted, totals, strict=True))
-        joints, period = self.scenario.agent.plant.vehicle.n, 1.0 / self.scenario.rates.control
-        return metric_values(self.names, named, instants, joints, period)
+        period, metrics = 1.0 / self.scenario.rates.control, dict[str, Array]()
+        for (agent, names), totals, sums in zip(self._listed.items(), self._totals, tallies, strict=True):
+            named, joints = dict(zip(totals, sums, strict=True)), self.scenario.vehicles[agent].n
+            numbers = metric_values([*names.values()], named, instants, joints, period)
+            metrics |= {name: numbers[each] for name, each in names.items()}
+        return metrics

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,57 +16,106 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
-from skyarm.log.metrics.accumulate import Total, advance_totals, first_totals
+from skyarm.log.metrics.accumulate import Total, Totals, advance_totals, first_totals
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.assemble_log import by_array
 from skyarm.simulate.batch_log import Logged
 from skyarm.simulate.first_state import component_places
-from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
+from skyarm.simulate.inputs import episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
-from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import AgentSample, GivenRow, InputRow, LoopState, carry_over, structure_of
+from skyarm.simulate.lane_numbers import require_compiled, require_short_steps
+from skyarm.simulate.loop_state import (
+    AgentLoop,
+    AgentSample,
+    GivenRow,
+    GivenRows,
+    InputRow,
+    LoopState,
+    Sample,
+    carry_over,
+    structure_of,
+)
 from skyarm.simulate.period import Uniforms, make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clocks_of_change, other_references
 from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.world.component import by_array, columns_of_agent
 
-FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[MetricGoal, ...]]
-"""Inputs of one control period of a batch: of the loop, open metric windows, held and continuous reference."""
+Tallies: TypeAlias = tuple[Totals, ...]
+"""Running sums and extremes of each vehicle's metrics."""
+
+Goals: TypeAlias = tuple[MetricGoal, ...]
+"""Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
+
+FeedRow: TypeAlias = tuple[GivenRows, tuple[Scalar, ...], tuple[Goals, ...]]
+"""Inputs of one control period of a batch: of the loop, open metric windows, desired positions of each vehicle."""
 
 
 class Feed:
     """Table of closed-loop inputs shared by all flights of a batch, one row per control period, with its decoder.
 
     Args:
-        scenario: scenario of the batch. paths: its varied numbers. inputs: tables of the scenario.
-        masks: window -> (steps,) which instants lie in it.
+        scenario: scenario of the batch. paths: its varied numbers. masks: window -> (steps,) which instants lie in it.
 
     Attributes:
         rows: (steps, numbers). example: record of one row.
     """
 
-    def __init__(
-        self, scenario: Scenario, paths: Sequence[str], inputs: EpisodeInputs, masks: Mapping[str, Array]
-    ) -> None:
-        self._scenario, self._windows = scenario, tuple(masks)
+    def __init__(self, scenario: Scenario, paths: Sequence[str], masks: Mapping[str, Array]) -> None:
+        self._windows = tuple(masks)
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
-        table, goals = inputs.times[:, None], list[MetricGoal]()
-        row: GivenRow = InputRow(time=0.0, reference=())
-        if not (scenario.agent.reference.guards or any(path.startswith("reference.") for path in paths)):
-            row, table = inputs.row_example, inputs.rows
-            goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
+        self._each = tuple(AgentFeed(scenario.of(name), _paths_of(paths, name)) for name in scenario.agents)
         flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
-        self.example: FeedRow = (row, (0.0,) * len(flags), *map(structure_of, goals))
-        self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
+        self.example: FeedRow = (
+            tuple(each.row for each in self._each),
+            (0.0,) * len(flags),
+            tuple(tuple(map(structure_of, each.goals)) for each in self._each),
+        )
+        goals = [table_of(goal, scenario.steps) for each in self._each for goal in each.goals]
+        self.rows = np.hstack([*(each.table for each in self._each), *flags, *goals])
+
+    def read(self, varied: Scenario, fed: FeedRow, ticks: Scalar) -> tuple[GivenRows, list[Goals], dict[str, Scalar]]:
+        """Decode the closed-loop inputs of a period: references, desired positions, flags of the metrics' windows."""
+        rows, flags, goals = fed
+        inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
+        inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
+        each = zip(self._each, varied.agents, rows, goals, strict=True)
+        read = [feed.read(varied.of(name), row, own, ticks) for feed, name, row, own in each]
+        return tuple(row for row, _ in read), [own for _, own in read], inside
+
+
+def _paths_of(paths: Sequence[str], name: str) -> list[str]:
+    """Paths of one vehicle's numbers and of shared ones, as in the scenario of its flight."""
+    return [word_of(path) for path in paths if agent_of(path) in ("", name)]
+
+
+class AgentFeed:
+    """Inputs of one vehicle in all control periods, with their decoder.
+
+    Args:
+        scenario: scenario of its flight. paths: its varied numbers.
+
+    Attributes:
+        row: inputs of the loop in one period, as an example. table: those of all, (steps, numbers).
+        goals: desired positions as arrays.
+    """
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
+        self._scenario, inputs = scenario, episode_inputs(scenario)
+        self.row: GivenRow = InputRow(time=0.0, reference=())
+        self.table, self.goals = inputs.times[:, None], list[MetricGoal]()
+        if not (scenario.agent.reference.guards or any(path.startswith("reference.") for path in paths)):
+            self.row, self.table = inputs.row_example, inputs.rows
+            self.goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
@@ -75,23 +125,18 @@ class Feed:
         goal: MetricGoal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(
-        self, varied: Scenario, fed: FeedRow, ticks: Scalar
-    ) -> tuple[GivenRow, tuple[MetricGoal, ...], dict[str, Scalar]]:
-        """Decode the closed-loop inputs of a period: reference, desired positions, flags of the metrics' time windows.
+    def read(self, varied: Scenario, row: GivenRow, goals: Goals, ticks: Scalar) -> tuple[GivenRow, Goals]:
+        """Decode the vehicle's inputs of a period: its reference, and its desired positions for the metrics.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
-        row, flags, *goals = fed
-        inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
-        inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
         if self._scenario.agent.reference.guards or (goals and not self._arm_varies(varied)):
-            return row, tuple(goals), inside
+            return row, goals
         reference = row.reference or held_reference(varied, ticks)
         if not goals:
             row = InputRow(time=row.time, reference=reference)
         both = reference, varied.agent.reference.at(row.time)
-        return row, tuple(goal_of(varied.agent.plant.vehicle, each.dense()) for each in both), inside
+        return row, tuple(goal_of(varied.agent.plant.vehicle, each.dense()) for each in both)
 
     def _arm_varies(self, varied: Scenario) -> bool:
         """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
@@ -101,16 +146,21 @@ class Feed:
 
 
 def _instant(
-    stages: AgentStages, loop: LoopState, row: InputRow[Reference], sample: AgentSample, goals: tuple[MetricGoal, ...]
+    stages: AgentStages,
+    own: AgentLoop,
+    ticks: Scalar,
+    row: InputRow[Reference],
+    sample: AgentSample,
+    goals: Goals,
 ) -> MetricInstant:
-    """Collect the quantities of one control instant from which the metrics are computed."""
+    """Collect the quantities of one control instant from which the metrics of one vehicle are computed."""
     vehicle, waits, command = stages.scenario.agent.plant.vehicle, stages.waits, sample.command
     if not goals:
-        free = waits.reference(*waits.instants(waits.log_values(loop.agent.clock, loop.ticks))[1])
+        free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
-    first = loop.ticks < 0.5
+    first = ticks < 0.5
     push, parts = _contact_inputs(stages.scenario, row, sample)
-    pairs = zip(command.rotor_speeds, loop.agent.queue[-1].rotor_speeds, strict=True)
+    pairs = zip(command.rotor_speeds, own.queue[-1].rotor_speeds, strict=True)
     return MetricInstant(
         state=sample.state,
         tool=tool_of(vehicle, sample.state),
@@ -137,11 +187,12 @@ def _contact_inputs(
 ) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
     """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
+    own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.agent.reference.push
     return (
         () if push is None or not numbers else push.at(_path_time(row)),
-        tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
+        (*((name, tuple(compress(each, own[name]))) for name, each in numbers.items()), *constants),
     )
 
 
@@ -156,7 +207,7 @@ class LegOptions:
     Attributes:
         paths: varied numbers. lanes: vector shape. stiffest: scenario that fixes the integration steps; None for
             the batch's own.
-        wanted: totals that are counted. masks: window -> (steps,) which instants lie in it.
+        wanted: totals that are counted, of each vehicle. masks: window -> (steps,) which instants lie in it.
         every: keep each so many periods' state, command and reference; 0 keeps none.
         changing: whether there are several legs. effort: effort of the compiler.
     """
@@ -164,7 +215,7 @@ class LegOptions:
     paths: tuple[str, ...]
     lanes: Lanes
     stiffest: Scenario | None = None
-    wanted: Sequence[Total] = ()
+    wanted: Sequence[Sequence[Total]] = ()
     masks: Mapping[str, Array] = field(default_factory=dict)
     every: int = 0
     changing: bool = False
@@ -179,7 +230,7 @@ class LegCode(NamedTuple):
     """Compiled code of a batch between two scheduled changes, with its cache key and its integration step counts."""
 
     kernel: Kernel
-    logged: Logged | tuple[()]
+    logged: tuple[Logged, ...]
     key: CodeKey
     substeps: Substeps
 
@@ -208,7 +259,7 @@ class Leg:
         self.periods, self._options = periods, options
         self._overrides = overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
-        self.scenario.agent.controller.require_compiled("a batch")
+        require_compiled(self.scenario)
         fixed = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
         self._free = tuple(path for path in options.paths if path not in fixed and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
@@ -220,10 +271,10 @@ class Leg:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
         self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
-        self.first = (self._loop.first, first_totals(options.wanted))
-        used = dict.fromkeys(window for _, window, _ in options.wanted)
+        self.first = (self._loop.first, tuple(first_totals(each) for each in options.wanted))
+        used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}
-        self._feed = Feed(self.scenario, (*self._free, *self._swept), episode_inputs(self.scenario), masks)
+        self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)
         self.rows: Array = self._feed.rows[periods.start : periods.stop]
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
         made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
@@ -241,31 +292,45 @@ class Leg:
         options, substeps = self._options, self._loop.substeps
 
         def step(
-            both: tuple[LoopState, tuple[Tree, ...]], values: tuple[Scalar, ...], fed: FeedRow, uniforms: Uniforms
-        ) -> tuple[tuple[LoopState, tuple[Tree, ...]], Logged | tuple[()]]:
+            both: tuple[LoopState, Tallies], values: tuple[Scalar, ...], fed: FeedRow, uniforms: Uniforms
+        ) -> tuple[tuple[LoopState, Tallies], tuple[Logged, ...]]:
             varied = self._lane_scenario(values)
-            stages, (loop, totals) = Stages(varied), both
-            row, goals, inside = self._feed.read(varied, fed, loop.ticks)
-            (row,) = stages.lead(loop, (row,))
+            stages, (loop, tallies) = Stages(varied), both
+            given, goals, inside = self._feed.read(varied, fed, loop.ticks)
+            rows = stages.lead(loop, given)
             period = make_period(stages, RigidBodySteps(stages, substeps))
-            following, flown = period(loop, (row,), uniforms)
-            sample = flown.agent
-            alive, instant = flown.alive > 0.5, _instant(stages.agent, loop, row, sample, goals)
-            counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
-            totals = advance_totals(totals, options.wanted, instant, counted)
-            reference = row.reference.dense() if options.changing else row.reference
-            # a law's samples to come are no motion of this instant, and laws before and after a change take others
-            reference = replace(reference, ahead=())
-            received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
-            received += ((ESTIMATE, sample.measurement),) if varied.agent.has_estimator else ()
-            logged = Logged(
-                alive=flown.alive, state=sample.state, command=sample.command, reference=reference, received=received
-            )
-            return (following, totals), logged if options.every else ()
+            following, flown = period(loop, rows, uniforms)
+            alive = flown.alive > 0.5
+            each = zip(stages.agents, loop.agents, rows, flown.agents, goals, strict=True)
+            instants = [_instant(agent, own, loop.ticks, row, sample, goal) for agent, own, row, sample, goal in each]
+            counted = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
+            rows_of_totals = zip(tallies, options.wanted, instants, strict=False)  # a leg may count nothing
+            tallies = tuple(advance_totals(sums, totals, now, counted) for sums, totals, now in rows_of_totals)
+            return (following, tallies), self._log_entries(varied, rows, flown) if options.every else ()
 
         program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
         kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort)
         return LegCode(kernel, program.result[1], key, substeps)
+
+    def _log_entries(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:
+        """Quantities of each vehicle at a control instant that the log of the batch contains."""
+        logged = []
+        for agent, row, sample in zip(varied.agents.values(), rows, flown.agents, strict=True):
+            reference = row.reference.dense() if self._options.changing else row.reference
+            # a law's samples to come are no motion of this instant, and laws before and after a change take others
+            reference = replace(reference, ahead=())
+            received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
+            received += ((ESTIMATE, sample.measurement),) if agent.has_estimator else ()
+            logged.append(
+                Logged(
+                    alive=flown.alive,
+                    state=sample.state,
+                    command=sample.command,
+                    reference=reference,
+                    received=received,
+                )
+            )
+        return tuple(logged)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
         """Parameter values of a batch between two scheduled changes, by parameter path, one array entry per flight."""
@@ -297,13 +362,13 @@ class Leg:
 
     def fly(
         self, carry: Array, parameters: Array, seed: int, episodes: Array, threads: int
-    ) -> tuple[Array, list[tuple[Logged, Array]]]:
+    ) -> tuple[Array, list[tuple[tuple[Logged, ...], Array]]]:
         """Simulate the interval for all flights; return final loop states with metric sums, and the logged samples."""
         if self.code is None:
             return carry, []
         kernel, logged, every = self.code.kernel, self.code.logged, max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
-        log: list[tuple[Logged, Array]] = []
+        log: list[tuple[tuple[Logged, ...], Array]] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight
         aligned = min(-(-self.periods.start // every) * every, self.periods.stop)
         for start, stop in ((self.periods.start, aligned), (aligned, self.periods.stop)):
@@ -319,9 +384,7 @@ class Leg:
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Termination status of each flight of the batch at the end of this interval, from its loop state."""
-        return lane_statuses(
-            self.scenario, self.numbers_by_path(columns), now.agent.state, now.agent.clock, ticks, ended
-        )
+        return lane_statuses(self.scenario, self.numbers_by_path(columns), now, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse parameter values for which the compiled integration steps are too long.

@@ -54,13 +54,22 @@ class BatchLog:
     estimate: Measurement | None = None
 
 
-def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
-    """Make the log of a batch from the samples that compiled code wrote.
+def batch_logs(legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array) -> list[BatchLog]:
+    """Make the log of each vehicle of a batch from the samples that compiled code wrote.
 
     Args:
-        legs: record that was logged and its rows, (samples, leaves, lanes), of each part of the flight.
+        legs: logged record of each vehicle, and their rows, (samples, leaves, lanes), of each part of the flight.
         time: (samples,), s.
     """
+    each_leg = []
+    for examples, rows in legs:
+        ends = np.cumsum([len(leaves(each)) for each in examples])
+        each_leg.append([*zip(examples, np.split(rows, ends, axis=1), strict=False)])  # rows may be padded
+    return [_log_of_agent(own, time) for own in zip(*each_leg, strict=True)]
+
+
+def _log_of_agent(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
+    """Log of one vehicle of a batch, from its record and rows of each part of the flight."""
     parts = [_by_episode(example, rows) for example, rows in legs]
     alive = [np.asarray(each.alive) for each in parts]
     shapes = [each.shape for each in alive]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files.user_code import failure, require_result
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import rebuild
+from skyarm.records.path_names import word_of
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
@@ -100,37 +103,45 @@ OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
 """Prefixes of the paths of numbers that decide when an episode ends."""
 
 
-def statuses(
-    scenario: Scenario,
-    values: Mapping[str, Array],
-    state: State,
-    goals: Array,
-    ended: Array,
-    failed: AnyArray | None = None,
-) -> Array:
-    """Termination status of each flight of a batch, from its final state.
+class LaneEnd(NamedTuple):
+    """One vehicle at the end of each flight of a batch.
+
+    Attributes:
+        state: last state of each lane, its scalars (lanes,).
+        goals: (lanes, 3) position of the held reference at that time, m.
+        failed: True where a phase of its task failed; None of a vehicle whose phases do not wait.
+    """
+
+    state: State
+    goals: Array
+    failed: AnyArray | None
+
+
+def statuses(scenario: Scenario, values: Mapping[str, Array], ends: Sequence[LaneEnd], ended: Array) -> Array:
+    """Termination status of each flight of a batch, from the final states of its vehicles.
 
     Args:
         scenario: scenario of the batch.
         values: path -> (lanes,), its varied numbers.
-        state: last state of each lane, its scalars (lanes,).
-        goals: (lanes, 3) position of the held reference at that time, m.
+        ends: end of each vehicle.
         ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
             single run does after its last step.
-        failed: True where a phase of its task failed; None of a scenario whose phases do not wait.
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
-    numbers = {path: column for path, column in values.items() if path.startswith(OF_CAUSES)}
-    goal, lanes = Vec3(*goals.T), len(goals)
+    numbers = {path: column for path, column in values.items() if word_of(path).startswith(OF_CAUSES)}
+    lanes = len(ended)
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
         words = np.array(["completed", *(ending.status for ending in every), PHASE_FAILED])
         number = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
-        if failed is not None:
-            number = np.where(failed, len(words) - 1, number)
+        for end in ends:
+            if end.failed is not None:
+                number = np.where(end.failed, len(words) - 1, number)
+        # as in a single run, the first vehicle that meets an ending says which
+        each = [*zip(map(varied.of, varied.agents), ends, strict=True)][::-1]
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
-            for index in range(len(every), 0, -1) if asked.any() else ():
-                fine = np.broadcast_to(np.asarray(every[index - 1].fine(varied, state, goal, slack)), (lanes,))
-                number = np.where(asked & ~fine, index, number)
+            for (one, end), index in product(each, range(len(every), 0, -1)) if asked.any() else ():
+                fine = every[index - 1].fine(one, end.state, Vec3(*end.goals.T), slack)
+                number = np.where(asked & ~np.broadcast_to(np.asarray(fine), (lanes,)), index, number)
     return words[number]

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
 
-from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
+from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum, same
 from skyarm.dynamics.actuators import Command
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
@@ -79,20 +79,33 @@ def arrivals(late: Sequence[tuple[Scalar, ...]], before: Sequence[Command], afte
         [(rest[0], old)] if len(rest) == 1 else switches(old, new, *rest)
         for rest, old, new in zip(late, before, after, strict=True)
     ]
-    if all(rest is late[0] or rest == late[0] for rest in late):
+    if all(len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late):
         return [(row[0][0], tuple(command for _, command in row)) for row in zip(*each, strict=True)]
-    if not all(type(seconds) is float for parts in each for seconds, _ in parts):
-        raise ScenarioError("delays: must be equal in all vehicles where they vary between episodes")
-    ends = [[*accumulate(float(seconds) for seconds, _ in parts)] for parts in each]
-    instants, parts, start = sorted({end for some in ends for end in some}), Parts(), 0.0
-    for end in instants:
-        now = tuple(
-            next((command for at, (_, command) in zip(some, own, strict=True) if at >= end), new)
-            for some, own, new in zip(ends, each, after, strict=True)
-        )
-        parts.append((end - start, now))
+    ends = [[*accumulate(seconds for seconds, _ in parts)] for parts in each]
+    every, parts = [end for some in ends for end in some], Parts()
+    start: Scalar = 0.0
+    plain = all(type(end) is float for end in every)
+    for end in sorted({*map(float, every)}) if plain else _ascending(every):
+        now = list[Command]()
+        for some, own, new in zip(ends, each, after, strict=True):
+            command = new
+            for at, (_, old) in reversed([*zip(some, own, strict=True)]):
+                command = blend(at < end, command, old)
+            now.append(command)
+        parts.append((end - start, tuple(now)))
         start = end
     return parts
+
+
+def _ascending(values: Sequence[Scalar]) -> list[Scalar]:
+    """Sorted scalars, which may be traced: each is carried past the larger ones before it."""
+    ordered = list[Scalar]()
+    for value in values:
+        largest = value
+        for i, other in enumerate(ordered):
+            ordered[i], largest = minimum(other, largest), maximum(other, largest)
+        ordered.append(largest)
+    return ordered
 
 
 def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:

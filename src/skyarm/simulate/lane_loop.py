@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,19 +12,19 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.controller import preview_leads
-from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import Tree
+from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.check_endings import statuses
+from skyarm.simulate.check_endings import LaneEnd, statuses
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import table_of
-from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, structure_of
+from skyarm.simulate.loop_state import AgentLoop, GivenRow, InputRow, LoopState, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
 
@@ -103,26 +102,28 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     return reference
 
 
-def lane_statuses(
-    scenario: Scenario, values: Mapping[str, Array], state: State, clock: Any, ticks: Array, ended: Array
-) -> Array:
-    """Termination status of each flight of a batch, from its final vehicle state and reference clock.
+def lane_statuses(scenario: Scenario, values: Mapping[str, Array], now: LoopState, ticks: Array, ended: Array) -> Array:
+    """Termination status of each flight of a batch, from its final loop state.
 
     Args:
         scenario: scenario of the lanes.
         values: path -> (lanes,) numbers that differ.
-        state: state of the plant, its scalars (lanes,).
-        clock: state of the reference clock, likewise.
+        now: last state of the loop, its scalars (lanes,).
         ticks: control periods flown.
         ended: True where the lane stopped before its time.
     """
-    motion = {path: column for path, column in values.items() if path.startswith("reference.")}
+    motion = {path: column for path, column in values.items() if word_of(path).startswith("reference.")}
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
-        if varied.agent.reference.guards:
-            reference = Waits(varied).held_reference(clock, ticks)
-        else:
-            reference = held_reference(varied, np.minimum(ticks, scenario.steps - 1))
-    goals = table_of(reference.dense().position, len(ticks))
-    failed = np.asarray(clock.failed) > 0.5 if scenario.agent.reference.guards else None
-    return statuses(scenario, values, state, goals, ended, failed)
+        ends = [_lane_end(varied.of(name), own, ticks) for name, own in zip(varied.agents, now.agents, strict=True)]
+    return statuses(scenario, values, ends, ended)
+
+
+def _lane_end(varied: Scenario, own: AgentLoop, ticks: Array) -> LaneEnd:
+    """End of one vehicle in each flight of a batch, from the scenario of its flight with the lanes' numbers."""
+    if own.clock:
+        reference = Waits(varied).held_reference(own.clock, ticks)
+    else:
+        reference = held_reference(varied, np.minimum(ticks, varied.steps - 1))
+    failed = np.asarray(own.clock.failed) > 0.5 if own.clock else None
+    return LaneEnd(own.state, table_of(reference.dense().position, len(ticks)), failed)

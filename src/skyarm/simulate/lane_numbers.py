@@ -14,9 +14,10 @@ from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import LATE, delay_words, places_of
+from skyarm.scenario.paths import LATE, alone, delay_words, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
 
@@ -43,6 +44,16 @@ def require_rigid_body(scenario: Scenario) -> None:
         raise ScenarioError(f"plant.kind = {shown(scenario.kind)}: must be rigid_body for a batch")
 
 
+def require_compiled(scenario: Scenario) -> None:
+    """Refuse control laws that a batch cannot compile.
+
+    Raises:
+        ControllerError: one line.
+    """
+    for agent in scenario.agents.values():
+        agent.controller.require_compiled("a batch")
+
+
 def require_kind(field: str, value: object, kind: type) -> None:
     """Raise ScenarioError unless an argument is None or an instance of the given class.
 
@@ -64,7 +75,7 @@ def require_paths(scenario: Scenario, paths: object) -> tuple[str, ...]:
         raise ScenarioError(f"paths = {shown(paths)}: must be a list of paths of numbers, as 'plant.gravity'")
     require_apart(scenario, tuple(paths))
     for path in paths:
-        if path.startswith(("plant.", "model.")) and path.endswith(".latency"):
+        if word_of(path).startswith(("plant.", "model.")) and path.endswith(".latency"):
             words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
             raise ScenarioError(f"path = {path!r}: {words}")
     return tuple(paths)
@@ -144,16 +155,21 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
     Raises:
         ScenarioError: a delay below 0, or delays that together are beyond the longest; names the path.
     """
-    longest = scenario.agent.delays.longest_command
-    varied = [path for path in delay_words() if path in columns and columns[path].size]
-    if longest is None or not varied:
-        return
-    delays = {path: columns.get(path, np.array([number_at(scenario, path)], dtype=float)) for path in delay_words()}
-    for path, delay in delays.items():
-        late = delay if path == LATE else delays[LATE] + delay
-        if not (delay.min() >= 0.0 and late.max() <= longest):
-            named, what = path if path in varied else varied[0], "" if path == LATE else f" with {LATE}"
-            raise ScenarioError(f"values[{named!r}]: {path}{what} must be from 0 to {LONGEST} = {longest!r}")
+    for name, agent in scenario.agents.items():
+        one, longest = scenario.of(name), agent.delays.longest_command
+        named = {word_of(path): path for path in columns if agent_of(path) in ("", name) and columns[path].size}
+        varied = [path for path in delay_words() if path in named]
+        if longest is None or not varied:
+            continue
+        delays = {
+            path: columns[named[path]] if path in named else np.array([number_at(one, path)], dtype=float)
+            for path in delay_words()
+        }
+        for path, delay in delays.items():
+            late = delay if path == LATE else delays[LATE] + delay
+            if not (delay.min() >= 0.0 and late.max() <= longest):
+                wrong, what = named[path if path in varied else varied[0]], "" if path == LATE else f" with {LATE}"
+                raise ScenarioError(f"values[{wrong!r}]: {path}{what} must be from 0 to {LONGEST} = {longest!r}")
 
 
 TRIED = 1e-3
@@ -171,7 +187,7 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
     """
     drawn = draws_needed(scenario)
     for path in paths:
-        if path.startswith("sensors.") and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn:
+        if word_of(path).startswith("sensors.") and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn:
             raise ScenarioError(
                 f"paths: {path}: is 0 in this scenario, and a batch draws no numbers for noise that is not there; give "
                 "it a small one there"
@@ -257,11 +273,12 @@ def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None
 def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
     for i, change in enumerate(scenario.changes):
         where = f"changes[{i}].path = {change.path!r}"
-        if path == f"changes.{i}.value" and change.path.startswith(STATED):
+        if path == f"changes.{i}.value" and word_of(change.path).startswith(STATED):
             yield f"must not vary, since a largest integration step may follow from {where}"
         if is_added(scenario, path) and is_added(scenario, change.path) and means_the_same(scenario, path, change.path):
             yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
-        if change.path in LAWS and path.startswith("model."):
+        of_it = agent_of(path) in ("", agent_of(change.path))
+        if word_of(change.path) in LAWS and of_it and word_of(path).startswith("model."):
             yield f"must not vary, since the law of {where} is made for one belief"
 
 
@@ -278,8 +295,8 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], lar
     Raises:
         ScenarioError: names the paths and the values.
     """
-    for place, fields in _paths_by_record(scenario, values).items():
-        record = part(scenario, place)
+    for (agent, place), fields in _paths_by_record(scenario, values).items():
+        record = part(scenario.of(agent), place)
         columns = [np.ravel(each) for each in np.broadcast_arrays(*(np.asarray(values[path]) for path in fields))]
         shortest, stiffest = math.inf, dict[str, float]()
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
@@ -297,15 +314,22 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], lar
             )
 
 
-def _paths_by_record(scenario: Scenario, values: Mapping[str, ArrayLike]) -> dict[Place, dict[str, list[Place]]]:
-    """Group varied parameters by the air model, force or joint drive whose integration step they may limit."""
-    groups: dict[Place, dict[str, list[Place]]] = {}
+def _paths_by_record(
+    scenario: Scenario, values: Mapping[str, ArrayLike]
+) -> dict[tuple[str, Place], dict[str, list[Place]]]:
+    """Group varied parameters by the air model, force or joint drive whose integration step they may limit.
+
+    The key is a vehicle's name, and the place of the model or drive in the scenario of that vehicle's flight.
+    """
+    groups: dict[tuple[str, Place], dict[str, list[Place]]] = {}
     for path in values:
-        for place in places_of(scenario, path) if path.startswith(STATED) else ():
+        one, word = alone(scenario, path)
+        for place in places_of(one, word) if word.startswith(STATED) else ():
             heads = (place[:k] for k in range(len(place), 0, -1))
-            head = next((each for each in heads if _limits_step(type(part(scenario, each)))), None)
+            head = next((each for each in heads if _limits_step(type(part(one, each)))), None)
             if head is not None:
-                groups.setdefault(head, {}).setdefault(path, []).append(place[len(head) :])
+                (name,) = one.agents
+                groups.setdefault((name, head), {}).setdefault(path, []).append(place[len(head) :])
     return groups
 
 

@@ -33,6 +33,9 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
+Value = TypeVar("Value")
+"""Type of the values of log columns: numbers, or what describes a column."""
+
 MOST_STEPS = 1000
 """Largest number of integration steps per control period; a model that needs more is probably in other units."""
 
@@ -332,3 +335,17 @@ class Force(Component[Memory]):
     __slots__ = ()
 
     registered_as = "force"
+
+
+def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) -> dict[str, list[Value]]:
+    """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
+    groups: dict[str, list[Value]] = {}
+    for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
+        groups.setdefault(column[0], []).append(number)
+    return groups
+
+
+def columns_of_agent(components: Sequence[Component[Tree]], agent: str) -> dict[str, list[bool]]:
+    """For each log array of winds, forces and contacts, False for the columns of another vehicle than ``agent``."""
+    own = [(each, each.of_agent(agent).columns) for each in components]
+    return by_array(components, [column in theirs for each, theirs in own for column in each.columns])

@@ -12,7 +12,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.accumulate import advance_totals, first_totals, roll_and_pitch, tilt
 from skyarm.log.metrics.metric import MetricGoal, MetricInstant
-from skyarm.log.metrics.metric_catalogue import GROUPS, measures, metric_names, required_totals, values
+from skyarm.log.metrics.metric_catalogue import GRASPS, GROUPS, measures, metric_names, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip
@@ -35,8 +35,8 @@ WINDOWS = Windows(
     holds=(Window(0.2, 0.4), Window(1.0, 1.1)),
     last=0.5,
 )
-NAMES = tuple(name for name in measures(2) if name not in GROUPS["contact"])
-"""Those of contact have a test of their own."""
+NAMES = tuple(name for name in measures(2) if name not in (*GROUPS["contact"], *GRASPS))
+"""Those of contact and of grasps have tests of their own."""
 
 
 def flight(**changes):

@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.check_endings import find_ending, statuses
+from skyarm.simulate.check_endings import LaneEnd, find_ending, statuses
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.plan import at_episode, prepare
 from skyarm.studies.sweep.study import Study
@@ -198,12 +198,14 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     named = [ending.status if ending else "completed" for ending in wanted]
     assert set(named) == set(STATUSES) - {PHASE_FAILED}
     state = rebuild(first_state(scenario), iter(list(states.T)))
-    assert statuses(scenario, {}, state, goals, np.zeros(400, dtype=bool)).tolist() == named
+    assert statuses(scenario, {}, [LaneEnd(state, goals, None)], np.zeros(400, dtype=bool)).tolist() == named
     # a phase that failed is the cause where nothing else is wrong
-    failed = statuses(scenario, {}, state, goals, np.zeros(400, dtype=bool), np.arange(400) % 2 == 0).tolist()
+    failed = statuses(
+        scenario, {}, [LaneEnd(state, goals, np.arange(400) % 2 == 0)], np.zeros(400, dtype=bool)
+    ).tolist()
     assert failed == [PHASE_FAILED if name == "completed" and k % 2 == 0 else name for k, name in enumerate(named)]
     # a lane that stopped with nothing wrong in its state had a command that was not finite
-    stopped = statuses(scenario, {}, state, goals, np.ones(400, dtype=bool)).tolist()
+    stopped = statuses(scenario, {}, [LaneEnd(state, goals, None)], np.ones(400, dtype=bool)).tolist()
     assert stopped == ["diverged" if each == "completed" else each for each in named]
 
 
@@ -213,8 +215,8 @@ def test_a_lane_that_machine_code_found_just_outside_a_limit_keeps_that_cause() 
     inside = dataclasses.replace(state, joints=(np.array([1.0 - 1e-8]), np.array([0.0])))
     lane = rebuild(inside, iter([np.broadcast_to(leaf, (1,)) for leaf in leaves(inside)]))
     goals = np.array([[0.0, 0.0, 1.0]])
-    assert statuses(scenario, {}, lane, goals, np.array([True])).tolist() == ["joint_limit"]
-    assert statuses(scenario, {}, lane, goals, np.array([False])).tolist() == ["completed"]
+    assert statuses(scenario, {}, [LaneEnd(lane, goals, None)], np.array([True])).tolist() == ["joint_limit"]
+    assert statuses(scenario, {}, [LaneEnd(lane, goals, None)], np.array([False])).tolist() == ["completed"]
 
 
 def test_a_stiff_episode_is_integrated_as_finely_beside_slack_ones_as_alone(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """Metrics of contact and manipulation: commanded contact force, a gripped handle, and moved mechanisms.
 
-Forces are the sum of the normal forces at the vehicle's points. An instant of a commanded contact counts while the
-reference asks for a force above 0: for losses from 0.3 s after the first touch on, for the statistics of the force from
-2 s after it on, when the impact is over. What is moved is the first object and the first mechanism of the world.
+Forces are the sum of the normal forces at the vehicle's points; of several vehicles each has its own points, gripper
+and grasps. An instant of a commanded contact counts while the reference asks for a force above 0: for losses from 0.3 s
+after the first touch on, for the statistics of the force from 2 s after it on, when the impact is over. What is moved
+is the first object and the first mechanism of the world.
 """
 
 from __future__ import annotations
@@ -207,10 +208,14 @@ QUANTITIES: Mapping[str, Quantity] = {
     "contact": lambda now, _: reduce(add, now.part("contact_force")) if now.part("contact_force") else None,
     **{f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")},
     "mechanism": _of_part("mechanism_position", 0),
+    "grasp": lambda now, _: reduce(maximum, now.part("grasp_force")) if now.part("grasp_force") else None,
     "tip_height": lambda now, _: now.tool.z,
 }
 """Quantity -> function: force at all points (N), position of the first object (m), coordinate of the first
-mechanism, height of the tip (m)."""
+mechanism, largest force at a grasp (N), height of the tip (m)."""
+
+SHARED = frozenset(("object_x", "object_y", "object_z", "mechanism"))
+"""Quantities of the world, which are the same for all vehicles of a flight."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
     "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),

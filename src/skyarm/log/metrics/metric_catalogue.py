@@ -14,17 +14,18 @@ Source: Barakou et al. 2026, Table 2 and section 5.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
 
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
-from skyarm.log.metrics.interaction import COUNTED, TOTALED
+from skyarm.log.metrics.interaction import COUNTED, SHARED, TOTALED
 from skyarm.log.metrics.metric import Metric
+from skyarm.log.team_log import WITHIN
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
-from skyarm.records.files import did_you_mean, shown
+from skyarm.records.files import did_you_mean, must_be_one_of, shown
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
@@ -147,6 +148,8 @@ INTERACTION = {
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of contact with the world, which a flight without contact lacks."""
 
+GRASPS = {"grasp_largest": _measure("largest", "whole", "grasp", "largest force at a grasp", "N")}
+"""Metrics of the joints by which vehicles hold a body."""
 
 REFERRED = TRACKING | GUST | PAPER
 
@@ -180,6 +183,7 @@ def measures(joints: int) -> dict[str, Measure]:
         REFERRED
         | FREE
         | INTERACTION
+        | GRASPS
         | {
             f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
             for i in range(joints)
@@ -224,8 +228,7 @@ def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = 
     Raises:
         ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.
     """
-    if isinstance(words, str) or not isinstance(words, Collection):
-        raise ValueError(f"metrics = {shown(words)}: must be a list of names and groups, as ['standard']")
+    _require_list(words)
     every = measures(joints)
     expanded: list[str] = []
     without = [f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if each]
@@ -247,6 +250,59 @@ def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = 
             meant = did_you_mean(word, (*GROUPS, *every))
             raise ValueError(f"metrics: {shown(word)}: {meant}must be one of {allowed}; with {CONTINUOUS} its twin")
     return tuple(dict.fromkeys(expanded))
+
+
+def _require_list(words: object) -> None:
+    if isinstance(words, str) or not isinstance(words, Collection):
+        raise ValueError(f"metrics = {shown(words)}: must be a list of names and groups, as ['standard']")
+
+
+def names_by_agent(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]) -> dict[str, dict[str, str]]:
+    """Expand metric names and groups for the vehicles of a flight.
+
+    Of several vehicles ``left/tilt_max`` is the metric of one and ``tilt_max`` that of each; what belongs to the world,
+    such as the position of an object, has no vehicle's name and is counted with the first.
+
+    Args:
+        words: names and groups, with or without the name of a vehicle.
+        setpoints: for each vehicle and joint, True if the joint's command is a setpoint in place of a torque.
+
+    Returns:
+        For each vehicle: name among the results -> name in the catalogue.
+
+    Raises:
+        ValueError: as :func:`metric_names`, or another vehicle's name.
+    """
+    if len(setpoints) == 1:
+        return {name: {each: each for each in metric_names(words, len(own), own)} for name, own in setpoints.items()}
+    _require_list(words)
+    pairs = [(str(word).rpartition(WITHIN)[0], word) for word in words]
+    for agent, word in pairs:
+        if agent not in ("", *setpoints):
+            raise ValueError(f"metrics: {shown(word)}: agent = {shown(agent)}: {must_be_one_of(setpoints, agent)}")
+    listed: dict[str, dict[str, str]] = {name: {} for name in setpoints}
+    world = next(iter(listed.values()))
+    for name, own in setpoints.items():
+        of_it = [word.removeprefix(agent + WITHIN) if agent else word for agent, word in pairs if agent in ("", name)]
+        for each in metric_names(of_it, len(own), own):
+            shared = {what for _, _, what in measures(len(own))[each].totals} <= SHARED
+            (world if shared else listed[name])[each if shared else f"{name}{WITHIN}{each}"] = each
+    return listed
+
+
+def row_names(words: Sequence[str], setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
+    """Expand metric names and groups to the names among the results of a flight (:func:`names_by_agent`)."""
+    return tuple(name for own in names_by_agent(words, setpoints).values() for name in own)
+
+
+def catalogue_names(names: Iterable[str]) -> set[str]:
+    """Names of metrics in the catalogue, without those of the vehicles that they are of."""
+    return {name.rpartition(WITHIN)[2] for name in names}
+
+
+def is_torque(name: str) -> bool:
+    """True for the name of a joint's torque, with or without that of a vehicle."""
+    return name.rpartition(WITHIN)[2].startswith("tau")
 
 
 def _written_out(name: str, joints: int) -> list[str]:
@@ -287,6 +343,8 @@ def metric_words(name: str) -> tuple[str, str]:
 
     Joint errors are in rad; those of joints that slide in m.
     """
+    agent, within, name = name.rpartition(WITHIN)
     torque = re.fullmatch(r"tau(\d+)_rms", name)
     measure = measures(int(torque[1]) if torque else 0).get(name)
-    return (measure.words, measure.unit) if measure is not None and measure.words else (name.replace("_", " "), "")
+    of = f"{agent}: " if within else ""
+    return (of + measure.words, measure.unit) if measure and measure.words else (of + name.replace("_", " "), "")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import compress
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import CONTINUOUS, advance_totals, first_totals, quantity
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
-from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
+from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, shown
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.world.component import columns_of_agent
 
 
 def score(
@@ -36,7 +38,8 @@ def score(
         windows: time windows, in place of those of the scenario.
 
     Returns:
-        metric by name; NaN where no instant of the flight lies in its window: the flight ended before it.
+        metric by name, of several vehicles as ``left/tilt_max``; NaN where no instant of the flight lies in its window:
+        the flight ended before it.
 
     Raises:
         ValueError: no log, no windows, an unknown metric, or a window that ends after the planned flight.
@@ -44,9 +47,23 @@ def score(
     log = as_log(log)
     if not isinstance(windows, (Windows, type(None))):
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
+    listed = names_by_agent(metrics, {name: _setpoints(own) for name, own in log.agents.items()})
+    return {
+        name: number
+        for agent, own in log.agents.items()
+        for name, number in _score_of_agent(own, listed[agent], windows).items()
+    }
+
+
+def _setpoints(log: Log) -> list[bool]:
+    """For each joint of a logged vehicle, True if its command is a setpoint in place of a torque."""
+    return [unit is not None for unit in names_of(log).setpoints]
+
+
+def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None) -> dict[str, float]:
+    """Metrics of one vehicle's log, by their names among the results."""
     joints = log.joints.shape[1]
-    names = metric_names(metrics, joints, [unit is not None for unit in names_of(log).setpoints])
-    counted = required_totals(names, joints)
+    counted = required_totals([*names.values()], joints)
     at = (windows or Windows()).of_flight(float(log.info["duration"]), windows_of(log))
     masks = at.masks(log.time)
     used = tuple(dict.fromkeys(window for _, window, _ in counted))
@@ -70,7 +87,8 @@ def score(
     last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])
-    return {name: float(value[0]) for name, value in values(names, last, count, joints, period).items()}
+    scores = values([*names.values()], last, count, joints, period)
+    return {name: float(scores[each][0]) for name, each in names.items()}
 
 
 SETTLING_BAND = 0.02
@@ -151,7 +169,7 @@ def _limits(log: Log) -> ActuatorLimits | None:
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return None
-    limits = ActuatorLimits.of(vehicle, [unit is not None for unit in names_of(log).setpoints])
+    limits = ActuatorLimits.of(vehicle, _setpoints(log))
     return rebuild(limits, iter([np.full(log.time.size, float(limit)) for limit in leaves(limits)]))
 
 
@@ -162,8 +180,13 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
     )
     if not arrays or not log.info.get("scenario_record"):
         return arrays
-    constants = [each for component in log.scenario.components for each in component.constants.items()]
-    return (*arrays, *((name, tuple(np.full(log.time.size, float(c)) for c in numbers)) for name, numbers in constants))
+    scenario = log.scenario
+    own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
+    constants = [each for component in scenario.components for each in component.constants.items()]
+    return (
+        *((name, tuple(compress(columns, own[name]))) for name, columns in arrays),
+        *((name, tuple(np.full(log.time.size, float(c)) for c in numbers)) for name, numbers in constants),
+    )
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, catalogue_names, row_names
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
@@ -136,7 +137,7 @@ class CellFlights:
             columns=values,
             episodes=np.zeros(count, dtype=int) if self.same_noise else np.arange(count),
             fixed={**names, "trial": self.trials(count)},
-            metrics=self.metric_names(scenario.agent.commands_setpoints),
+            metrics=self.metric_names(scenario.setpoints),
             windows=self.case.windows,
             seed=self.seed,
             stiffest=with_numbers(scenario, hardest) if (hardest := self.stiffest(values)) else None,
@@ -178,14 +179,16 @@ class CellFlights:
         """Values that require the shortest integration step among all flights, by parameter path."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
-    def metric_names(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
+    def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
         """Names of the metrics to compute: common ones, joint torques, user-registered ones and those of the suite.
 
         Args:
-            setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+            setpoints: for each vehicle and joint, whether its command is a setpoint of its drive: its torque is then
+                not counted.
         """
-        efforts = (f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if not each)
-        return (*METRICS, *efforts, *sorted(registered("metric", shipped=False)), *self.further_metrics)
+        grasps = GRASPS if len(setpoints) > 1 else ()
+        words = (*METRICS, EFFORTS, *grasps, *sorted(registered("metric", shipped=False)), *self.further_metrics)
+        return row_names(words, setpoints)
 
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
@@ -218,9 +221,11 @@ def magnitudes(name: str, values: Array) -> Array:
 
 
 def successes(cell: Cell) -> Mask:
-    """True for each flight that ended with the tip within 20 mm of its reference."""
+    """True for each flight that ended with the tip, of several vehicles every tip, within 20 mm of its reference."""
+    errors = [column for name, column in cell.metrics.items() if catalogue_names([name]) == {SUCCESS_METRIC}]
     with np.errstate(invalid="ignore"):
-        return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
+        near: Mask = np.max(errors, axis=0) < SUCCESS_LIMIT
+    return cell.completed & near
 
 
 def _spread(values: Array) -> Document | None:

@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from skyarm.control.catalogue import require_different
-from skyarm.control.controller import autopilot_of
+from skyarm.log.metrics.metric_catalogue import GRASPS
+from skyarm.log.team_log import WITHIN
 from skyarm.records.files import PathLike, versions
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
@@ -79,9 +80,9 @@ class OwnScenario(SummarySuite[GivenFlights]):
         return self.plan_cells()[0][0].case.name
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
-        """Flights of each controller, and an empty mapping, since no controller is excluded.
+        """Flights of each controller, and reasons why usual laws do not fly; a law that is named must fly.
 
-        An autopilot that is named with the file's own options flies once.
+        Every vehicle of several flies the law. An autopilot that is named with the file's own options flies once.
 
         Raises:
             ScenarioError: no such scenario, or a law that is none.
@@ -89,8 +90,15 @@ class OwnScenario(SummarySuite[GivenFlights]):
         """
         named = [law for law in self.laws if law != OWN]
         require_different(named, "--laws")
+        refused = dict[str, str]()
         for name in named:
-            as_scenario(self.scenario, name)  # refuses a name of no law before the first flight
+            try:
+                as_scenario(self.scenario, name)  # refuses a name of no law before the first flight
+            except ValueError as error:
+                if tuple(self.laws) != LAWS:
+                    raise
+                refused[name] = str(error)
+        named = [name for name in named if name not in refused]
         own = as_scenario(self.scenario).with_kind(self.plant)
         case = Case(name=own.name, title=own.title, scenario=own.name)
         by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
@@ -98,29 +106,36 @@ class OwnScenario(SummarySuite[GivenFlights]):
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
-        once = autopilot_of(own.agent.controller) is not None and any(
+        once = own.autopilot is not None and any(
             name == own.agent.controller.name
             and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
             for name in named
         )
         entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]
-        return [GivenFlights(entrant=each, **options) for each in entrants], {}
+        return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Comparison report with one table: a row per controller, means over completed flights."""
+        """Comparison report with one table: a row per controller and vehicle, means over completed flights."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
-        columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric", shipped=False))]
-        rows = []
+        counted = (name for each in laws.values() for name in each["metrics"])
+        agents = dict.fromkeys("".join(name.rpartition(WITHIN)[:2]) for name in counted)  # "left/", of one vehicle ""
+        several, rows = len(agents) > 1, list[list[str]]()
+        grasps = [(f"{each.words}, {each.unit}", name, 1.0) for name, each in GRASPS.items() if several]
+        columns = [*COLUMNS, *grasps, *((name, name, 1.0) for name in names("metric", shipped=False))]
         for law, each in laws.items():
-            cells = [number((each["metrics"].get(metric) or {}).get("mean"), factor) for _, metric, factor in columns]
-            rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
-        notes = [
+            flown = f"{each['completed']} of {each['episodes']}"
+            for agent in agents:
+                means = [(each["metrics"].get(agent + name) or {}).get("mean") for _, name, _ in columns]
+                cells = [number(mean, factor) for mean, (*_, factor) in zip(means, columns, strict=True)]
+                rows.append([law, *([agent.rstrip(WITHIN)] if several else []), flown, *cells])
+        notes = [f"{law} does not fly: {why}" for law, why in found.get("not_flown", {}).items()]
+        notes += [
             f"{law}: {ending} ({count} of {each['episodes']})"
             for law, each in laws.items()
             for ending, count in each["endings"].items()
             if ending != "completed"
         ]
-        head = ["law", ">completed", *(f">{title}" for title, _, _ in columns)]
+        head = ["law", *(["agent"] if several else []), ">completed", *(f">{title}" for title, _, _ in columns)]
         return Report(
             title=f"{title_of(list(laws))}, {case} on {found['plant']}",
             facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",

@@ -70,9 +70,9 @@ class SummarySuite(Suite[F]):
     """Base of benchmarks whose results are the statistics of each controller, case and condition."""
 
     def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Statistics of the metrics for every controller, case and condition, as plain data."""
+        """Statistics of the metrics for every controller, case and condition, and why others do not fly."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named)}
+        return {"summaries": table(named)} | ({"not_flown": dict(refused)} if refused else {})
 
 
 def fly_suite(

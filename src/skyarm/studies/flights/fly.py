@@ -13,6 +13,7 @@ from skyarm.log.formats import npz_content
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.score import score
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import Scenario
@@ -91,7 +92,8 @@ def _one_by_one(work: Work) -> Rows:
 
 def _metrics_of(work: Work, log: Log) -> list[str]:
     """Names of the metrics of a single flight, without efforts of joints that are commanded by setpoints."""
-    setpoints = {f"tau{i + 1}_rms" for i, unit in enumerate(names_of(log).setpoints) if unit is not None}
+    units = (unit for own in log.agents.values() for unit in enumerate(names_of(own).setpoints))
+    setpoints = {f"tau{i + 1}_rms" for i, unit in units if unit is not None}
     return [name for name in work.metrics if name not in setpoints]
 
 
@@ -100,11 +102,13 @@ def _column(values: list[float | str | bytes]) -> Array:
 
 
 def one_scenario(work: Work, k: int) -> Scenario:
-    """Scenario of a single flight of a work item, with its command delay rounded to whole physics steps."""
+    """Scenario of a single flight of a work item, with its command delays rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
-    late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
+    late = {path: numbers.pop(path) for path in [*numbers] if word_of(path) == LATE}
     single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
-    if late is None:
-        return single
-    command = round(late * rate) / rate
-    return single.with_delays(dataclasses.replace(single.agent.delays, command=command, longest_command=None))
+    agents, rate = dict(single.agents), single.rates.physics
+    for path, seconds in late.items():
+        name = agent_of(path) or next(iter(agents))
+        delays = dataclasses.replace(agents[name].delays, command=round(seconds * rate) / rate, longest_command=None)
+        agents[name] = dataclasses.replace(agents[name], delays=delays)
+    return dataclasses.replace(single, agents=agents) if late else single

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyarm.log.metrics.metric_catalogue import metric_names
+from skyarm.log.metrics.metric_catalogue import is_torque, row_names
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import PathLike, needs_extra, require_no_link, require_writable, sync_folder, write_inside
 from skyarm.records.files.unpacked import LARGEST, require_size
@@ -358,13 +358,11 @@ def _fits(content: bytes, work: Work) -> bool:
         rows = unpack_rows(content)
     except ValueError:
         return False
-    scenario = work.scenario
     # of a joint whose command is a setpoint of its drive a flight by itself has no effort
-    asked = [name for name in work.metrics if not (work.alone and name.startswith("tau"))] if not work.measure else []
-    metrics = metric_names(asked, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
-    given = ["episode", *work.fixed, *work.columns, *metrics, "status", "end_time"]
+    asked = [name for name in work.metrics if not (work.alone and is_torque(name))] if not work.measure else []
+    given = ["episode", *work.fixed, *work.columns, *row_names(asked, work.scenario.setpoints), "status", "end_time"]
     if work.alone:
-        given = [name for name in given if not name.startswith("tau")]
+        given = [name for name in given if not is_torque(name)]
     words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
     text_columns = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
     dtypes = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}

@@ -16,6 +16,7 @@ import numpy as np
 import skyarm.records.files as skyarm_files
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.accumulate import added_metric
+from skyarm.log.metrics.metric_catalogue import catalogue_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import versions
@@ -81,7 +82,9 @@ class Work:
     @cached_property
     def program(self) -> str:
         """Digest of all that the compiled simulation depends on; work items of equal digest share a compilation."""
-        metrics = [added_metric(name) for name in sorted(registrations("metric")) if name in self.metrics]
+        metrics = [
+            added_metric(name) for name in sorted(registrations("metric")) if name in catalogue_names(self.metrics)
+        ]
         return digest(
             {
                 "scenario": _identity(self.scenario),

@@ -125,9 +125,10 @@ def margins(
         progress: called with the number of finished instants and their total.
 
     Raises:
-        ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
+        ScenarioError: fewer than 0 instants, several vehicles, or the loop has a memory that its linearisation does not
+            know.
     """
-    return evidence(without_adaptation(as_scenario(scenario)), instants, progress)
+    return evidence(without_adaptation(as_scenario(scenario).alone("stability margins")), instants, progress)
 
 
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from skyarm.log.metrics.metric_catalogue import catalogue_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.records.files import Fields, PathLike, errors_as, must_be_one_of, shown
 from skyarm.records.identity import all_files, identity
 from skyarm.records.immutable import immutable
+from skyarm.records.path_names import word_of
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import registrations
 from skyarm.scenario.endings import STATUSES
@@ -127,7 +129,7 @@ def _unit(scenario: Scenario, path: str) -> str:
 def _code_and_endings(study: Study) -> dict[str, dict[str, str] | list[str]]:
     """Digests of user code and user-defined termination statuses on which a sweep's results depend."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
-    rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
+    rows = [row.load() for name, row in registrations("metric").items() if name in catalogue_names(study.metrics)]
     code = all_files(study.scenarios, rows)
     endings = [status for status in own if status not in STATUSES]
     return ({"plugins": code} if code else {}) | ({"endings": endings} if endings else {})
@@ -178,7 +180,7 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
     rate = _fastest_friction(scenario)
     best, best_rate = scenario, rate
     for each in singles:
-        if each.path.startswith((*PLANT, "changes.")):
+        if word_of(each.path).startswith((*PLANT, "changes.")):
             single = each.of(scenario)
             single_rate = _rate(each.where, single)
             if single_rate > rate:
@@ -197,7 +199,7 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
         if single_rate > best_rate:
             best, best_rate = together, single_rate
     for each in (*singles, *derived):
-        if each.path.startswith(STATED):
+        if word_of(each.path).startswith(STATED):
             best = min((best, each.of(best)), key=lambda changed: stated_step(changed) or math.inf)
     return best
 
@@ -209,7 +211,8 @@ def _rate(where: str, scenario: Scenario) -> float:
 
 def _fastest_friction(scenario: Scenario) -> float:
     """Largest rate constant of joint friction over the flight, 1/s."""
-    return max(joint_rate(stretch.overrides.of(scenario).agent.plant.vehicle) for stretch in stretches(scenario))
+    flown = (stretch.overrides.of(scenario) for stretch in stretches(scenario))
+    return max(joint_rate(vehicle) for each in flown for vehicle in each.vehicles.values())
 
 
 def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:

@@ -11,7 +11,8 @@ A file has ``schema = 1`` and::
     chunk            episodes of one file of rows (4096)
     precision        "double", "single" or "bit_exact" (double)
     design           "random", "grid" or "sobol" (random)
-    metrics          names and groups (["standard", "rotor_jitter", "rotor_saturation"]); others cost no time
+    metrics          names and groups (["standard", "rotor_jitter", "rotor_saturation"]); others cost no time. Of
+                     several agents "left/tilt_max" is that of one, "tilt_max" that of each
     windows          steady, transient, gust, hover: [start, stop) in s; holds: a list of such; last: s before the
                      end; what is left out is the scenario's, or else the flight after its first third
     [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
@@ -32,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import require_different
-from skyarm.log.metrics.metric_catalogue import metric_names
+from skyarm.log.metrics.metric_catalogue import row_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import (
     Fields,
@@ -208,7 +209,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     names = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
     if not isinstance(names, list) or not names:
         raise ValueError(f"metrics = {shown(names)}: must be a list of names")
-    return metric_names(names, scenario.agent.plant.vehicle.n, scenario.agent.commands_setpoints)
+    return row_names(names, scenario.setpoints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
@@ -226,7 +227,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
-        scenarios[controller or scenario.agent.controller.name] = _ready(scenario, paths, derived)
+        scenarios[controller or scenario.law_names] = _ready(scenario, paths, derived)
     return scenarios
 
 

@@ -319,7 +319,7 @@ def tune(
     if isinstance(what, Vehicle) or not (isinstance(what, Scenario) or is_scenario(str(what))):
         moves, scenario = False, of_vehicle(what if isinstance(what, Vehicle) else load_vehicle(what), controller)
     else:
-        moves, scenario = True, as_scenario(what, controller)
+        moves, scenario = True, as_scenario(what, controller).alone("a search for gains")
     label = controller or scenario.agent.controller.name
     plan = plan_of(scenario, moves, label, knobs, Effort().scale(candidates, plants), seed)
     return tune_plan(plan, workers=workers, on=on, folder=folder, progress=progress)
