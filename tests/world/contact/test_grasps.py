@@ -81,6 +81,17 @@ def test_a_grasp_pulls_by_its_stiffness_and_damping_and_an_opened_one_not_at_all
     assert tuple(torque) == pytest.approx((STIFF * 0.03**2 * np.sin(0.1), 0.0, 0.0), abs=1e-12)
 
 
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_an_opened_grasp_has_no_force_in_the_log_and_its_body_falls(plant: str) -> None:
+    log = skyarm.run(with_grasps(team("bar", duration=0.2), release=0.1).with_kind(plant))
+    opened = log.time > 0.1 - 1e-9
+    assert (log.grasp_force[opened] == 0.0).all()
+    assert (log.grasp_pull[opened] == 0.0).all()
+    assert (log.grasp_force[~opened][1:] > 0.1).all()
+    falling = log.object_velocity[opened][:, 2]
+    np.testing.assert_allclose(np.diff(falling), -GRAVITY * 0.005, rtol=0, atol=1e-9)
+
+
 def test_a_squeezed_bar_is_pressed_by_two_springs_in_series() -> None:
     squeezed = placed(team("bar", duration=0.005), {"left": 0.19, "right": -0.19})
     assert squeezed.world is not None
