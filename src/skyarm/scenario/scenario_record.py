@@ -495,7 +495,7 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
                 fields[group] = dataclasses.replace(fields[group], **inner)
     if "agent" in fields:
-        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)), ())
+        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))
         fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:

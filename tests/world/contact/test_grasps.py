@@ -218,6 +218,32 @@ def test_stiff_grasps_make_one_rigid_body(monkeypatch: pytest.MonkeyPatch) -> No
     assert gaps[-1] < 1e-4
 
 
+@pytest.mark.parametrize(
+    ("apart", "parting", "tension"),
+    [
+        (0.51, 0.0, 8.0),
+        (0.51, 1.0, 11.0),  # damping adds to the pull of ends that part, and takes from that of ends that meet
+        (0.51, -1.0, 5.0),
+        (0.51, -5.0, 0.0),
+        (0.49, 5.0, 0.0),  # slack, though -8 N of the spring and 15 N of the damper add up to a pull
+        (0.49, 0.0, 0.0),
+        (0.49, -5.0, 0.0),
+    ],
+)
+def test_a_slack_cable_has_no_force_however_fast_its_ends_part(apart: float, parting: float, tension: float) -> None:
+    cable = Grasp(body="bar", kind="cable", length=0.5, stiffness=800.0, damping=3.0)
+    one, none = Mat3(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)), Vec3(0.0, 0.0, 0.0)
+    along = np.array([0.6, 0.0, 0.8])
+    hand = CarriedFrame(position=none, rotation=one, velocity=none, turning=none)
+    away = (Vec3(*(scale * along)) for scale in (apart, parting))
+    body = dataclasses.replace(hand, position=next(away), velocity=next(away))
+    np.testing.assert_allclose([*cable.pull((), hand, body, 0.0).force], -tension * along, rtol=0, atol=1e-9)
+    # the same where the vehicle's end moves
+    moved = dataclasses.replace(hand, velocity=body.velocity * -1.0)
+    held = dataclasses.replace(body, velocity=none)
+    np.testing.assert_allclose([*cable.pull((), moved, held, 0.0).force], -tension * along, rtol=0, atol=1e-9)
+
+
 def test_a_cable_pulls_and_never_pushes_and_gains_no_energy() -> None:
     rng, drops = np.random.default_rng(11), 200
     mass, dt = 0.1, 1e-4
