@@ -114,7 +114,8 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         assert len(given.agent.all_drives) == given.plant.vehicle.n
         assert all(hasattr(each, "require_vehicle") for each in given.components)
 
-    words = ("duration", "rates", "plant.gravity", "plant.vehicle", "plant.drives", "environment", "payloads", "world")
+    plant = ("plant.gravity", "plant.vehicle", "plant.drives", "plant.closure")
+    words = ("duration", "rates", *plant, "environment", "payloads", "world")
     seen = seen_by(check, [RICH])
     assert unsaid(seen, words) == set()
     left_out = {word: unsaid(seen, [other for other in words if other != word]) for word in words}
@@ -124,6 +125,7 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         "plant.gravity": {("agent", "plant", "gravity")},
         "plant.vehicle": {("agent", "plant", "vehicle")},
         "plant.drives": {("agent", "drives")},
+        "plant.closure": {("solver", "closure")},
         "environment": {("environment", "wind"), ("environment", "air"), ("environment", "forces")},
         "payloads": {("agent", "payloads")},
         "world": {("environment", "world")},

@@ -12,8 +12,11 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.log.formats import load_log
+from skyarm.plant.interface import make_plant
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Delays, NamedSensor, Scenario, ScenarioError
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.component import Component, Wrench
 from support.teams import team
@@ -169,6 +172,16 @@ def test_a_force_of_ones_own_sees_all_agents_and_acts_on_each_by_name(plant: str
     wrong = dataclasses.replace(joined, forces=(Wrong(),))
     with pytest.raises(ScenarioError, match=r"gives a wrench on agent 'middle': must be one of left, right$"):
         skyarm.run(dataclasses.replace(both, environment=wrong))
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_plant_refuses_a_wrench_on_an_agent_that_is_not_there(plant: str) -> None:
+    both = team("bar", duration=0.1).with_kind(plant)
+    wrong = dataclasses.replace(both, environment=dataclasses.replace(both.environment, world=None, forces=(Wrong(),)))
+    around = first_surroundings(wrong, first_loop_state(wrong))
+    state, command = (tuple(leaves(first_loop_state(wrong).agents[i].state)) for i in (0, 1)), (0.0,) * 8
+    with pytest.raises(ValueError, match=r"^Wrong\.wrenches: agent = 'middle': must be one of left, right$"):
+        make_plant(wrong, around).advance(tuple(c for each in state for c in each), command, leaves(around), 0.005)
 
 
 class Wrong(Rubber):

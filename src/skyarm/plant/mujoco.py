@@ -32,6 +32,7 @@ from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
+from skyarm.plant.mujoco_welds import Welds, closed_contacts
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE
@@ -94,7 +95,8 @@ class MujocoPlant:
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
     a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
-    there are coupled components. Not for two threads at once: each call works in the same MuJoCo data, though nothing
+    there are coupled components. Grasps that the plant closes are constraints (:mod:`skyarm.plant.mujoco_welds`), which
+    are solved at the stages alone. Not for two threads at once: each call works in the same MuJoCo data, though nothing
     in it outlives the call.
 
     Args:
@@ -119,8 +121,8 @@ class MujocoPlant:
     ) -> None:
         self._worlds, around = several(world, around)
         vehicles = [each.vehicle for each in self._worlds]
-        for each in vehicles:
-            require_plant(each)
+        for vehicle in vehicles:
+            require_plant(vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = vehicles[0]
@@ -137,14 +139,18 @@ class MujocoPlant:
         )
         for vehicle, held, prefix in list(zip(vehicles, loads, prefixes, strict=True))[1:]:
             add_vehicle(spec, vehicle, held, prefix)
+        self._welds = [Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)]
         with QUIET, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of masses beyond measure, whose flight ends as diverged
             self.model = spec.compile()
         self._physics_step, self._rk4 = physics_step, integrator == "rk4"
         self._data = mujoco.MjData(self.model)
         # views of MuJoCo's numbers: to ask its records for them costs a microsecond each time
-        self._qpos, self._qvel, self._force = self._data.qpos, self._data.qvel, self._data.qfrc_applied
         self._layout = layout = Layout(self._worlds, self.model, prefixes)
+        self._qpos, self._qvel = self._data.qpos[: layout.nq], self._data.qvel[: layout.nv]
+        self._force = self._data.qfrc_applied
+        for each in self._welds:
+            each.bind(self.model, self._data)
         self._gravity = self.model.opt.gravity
         bodies = [self.model.body(prefix + body_name(v, BASE)).id for v, prefix in zip(vehicles, prefixes, strict=True)]
         self._bases = [
@@ -155,7 +161,7 @@ class MujocoPlant:
         self._loads = Quick(self._forces_and_speeds, zeros, commands, around)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
-        ends = (0, layout.nv, layout.end - layout.nq, len(self._loads.outputs))
+        ends = (0, len(self._force), len(self._force) + layout.driven, len(self._loads.outputs))
         self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*coupled_places(around)]
         commanded = len(leaves(commands))
@@ -171,7 +177,8 @@ class MujocoPlant:
             self._carried = Loads(layout, self.model, self._data, around, prefixes)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
-            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
+            solver = self._forward, self._welds
+            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, *solver)
 
     def _forces_and_speeds(
         self, x: tuple[Scalar, ...], commands: tuple[Command, ...], around: Together
@@ -222,9 +229,10 @@ class MujocoPlant:
         """Vehicle and contact state after several Runge-Kutta steps with forces evaluated at each stage."""
         self._loads.step()
         with QUIET:
-            memory = [around[place] for place in self._coupled]
-            x, memory = staged.advance(self._layout.to_mujoco(state), memory, self._pushed, (*command, *around), count)
-        return (*self._layout.to_ours(x), *memory)
+            memory = self._around[self._coupled]
+            start, given = self._layout.to_mujoco(state), (*command, *around)
+            x, coupled = staged.advance(start, memory.tolist(), self._pushed, given, count)
+        return (*self._layout.to_ours(x), *coupled)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
         """Write vehicle state, command and environment inputs into MuJoCo's data.
@@ -240,6 +248,8 @@ class MujocoPlant:
         x, nq = self._layout.to_mujoco(state), self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
         self._loads.inputs[:] = (*x, *command, *around)
+        for each in self._welds:
+            each.begin(self._around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
         """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""

@@ -15,6 +15,7 @@ from skyarm.dynamics.state import State, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import free_name, joint_addresses
+from skyarm.plant.mujoco_welds import object_forces
 from skyarm.plant.surroundings import Together
 from skyarm.records.leaves import rebuild
 
@@ -35,7 +36,8 @@ class Layout:
         worlds: true vehicles and gravity. model: MuJoCo's, of a tree for each. prefixes: of the names in each tree.
 
     Attributes:
-        nq, nv: count of MuJoCo's positions and velocities. end: count of all numbers.
+        nq, nv: count of MuJoCo's positions and velocities of the vehicles, before those of objects.
+        end: count of all numbers.
         driven: count of rotor speeds and tilt angles together.
         bases: address of each vehicle's first velocity. dofs: addresses of its links' and followers' velocities.
         to_mujoco, to_ours: reordering of the states' numbers, as tuples.
@@ -43,7 +45,7 @@ class Layout:
 
     def __init__(self, worlds: Sequence[Truth], model: Any, prefixes: Sequence[str] = ("",)) -> None:
         self.worlds, self.vehicles = tuple(worlds), tuple(world.vehicle for world in worlds)
-        self.nq, self.nv = int(model.nq), int(model.nv)
+        self.nq, self.nv = (sum(size + len(each.moving) for each in self.vehicles) for size in (7, 6))
         self.driven = sum(len(each.rotors) + len(each.tilts) for each in self.vehicles)
         self.end = self.nq + self.nv + self.driven
         self.bases, self.dofs = list[int](), list[list[int]]()
@@ -93,15 +95,16 @@ class Layout:
     def generalized_forces(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
     ) -> list[Scalar]:
-        """Generalised forces at states without gravity, in MuJoCo's order.
+        """Generalised forces at states without gravity, in MuJoCo's order: of the vehicles, then of held objects.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
-        generalized, place = list[Scalar](), list[int]()
-        for i, (motion, command) in enumerate(zip(around.motions(self.worlds, states), commands, strict=True)):
+        generalized, place, motions = list[Scalar](), list[int](), around.motions(self.worlds, states)
+        for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
             force, torques = applied_force(motion, command, around.of(i))
             # what acts on a follower acts on its leader already
             still = [0] * len(motion.vehicle.followers)
             generalized += [*motion.rotation.apply(force.force), *force.torque, *torques, *still]
             place += [*range(self.bases[i], self.bases[i] + 6), *self.dofs[i]]
-        return [generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)]
+        ordered = [generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)]
+        return ordered + object_forces(around, motions)

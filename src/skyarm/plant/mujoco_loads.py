@@ -147,7 +147,7 @@ class Loads:
         whole = np.zeros((model.nv, model.nv))
         for column, moved in zip(np.eye(model.nv), whole, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
-        return self._G.T @ whole @ self._G
+        return self._G.T @ whole[: len(self._G), : len(self._G)] @ self._G
 
 
 def _numbers(around: Together) -> tuple[Scalar, ...]:

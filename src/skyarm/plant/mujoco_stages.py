@@ -22,6 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.plant.interface import example_command
 from skyarm.plant.loads import follow_commands
 from skyarm.plant.mujoco_layout import Layout
+from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -71,6 +72,7 @@ class StagedRungeKutta:
         layout: layout of the vehicles. model, data: MuJoCo's; a step works in ``data``.
         around: surroundings as an example. dt: length of a step, s.
         forward: MuJoCo's forward dynamics, or with the forces that hold followers.
+        welds: constraints of grasps in ``model``, with the objects that they hold.
     """
 
     def __init__(
@@ -81,17 +83,20 @@ class StagedRungeKutta:
         around: Together,
         dt: float,
         forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
+        welds: Sequence[Welds] = (),
     ) -> None:
+        self._welds = welds
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
-        self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         nq, nv = layout.nq, layout.nv
+        self._qpos, self._qvel = data.qpos[:nq], data.qvel[:nv]
+        self._force, self._qacc = data.qfrc_applied, data.qacc
         vehicles = layout.vehicles
         own = sum(6 + each.n for each in vehicles)  # velocities but the followers'
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
             start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
-            total=slopes, rates=self._coupled, acceleration=(0.0,) * nv, weights=(0.0,) * 4,
+            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 4,
         )  # fmt: skip
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
@@ -118,6 +123,9 @@ class StagedRungeKutta:
         shape = around.coupled_memories()
         there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
+        for each in self._welds:
+            for place, rate in zip(each.moving, inputs.acceleration[layout.nv :], strict=True):
+                faster[place] = rate
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
@@ -148,18 +156,27 @@ class StagedRungeKutta:
             given: rotor commands, setpoints, angles and numbers of the surroundings.
             steps: count of the steps.
         """
-        model, data, program, forward = self._model, self._data, self._program.step, self._forward
+        program = self._program.step
         self._now[:], self._memory[:], self._given[:], self._loads[:] = x, memory, given, forces
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in self._tableau:
-                self._qpos[:], self._qvel[:], self._force[:] = self._positions, self._velocities, self._loads
-                forward(model, data)
+                self._solve()
                 self._acceleration[:], self._weights[:] = self._qacc, row
                 program()
                 self._moving[:] = self._move_state
+        for each in self._welds:
+            self._solve()
+            self._memory[each.forces] = each.wrenches()
         return self._now.tolist(), self._memory.tolist()
+
+    def _solve(self) -> None:
+        """Compute MuJoCo's accelerations and constraint forces at the stage's state under its forces."""
+        self._qpos[:], self._qvel[:], self._force[:] = self._positions, self._velocities, self._loads
+        for each in self._welds:
+            each.put(self._memory)
+        self._forward(self._model, self._data)
 
 
 def _slope(x: State, u: Vec3, linear: Vec3, angular: Vec3, joints: Sequence[Scalar]) -> list[Scalar]:

@@ -13,6 +13,7 @@ from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.members import SOLE
@@ -53,10 +54,18 @@ class Surroundings:
         return total
 
     def wrenches(self, motion: PointMotion) -> list[Wrench]:
-        """Forces and torques of all environment models on the vehicle's bodies."""
+        """Forces and torques of all environment models on the vehicle's bodies.
+
+        Raises:
+            ValueError: one line: a model gives a wrench on a vehicle that does not exist.
+        """
         wrenches: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
-            wrenches += component.wrenches(memory, self.time, motion, motion.state.rotor_speeds)
+            given = component.wrenches(memory, self.time, motion, motion.state.rotor_speeds)
+            for agent in {each.agent for each in given} - {"", *motion.agents} if motion.name else ():
+                allowed = must_be_one_of(motion.agents, agent)
+                raise ValueError(f"{type(component).__name__}.wrenches: agent = {shown(agent)}: {allowed}")
+            wrenches += given
         return [each for each in wrenches if each.agent in ("", motion.name)]
 
     def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:

@@ -20,13 +20,20 @@ class Members(Mapping[str, T]):
     """Immutable mapping from names to records, in order; at least one.
 
     Attributes:
-        names: names of the members. records: the members.
+        names: names of the members. records: the members, one for each name, or none yet.
         others: names of members that are left out of a view of some.
     """
 
     names: tuple[str, ...]
-    records: tuple[T, ...]
+    records: tuple[T, ...] = ()
     others: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field, value in (("names", self.names), ("others", self.others)):
+            if type(value) is not tuple or not all(type(each) is str for each in value):
+                coerce.refuse(f"members.{field}", value, "must be a tuple of names")
+        if type(self.records) is not tuple or len(self.records) not in (0, len(self.names)):
+            coerce.refuse("members.records", self.records, f"must be a tuple of {len(self.names)}, one for each name")
 
     def __getitem__(self, name: str) -> T:
         if name not in self.names:

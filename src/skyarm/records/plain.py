@@ -29,7 +29,10 @@ class Named(Protocol):
     def __name__(self) -> str: ...
 
 
-WRITTEN_IF_ANY = {"written_if_any": True}
+UNWRITTEN = "unwritten"
+"""Key of a field's metadata: plain data contains the field only if it is neither empty nor this value."""
+
+WRITTEN_IF_ANY = {UNWRITTEN: None}
 """Metadata of a field that plain data contains only if it is not empty, so that digests of older records stay the
 same."""
 
@@ -104,15 +107,16 @@ def fields_of(value: object) -> list[tuple[str, object]]:
         unwritten, group = written_if_any(type(value)), group_of(type(value))
         if group and tuple(dict(fields)[group[0]]) == (SOLE,):
             fields = [(group[1], each[SOLE]) if name == group[0] else (name, each) for name, each in fields]
-        return [pair for pair in fields if pair[0] not in unwritten or pair[1]] if unwritten else fields
+        return [(n, each) for n, each in fields if n not in unwritten or (each and each != unwritten[n])]
     slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
 
 
 @memoize
-def written_if_any(kind: type) -> tuple[str, ...]:
-    """Fields of a dataclass that plain data contains only if their values are not empty."""
-    return tuple(field.name for field in declarations(kind) if "written_if_any" in field.metadata)
+def written_if_any(kind: type) -> dict[str, object]:
+    """Fields of a dataclass that plain data contains only if their values are neither empty nor those given here."""
+    every = ((field.name, field.metadata) for field in declarations(kind))
+    return {name: metadata[UNWRITTEN] for name, metadata in every if UNWRITTEN in metadata}
 
 
 @memoize

@@ -33,7 +33,7 @@ from skyarm.reference.signals import Signal
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import CLOSURES, Scenario
 from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.dryden import Dryden
@@ -233,6 +233,8 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of(names("plant"))
     if slot.path == "plant.integrator":
         return _one_of(INTEGRATORS)
+    if slot.path == "plant.closure":
+        return _one_of(CLOSURES)
     if slot.path == "reference.governor":
         return "true, false or a table"
     return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else entry_in_words(slot.type)

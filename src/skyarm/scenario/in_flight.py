@@ -391,6 +391,7 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
     settings: dict[str, object] = {
         **{"rates": scenario.rates, "duration": scenario.duration},
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
+        **{"plant.closure": scenario.closure},
         **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
     }
     for named in scenario.agent.sensors:

@@ -84,7 +84,7 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    fields, beside = Fields(entry, path), ["kind", "integrator", "drives"]
+    fields, beside = Fields(entry, path), ["kind", "integrator", "closure", "drives"]
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     return Truth(vehicle=carrier, gravity=gravity)
 

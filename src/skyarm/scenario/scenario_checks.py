@@ -358,7 +358,7 @@ def surroundings_fit(scenario: Scenario) -> None:
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
 
-@rule("environment", "world", "plant.vehicle", "plant.gravity", "rates", shared=True)
+@rule("environment", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
 def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
     period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}

@@ -24,11 +24,11 @@ from skyarm.records.field_rules import accept_fields, checked, defaults, require
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import field_names, parts
 from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
 from skyarm.records.words import STRUCTURAL, Word, groups
@@ -294,24 +294,34 @@ def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
+CLOSURES = ("spring", "weld")
+"""Ways in which a plant closes the loops of grasps."""
+
+
 @immutable
 class Solver:
     """Simulation settings of a plant: kind of simulator and integrator.
 
     Attributes:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
+        closure: grasps are forces of a "spring", or constraints of MuJoCo of the same stiffness and damping, a "weld".
     """
 
     kind: Annotated[str, STRUCTURAL] = "rigid_body"
     integrator: Annotated[str, STRUCTURAL] = "rk4"
+    closure: Annotated[str, STRUCTURAL] = dataclasses.field(default="spring", metadata={UNWRITTEN: "spring"})
 
     def __post_init__(self) -> None:
         for field, value, allowed in (
             ("kind", self.kind, registrations("plant")),
             ("integrator", self.integrator, dict.fromkeys(INTEGRATORS)),
+            ("closure", self.closure, dict.fromkeys(CLOSURES)),
         ):
             if not isinstance(value, str) or value not in allowed:
                 raise ScenarioError(f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
+        if self.closure == "weld" and (self.kind != "mujoco" or self.integrator == "euler"):
+            words = "must be 'spring' unless kind is 'mujoco' and integrator is not 'euler'"
+            raise ScenarioError(f"plant.closure = 'weld': {words}")
 
 
 @immutable
@@ -485,7 +495,7 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
                 fields[group] = dataclasses.replace(fields[group], **inner)
     if "agent" in fields:
-        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)), ())
+        known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))
         fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
@@ -678,6 +688,11 @@ class Scenario:
         return self.solver.integrator
 
     @property
+    def closure(self) -> str:
+        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a "weld"."""
+        return self.solver.closure
+
+    @property
     def wind(self) -> AnyComponent:
         """Wind model of the scenario."""
         return self.environment.wind
@@ -826,7 +841,11 @@ class Scenario:
     @property
     def worlds(self) -> tuple[Contact, ...]:
         """The contact model (surfaces, grippers) as a tuple of one; empty if there is nothing to touch."""
-        return () if self.world is None else (self.world,)
+        if self.world is None or self.closure == "spring":
+            return () if self.world is None else (self.world,)
+        from skyarm.world.contact.contact import ClosedContact
+
+        return (ClosedContact(**parts(self.world)),)
 
 
 def with_words(scenario: Scenario, **words: Any) -> Scenario:

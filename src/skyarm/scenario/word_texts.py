@@ -69,6 +69,7 @@ PATHS: Mapping[str, WordText] = {
     "plant.gravity": WordText("acceleration of gravity along world -z", "9.81"),
     "plant.kind": WordText("simulator: the library's rigid-body dynamics, or MuJoCo"),
     "plant.integrator": WordText("[integrator](#integrators) of the plant"),
+    "plant.closure": WordText("grasps as forces of springs, or as constraints of `mujoco` of the same stiffness"),
     "plant.drives.*": WordText("[drive](actuators.md#servos) of this joint", "the vehicle's"),
     "plant.drives.*.kind": WordText("kind of the drive"),
     "plant.payload.frame": WordText("frame that carries the payload", "the tip"),

@@ -183,8 +183,11 @@ class Stages:
         return self.together(own, now.components, drives, time)
 
     def motions(self, now: LoopState, around: Together) -> tuple[PointMotion, ...]:
-        """Motion of each vehicle at a state of the loop."""
-        return around.motions(self.worlds, [loop.state for loop in now.agents])
+        """Motion of each vehicle at a state of the loop, at the time at which the plant opens grasps."""
+        motions = around.motions(self.worlds, [loop.state for loop in now.agents])
+        for motion, own in zip(motions, around.each, strict=True):
+            motion.task_time = own.time
+        return motions
 
 
 def _acts(component: Component[Tree]) -> bool:

@@ -17,6 +17,7 @@ from skyarm.plant.interface import Truth
 from skyarm.scenario.scenario_record import Rates, Scenario
 from skyarm.vehicle.linkage import Body
 from skyarm.world.contact.carrier import CarriedFrame
+from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from support.teams import GRAVITY, Constants, adrift, bodies_of, team, with_grasps, with_world
 
@@ -81,6 +82,17 @@ def test_a_grasp_pulls_by_its_stiffness_and_damping_and_an_opened_one_not_at_all
     assert tuple(torque) == pytest.approx((STIFF * 0.03**2 * np.sin(0.1), 0.0, 0.0), abs=1e-12)
 
 
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_an_opened_grasp_has_no_force_in_the_log_and_its_body_falls(plant: str) -> None:
+    log = skyarm.run(with_grasps(team("bar", duration=0.2), release=0.1).with_kind(plant))
+    opened = log.time > 0.1 - 1e-9
+    assert (log.grasp_force[opened] == 0.0).all()
+    assert (log.grasp_pull[opened] == 0.0).all()
+    assert (log.grasp_force[~opened][1:] > 0.1).all()
+    falling = log.object_velocity[opened][:, 2]
+    np.testing.assert_allclose(np.diff(falling), -GRAVITY * 0.005, rtol=0, atol=1e-9)
+
+
 def test_a_squeezed_bar_is_pressed_by_two_springs_in_series() -> None:
     squeezed = placed(team("bar", duration=0.005), {"left": 0.19, "right": -0.19})
     assert squeezed.world is not None
@@ -131,6 +143,52 @@ def test_both_plants_fly_the_same_grasps(kind: str, monkeypatch: pytest.MonkeyPa
         theirs_of = theirs.component(f"object_{array}")
         np.testing.assert_allclose(ours.component(f"object_{array}"), theirs_of, rtol=0, atol=1e-8)
     np.testing.assert_allclose(ours.grasp_pull, theirs.grasp_pull, rtol=0, atol=1e-6)
+
+
+NEAR_TIP = 0.02
+"""Mass (kg) of the lightest tip, for which steps are chosen."""
+
+
+def oscillator(grasp: Grasp, thing: FreeObject) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping by inertia, M^-1 K and M^-1 D, of a body and the lightest tip in a grasp."""
+    x, y, z = (float(c) for c in grasp.place)
+    patch = float(grasp.radius) ** 2
+    M = np.diag([float(thing.mass)] * 3 + [float(c) for c in thing.moments] + [NEAR_TIP] * 3 + [NEAR_TIP * patch] * 3)
+    J, none = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.zeros((3, 3))
+    rows = np.hstack([-np.eye(3), J, np.eye(3), none])
+    shape = rows.T @ rows
+    if grasp.kind == "fixed":
+        turned = np.hstack([none, -np.eye(3), none, np.eye(3)])
+        shape = shape + patch * turned.T @ turned
+    return float(grasp.stiffness) * np.linalg.solve(M, shape), float(grasp.damping) * np.linalg.solve(M, shape)
+
+
+@pytest.mark.parametrize("kind", ["ball", "fixed"])
+@pytest.mark.parametrize("mass", [0.005, 0.104, 2.0])
+@pytest.mark.parametrize(("stiffness", "damping"), [(5000.0, 0.0), (5000.0, 20.0), (50.0, 40.0), (1e5, 5.0)])
+def test_the_step_of_a_grasp_is_that_of_its_fastest_pole(
+    kind: str, mass: float, stiffness: float, damping: float
+) -> None:
+    place, size = Vec3(0.01, 0.19, 0.0097), (0.0276, 0.684, 0.0276)
+    thing = FreeObject(name="bar", mass=mass, size=size)
+    grasp = Grasp(body="bar", kind=kind, place=place, stiffness=stiffness, damping=damping, radius=0.04)
+    K, D = oscillator(grasp, thing)
+    n = len(K)
+    poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -D]]))
+    undamped = np.sqrt(np.linalg.eigvals(K).real.max())
+    h = float(grasp.step_of(thing))
+    z = h * poles
+    assert np.abs(1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0).max() < 1.0 + 1e-6
+    allowed = min(0.85 / undamped, 1.5 / np.abs(poles).max())
+    # bounds of Gershgorin's: never longer, and not much shorter
+    assert 0.25 * allowed < h < allowed * (1.0 + 1e-6)
+    h = float(grasp.step_of(thing, euler=True))
+    step = np.block([[np.eye(n) - h * h * K, h * (np.eye(n) - h * D)], [-h * K, np.eye(n) - h * D]])
+    assert np.abs(np.linalg.eigvals(step)).max() < 1.0 + 1e-6
+    # of a semi-implicit step: stable within z^2 + 2 c z < 4, with z and c of the fastest mode
+    decay = np.linalg.eigvals(D).real.max()
+    stable = (-decay + np.sqrt(decay**2 + 4.0 * undamped**2)) / undamped**2
+    assert 0.15 * min(0.85 / undamped, stable) < h
 
 
 SPEEDS = {"left": (1450.0, 1400.0, 1420.0, 1430.0), "right": (1380.0, 1470.0, 1400.0, 1410.0)}
@@ -205,6 +263,32 @@ def test_stiff_grasps_make_one_rigid_body(monkeypatch: pytest.MonkeyPatch) -> No
     slope = np.polyfit(np.log10([1e3, 1e4, 1e5]), np.log10(gaps), 1)[0]
     assert slope == pytest.approx(-1.0, abs=0.1)
     assert gaps[-1] < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("apart", "parting", "tension"),
+    [
+        (0.51, 0.0, 8.0),
+        (0.51, 1.0, 11.0),  # damping adds to the pull of ends that part, and takes from that of ends that meet
+        (0.51, -1.0, 5.0),
+        (0.51, -5.0, 0.0),
+        (0.49, 5.0, 0.0),  # slack, though -8 N of the spring and 15 N of the damper add up to a pull
+        (0.49, 0.0, 0.0),
+        (0.49, -5.0, 0.0),
+    ],
+)
+def test_a_slack_cable_has_no_force_however_fast_its_ends_part(apart: float, parting: float, tension: float) -> None:
+    cable = Grasp(body="bar", kind="cable", length=0.5, stiffness=800.0, damping=3.0)
+    one, none = Mat3(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)), Vec3(0.0, 0.0, 0.0)
+    along = np.array([0.6, 0.0, 0.8])
+    hand = CarriedFrame(position=none, rotation=one, velocity=none, turning=none)
+    away = (Vec3(*(scale * along)) for scale in (apart, parting))
+    body = dataclasses.replace(hand, position=next(away), velocity=next(away))
+    np.testing.assert_allclose([*cable.pull((), hand, body, 0.0).force], -tension * along, rtol=0, atol=1e-9)
+    # the same where the vehicle's end moves
+    moved = dataclasses.replace(hand, velocity=body.velocity * -1.0)
+    held = dataclasses.replace(body, velocity=none)
+    np.testing.assert_allclose([*cable.pull((), moved, held, 0.0).force], -tension * along, rtol=0, atol=1e-9)
 
 
 def test_a_cable_pulls_and_never_pushes_and_gains_no_energy() -> None:

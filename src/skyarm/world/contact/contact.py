@@ -14,6 +14,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -87,6 +88,7 @@ class ContactMemory:
             :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: memories of the grippers.
         turns: attitudes that fixed grasps keep, from the axes of the body to those of the vehicle's frame.
+        constraints: force and torque on the body of each grasp that the plant closes; empty where grasps are springs.
     """
 
     finer: tuple[Scalar, ...]
@@ -95,6 +97,7 @@ class ContactMemory:
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
     turns: tuple[Mat3, ...] = ()
+    constraints: tuple[Wrench6, ...] = ()
 
 
 @immutable
@@ -373,11 +376,11 @@ class Contact(Force[ContactMemory]):
     ) -> list[tuple[Grasp, int, Pull, CarriedFrame]]:
         """Each grasp with the number of its body, its pull on the body, and the vehicle's frame."""
         names, turns, rows = [each.name for each in self.carriers], iter(memory.turns), []
-        for grasp in self.grasps:
+        for grasp, constraint in zip(self.grasps, memory.constraints or (None,) * len(self.grasps), strict=True):
             index, frame = names.index(grasp.body), grasp.frame_of(motion)
             body = self.carriers[index].frame(memory.carried[index])
             turn: Mat3 | tuple[()] = next(turns) if grasp.kind == "fixed" else ()
-            rows.append((grasp, index, grasp.pull(turn, frame, body, t), frame))
+            rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint), frame))
         return rows
 
     def slope(
@@ -393,6 +396,7 @@ class Contact(Force[ContactMemory]):
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
             turns=tuple(UNCHANGED.turn for _ in memory.turns),
+            constraints=memory.constraints,  # zeros within a plant that exerts them itself
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
@@ -558,6 +562,32 @@ class Contact(Force[ContactMemory]):
             f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
             f"about {step / least:.0f} in place of each of rates.physics, and cost that much more",
         )
+
+
+@immutable
+class ClosedContact(Contact):
+    """Contact model whose grasps are closed by constraints of the plant, which writes their forces into the memory."""
+
+    def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
+        """Internal state in static equilibrium; the first forces of constraints are those of springs."""
+        memory = Contact.settle(self, memory, motion, vehicle)
+        pulls = [(pull.torque, pull.force) for _, _, pull, _ in self.pulls(memory, motion, 0.0)]
+        return replace(memory, constraints=tuple(Wrench6(*(Vec3(*map(data, v)) for v in each)) for each in pulls))
+
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse what a contact model refuses, and grasps that a plant cannot close by constraints."""
+        Contact.require_vehicles(self, vehicles, period, gravity)
+        objects = [each.name for each in self.objects]
+        for i, grasp in enumerate(self.grasps):
+            at, words = f"world.grasps[{i}]", ""
+            if grasp.kind == "cable":
+                words = "kind = 'cable': must be 'ball' or 'fixed'"
+            elif grasp.body not in objects:
+                words = f"body = {shown(grasp.body)}: must be an object"
+            elif _vehicle_of(grasp.agent, vehicles, at).followers:
+                words = f"agent = {shown(grasp.agent)}: must have no joints that follow others"
+            if words:
+                raise RecordError(f"{at}.{words} where plant.closure is 'weld'")
 
 
 def _vehicle_of(agent: str, vehicles: Mapping[str, Vehicle], where: str) -> Vehicle:

@@ -16,7 +16,7 @@ import math
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
@@ -130,7 +130,14 @@ class Grasp:
         """Rotation from the axes of the body to those of the vehicle's frame, which a fixed grasp keeps."""
         return self.frame_of(motion).rotation.T @ body.rotation
 
-    def pull(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, t: Scalar) -> Pull:
+    def pull(
+        self,
+        turn: Mat3 | tuple[()],
+        frame: CarriedFrame,
+        body: CarriedFrame,
+        t: Scalar,
+        constraint: Force | None = None,
+    ) -> Pull:
         """Force and torque of the grasp on the body.
 
         Args:
@@ -138,8 +145,17 @@ class Grasp:
             frame: the vehicle's frame.
             body: the body's frame.
             t: s.
+            constraint: force and torque of a constraint in place of the spring, at the grasp, world axes.
         """
         place = body.position + body.rotation.apply(self.place)
+        by = constraint or self._spring(turn, frame, body, place)
+        if isinstance(self.release, float) and math.isinf(self.release):
+            return Pull(force=by.force, torque=by.torque, place=place)
+        share = where(t < self.release, 1.0, 0.0)
+        return Pull(force=by.force * share, torque=by.torque * share, place=place)
+
+    def _spring(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, place: Vec3) -> Force:
+        """Force and torque of the spring and damper on the body, world axes; ``place`` (m) is that of the grasp."""
         stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
         if self.kind == "cable":
             force = self._tension(stretch, frame.velocity - body.velocity_at(place))
@@ -151,10 +167,7 @@ class Grasp:
             for i in range(3):
                 error = error + body.rotation.column(i).cross(aim.column(i)) * 0.5
             torque = (error * self.stiffness + (frame.turning - body.turning) * self.damping) * square
-        if isinstance(self.release, float) and math.isinf(self.release):
-            return Pull(force=force, torque=torque, place=place)
-        share = where(t < self.release, 1.0, 0.0)
-        return Pull(force=force * share, torque=torque * share, place=place)
+        return Force(torque, force)
 
     def _tension(self, line: Vec3, speed: Vec3) -> Vec3:
         """Force of a cable along the line from the body to the frame: it pulls where it is taut, and never pushes."""
