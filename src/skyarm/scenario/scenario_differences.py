@@ -7,7 +7,7 @@ from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
 from skyarm.records.files import shown
-from skyarm.records.path_names import AGENTS, OF_AGENT
+from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
 from skyarm.records.plain import Plain
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.scenario.paths import matches
@@ -82,9 +82,9 @@ MOST_FIELDS = 20
 def changed_field_lines(differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]) -> list[str]:
     """Text of the scenario fields in which two logs differ."""
     lines = ["the scenarios differ in"] if differences else []
-    if any(path.startswith("controller.law.") for path in differences):
+    if any(word_of(path).startswith("controller.law.") for path in differences):
         lines.append("  controller: " + " and ".join(map(shown, laws)))
-        differences = {path: pair for path, pair in differences.items() if not path.startswith("controller.")}
+        differences = {path: pair for path, pair in differences.items() if not word_of(path).startswith("controller.")}
     lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in differences.items()][
         :MOST_FIELDS
     ]
