@@ -22,11 +22,13 @@ def log_of(taken, lost=None, force=None):
         "gripper_force": zeros if force is None else np.array(force, dtype=float)[:, None],
     }
     fields = {name: {"unit": "", "meaning": "", "axes": axes} for name, axes in labels.items()}
-    return SimpleNamespace(
+    log = SimpleNamespace(
         time=0.1 * np.arange(len(taken)),
         component=arrays.__getitem__,
         info={"received": {"components": {"fields": fields, "every": 1, "late": 0, "frame": None}}},
     )
+    log.agents = {"main": log}
+    return log
 
 
 def spans(log):

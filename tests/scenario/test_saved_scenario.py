@@ -11,18 +11,23 @@ from pathlib import Path
 import pytest
 
 import skyarm
+from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
+from skyarm.records.plain import plain
 from skyarm.reference.signals import Constant, Windowed
+from skyarm.scenario.document import words_of_agent
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.readers import with_other_paths
 from skyarm.scenario.save import scenario_text
+from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.world.aerodynamic_forces import RotorDrag
 from support.components import registry_kept
+from support.teams import TEAMS, team
 
 PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}}
 HEALED = {"rotor": "front", "effectiveness": 0.5, "signal": 1.0}
@@ -455,3 +460,144 @@ def test_a_class_that_no_file_names_is_refused_by_the_word_of_its_part(case3, tm
     assert other != case3
     with pytest.raises(ScenarioError, match=r"base: must be of the same classes as the scenario in reference$"):
         skyarm.save_scenario(tmp_path / "found.toml", other, "case3")
+
+
+FAULT = skyarm.Fault(rotor="front_right", effectiveness=0.9, start=1.0)
+BAG = skyarm.TimedPayload(name="bag", mass=0.02, pick=0.5, frame="grip")
+
+
+def written_team(scenario: skyarm.Scenario, folder: Path, base: PathLike | Mapping[str, object]) -> dict[str, object]:
+    """Tables of the file of a team, which is read as the same one, its vehicles in the same order."""
+    found = saved(scenario, folder, base)
+    assert [*found["agents"]] == [*scenario.agents]
+    return found
+
+
+@pytest.mark.parametrize("name", ["bar", "triangle", "cables"])
+def test_a_team_is_written_as_its_base_where_nothing_differs(tmp_path, name):
+    base = TEAMS / f"{name}.toml"
+    found, stated = written_team(team(name), tmp_path, base), tomllib.loads(base.read_text("utf-8"))
+    assert {word for word in stated if found[word] != stated[word]} == {"plant"}
+    assert (tmp_path / found["plant"]["vehicle"]).samefile(TEAMS / "dragonfly.toml")
+
+
+@pytest.mark.parametrize(
+    ("fields", "word"),
+    [
+        ({"payloads": (BAG,)}, "payloads"),
+        ({"noise": skyarm.SensorNoise(position=0.01)}, "sensors"),
+        ({"faults": (FAULT,)}, "faults"),
+        ({"initial": first_state(team("bar").of("right"))}, "initial"),
+        ({"drives": (), "delays": skyarm.Delays(command=0.01)}, "delays"),
+    ],
+)
+def test_words_of_one_vehicle_are_written_in_its_table(tmp_path, fields, word):
+    bar = team("bar")
+    right = dataclasses.replace(bar.agents["right"], **fields)
+    found = written_team(dataclasses.replace(bar, agents={**bar.agents, "right": right}), tmp_path, TEAMS / "bar.toml")
+    assert [{*each} for each in found["agents"].values()] == [{"reference"}, {"reference", word}]
+
+
+def test_numbers_changes_and_forces_of_a_team_are_written_once(tmp_path):
+    changes = tuple(
+        skyarm.Change(at=0.1, path=f"agents.{name}.plant.vehicle.base.mass", value=0.3) for name in ("left", "right")
+    )
+    numbers = {"agents.right.plant.vehicle.base.mass": 0.23, "world.grasps.0.stiffness": 4000.0}
+    force = skyarm.ForceWind(force_W=[0.1, 0.0, 0.0])
+    changed = dataclasses.replace(skyarm.with_numbers(team("bar"), numbers), changes=changes, forces=(force,))
+    found = written_team(changed, tmp_path, TEAMS / "bar.toml")
+    assert {path: each for path, each in found["numbers"].items() if each} == numbers
+    assert [each["path"] for each in found["changes"]] == [each.path for each in changes]
+    assert len(found["environment"]["forces"]) == 1
+
+
+def test_another_law_of_one_vehicle_or_of_all_is_written(tmp_path):
+    bar, base = team("bar"), tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
+    base |= {"plant": base["plant"] | {"vehicle": str(TEAMS / "dragonfly.toml"), "kind": "mujoco"}}
+    indi = team("bar", controller="indi")
+    one = dataclasses.replace(bar, agents={**bar.agents, "left": indi.agents["left"]}).with_kind("mujoco")
+    found = written_team(one, tmp_path, base)
+    assert (found["agents"]["left"]["controller"], found["controller"]) == ({"law": "indi"}, base["controller"])
+    found = written_team(indi.with_kind("mujoco"), tmp_path, base)
+    assert "controller" not in found
+    assert [each["controller"] for each in found["agents"].values()] == [{"law": "indi"}] * 2
+    base["agents"]["left"]["controller"] = base["controller"] | {"safety": True}
+    safe = skyarm.scenario_from(base, replaced={"controller": "indi"})
+    file = skyarm.save_scenario(tmp_path / "found.toml", safe, base, "indi")
+    assert identity(skyarm.load_scenario(file)) == identity(safe)
+    layers = [each["controller"] for each in tomllib.loads(file.read_text("utf-8"))["agents"].values()]
+    assert layers == [{"law": "indi", "safety": True}, {"law": "indi"}]
+
+
+def test_the_files_of_each_vehicle_are_named_from_the_new_folder(tmp_path):
+    base = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
+    for each in base["agents"].values():
+        each["plant"] = base["plant"] | {"vehicle": "bird.toml"}
+    del base["plant"]
+    for folder, text in (("own", scenario_text(base)), ("new", "")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "flight.toml").write_text(text)
+    (tmp_path / "own/bird.toml").write_bytes((TEAMS / "dragonfly.toml").read_bytes())
+    scenario = skyarm.load_scenario(tmp_path / "own/flight.toml")
+    found = written_team(scenario, tmp_path / "new", tmp_path / "own/flight.toml")
+    assert {each["plant"]["vehicle"] for each in found["agents"].values()} == {"../own/bird.toml"}
+
+
+def test_vehicles_of_two_files_are_written_from_the_tables_of_both(case3, tmp_path):
+    swing = skyarm.load_scenario("hover_swing")
+    servo = dataclasses.replace(
+        case3.agent,
+        faults=(skyarm.Fault(rotor="front", effectiveness=0.9),),
+        drives=(skyarm.JointDrive(joint="joint1", drive=LaggedTorque(time_constant=0.02)),),
+    )
+    both = skyarm.Scenario(name="both", duration=2.0, solver=swing.solver, agents={"b": servo, "a": swing.agent})
+    stated = {name: tomllib.loads((LIBRARY / f"{name}.toml").read_text("utf-8")) for name in ("case3", "hover_swing")}
+    words = {"a": "hover_swing", "b": "case3"}
+    own = {
+        name: {word: each for word, each in stated[file].items() if word in words_of_agent()}
+        for name, file in words.items()
+    }
+    found = written_team(both, tmp_path, {"name": "both", "duration": 2.0, "agents": own})
+    assert found["agents"]["b"]["faults"] == [{"kind": "loss", "rotor": "front", "effectiveness": 0.9}]
+    case3_plant = stated["case3"]["plant"]
+    top = stated["case3"] | {"name": "both", "duration": 2.0}  # of one vehicle, which both are then made from
+    del top["windows"]
+    top["plant"] = case3_plant | {"kind": "rigid_body"}
+    pair = dataclasses.replace(both, agents={"a": case3.agent, "b": servo})
+    found = written_team(pair, tmp_path, top)
+    assert found["agents"]["a"] == {}
+    drive = {"joint1": {"kind": "lagged_torque", "time_constant": 0.02}}
+    assert found["plant"] == top["plant"]
+    assert found["agents"]["b"]["plant"] == case3_plant | {"drives": drive}
+    freed = [{"joint": "joint1", "stuck": True}]
+    found = written_team(pair, tmp_path, top | {"environment": {"faults": freed}})
+    assert (found["agents"]["a"]["faults"], found["environment"]) == ([], {})
+
+
+@pytest.mark.parametrize(
+    ("agents", "words"),
+    [
+        (3, r"found\.toml: agents = 3: must be a table$"),
+        ({"left": 3}, r"found\.toml: agents\.left = 3: must be a table$"),
+    ],
+)
+def test_wrong_tables_of_a_team_are_one_line(tmp_path, agents, words):
+    base = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8")) | {"agents": agents}
+    with pytest.raises(ScenarioError, match=words):
+        skyarm.save_scenario(tmp_path / "found.toml", team("bar"), base)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_teams_differ_by_the_paths_of_their_vehicles():
+    bar = team("bar")
+    numbers = {"agents.left.plant.vehicle.base.mass": 0.23, "world.grasps.0.stiffness": 4000.0}
+    found = scenario_differences(plain(bar), plain(skyarm.with_numbers(bar, numbers)))
+    assert found == {
+        "agents.left.plant.vehicle.base.mass": (0.25, 0.23),
+        "world.grasps.0.stiffness": (5000.0, 4000.0),
+    }
+    right = dataclasses.replace(bar.agents["right"], faults=(FAULT,))
+    found = scenario_differences(plain(bar), plain(dataclasses.replace(bar, agents={**bar.agents, "right": right})))
+    assert found["agents.right.environment.faults.0.type"] == ("(none)", "skyarm.world.faults:Fault")
+    found = scenario_differences(plain(bar), plain(team("bar", controller="indi")))
+    assert found["agents.left.controller.name"] == ("centroidal_joint", "indi")

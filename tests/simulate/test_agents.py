@@ -203,3 +203,46 @@ def test_sensors_of_two_agents_are_read_by_their_own_names() -> None:
     left, right = (each.readings["own"] for each in log.agents.values())
     assert left.keys() == right.keys()
     assert any(not np.array_equal(left[key], right[key]) for key in left)
+
+
+@pytest.mark.parametrize("machine_code", [True, False])
+def test_commands_of_one_vehicle_leave_the_others_under_their_laws(machine_code: bool) -> None:
+    scenario = team("bar", duration=0.05)
+    by_laws = skyarm.run(scenario)
+    session = skyarm.Session(scenario, machine_code=machine_code)
+    begun = session.snapshot()
+    for rotors in (False, True):
+        session.restore(begun)
+        for row in by_laws.agents["left"].rotor_commands:
+            own = tuple(map(float, row))
+            if rotors:
+                session.step(rotors={"left": own})
+            else:
+                session.step({"left": skyarm.Command(rotor_speeds=own, efforts=())})
+        for name, log in session.log.agents.items():
+            assert_same(log, by_laws.agents[name], ("position", "rotor_speeds", "rotor_commands"))
+    session.restore(begun)
+    still = skyarm.Command(rotor_speeds=(0.0,) * 4, efforts=())
+    session.step({"right": still})
+    session.step()
+    left, right = session.log.agents.values()
+    assert (left.rotor_commands > 0.0).all()
+    assert (right.rotor_commands[0] == 0.0).all()
+    assert (right.rotor_commands[1] > 0.0).all()
+
+
+def test_what_a_session_of_several_vehicles_has_not_is_one_line() -> None:
+    session = skyarm.Session(team("bar", duration=0.05))
+    for word in ("state", "measurement", "reference", "wind", "latest_arrays"):
+        with pytest.raises(
+            ScenarioError, match=rf"^session\.{word}: is of one agent; session\.now\.agents is of left, right$"
+        ):
+            getattr(session, word)
+    command = skyarm.Command(rotor_speeds=(0.0,) * 4, efforts=())
+    with pytest.raises(ScenarioError, match=r"^command = Command.*: must be a table by agent, of left, right$"):
+        session.step(command)
+    with pytest.raises(ScenarioError, match=r"^rotors = \{'middle': .*\}: must be a table by agent, of left, right$"):
+        session.step(rotors={"middle": (0.0,) * 4})
+    with pytest.raises(ScenarioError, match=r"^command = 3: must be a Command$"):
+        session.step({"left": 3})
+    assert session.tick == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Annotated
 
 import typer
@@ -49,7 +48,7 @@ def diff(
             b = replay(a, progress=advance)
         if a.status == RUNNING:  # the log of a session that was left before its end
             b = rows_of(b, slice(0, a.time.size))
-            b = dataclasses.replace(b, info={**b.info, "status": RUNNING})
+            b.info["status"] = RUNNING
     else:
         labels, b = ("first", "second"), read(other)
     differences, logs = log_differences(a, b, tolerance), (a, b)
@@ -66,10 +65,13 @@ def diff(
         metrics=metrics,
         scenario=scenarios,
     )
-    laws = [str(log.info.get("controller", "")) for log in logs]
+    laws = [
+        " and ".join({str(own.info.get("controller", "")): None for own in _by_prefix(log).values()}) for log in logs
+    ]
     tell(*difference_lines(differences, labels, tolerance))
     ends = [f"{log.status} at {log.info['end_time']:g} s" for log in logs]
-    rows = [(name, *(f"{each[name]:.4g}" for each in metrics)) for name in SHORT if all(name in of for of in metrics)]
+    names = [before + name for before in _by_prefix(a) for name in SHORT]
+    rows = [(name, *(f"{each[name]:.4g}" for each in metrics)) for name in names if all(name in of for of in metrics)]
     tell(*aligned_lines([("", *labels), ("law", *laws), ("ended", *ends), *rows]))
     tell(*changed_field_lines(scenarios, laws))
     _say_versions(a, b)
@@ -77,9 +79,16 @@ def diff(
         raise typer.Exit(DIFFERENT)
 
 
+def _by_prefix(log: Log) -> dict[str, Log]:
+    """Log of each vehicle by the beginning of the names of its metrics; empty for the only one."""
+    return {f"{name}_" if len(log.agents) > 1 else "": own for name, own in log.agents.items()}
+
+
 def _metrics(log: Log) -> dict[str, float]:
     """Compute metrics of a log; empty for a log without instants."""
-    return score(log, ("standard", f"standard{CONTINUOUS}", *SHORT)) if log.time.size else {}
+    metrics = ("standard", f"standard{CONTINUOUS}", *SHORT)
+    scores = {before: score(own, metrics) for before, own in _by_prefix(log).items() if log.time.size}
+    return {before + name: value for before, own in scores.items() for name, value in own.items()}
 
 
 def _say_versions(a: Log, b: Log) -> None:

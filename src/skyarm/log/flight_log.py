@@ -172,9 +172,9 @@ class Log:
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
         """Kind and completion time (s, or None) of each phase of a task."""
-        ends = []
+        ends, phase = [], self.phase
         for number, name in enumerate(self.info.get("phases", ())):
-            later = np.flatnonzero(self.phase > number + 0.5)
+            later = np.flatnonzero(phase > number + 0.5)
             ends.append((str(name), float(self.time[later[0]]) if later.size else None))
         return tuple(ends)
 
@@ -258,6 +258,9 @@ class Log:
         written: Path = find(FORMATS, "npz").write(self, path)
         return written
 
+    def _rows(self, chosen: slice) -> Log:
+        return log_of_arrays({name: array[chosen] for name, array in self.arrays().items()}, self.info)
+
     @property
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array and of every column of a wind, force or contact model, by name."""
@@ -315,7 +318,7 @@ IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not 
 
 def rows_of(log: Log, chosen: slice) -> Log:
     """Return a log with only the selected control instants of another log."""
-    return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
+    return log._rows(chosen)
 
 
 def log_of_arrays(arrays: Mapping[str, Array], info: Info) -> Log:

@@ -87,7 +87,7 @@ def facts(log: Log) -> Facts:
 
 def _grasps(log: Log) -> list[str]:
     """Names of the grasps that hold bodies from the start of a flight."""
-    return component_labels(next(iter(log.agents.values())), "grasp_force")
+    return component_labels(log, "grasp_force")
 
 
 def _grasp_force(log: Log, index: int) -> dict[str, float]:

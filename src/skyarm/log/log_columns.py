@@ -231,7 +231,7 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
 
 def component_labels(log: FlightArrays, array: str) -> list[str]:
     """Column labels of an array that a wind, force or contact model logged."""
-    source = sources_of(log.info).get(COMPONENTS)
+    source = sources_of(next(iter(log.agents.values())).info).get(COMPONENTS)
     field = None if source is None else source.fields.get(array)
     return [] if field is None else field.axes or []
 

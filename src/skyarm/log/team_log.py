@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import Info
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
@@ -75,6 +75,9 @@ class TeamLog(Log):
         if name not in self.common:
             raise OfOneAgentError(f"log.{name}: is of one agent; log.agents[NAME].{name}, of {', '.join(self.agents)}")
         return self.component(name)
+
+    def _rows(self, chosen: slice) -> TeamLog:
+        return TeamLog({name: rows_of(log, chosen) for name, log in self.agents.items()}, self.info)
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name: ``left/position`` of one vehicle, those of what all share without a vehicle's name."""

@@ -54,7 +54,10 @@ class Viewed(Protocol):
         ...
 
 
-OF_AGENT = "agents."
+AGENTS = "agents"
+"""Key of the tables of several vehicles in a file, and field of a scenario that holds its vehicles by name."""
+
+OF_AGENT = f"{AGENTS}."
 """Beginning of a path that names a vehicle: agents.NAME.plant.gravity."""
 
 

@@ -17,6 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.members import SOLE
+from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting, TaskEvent
@@ -24,9 +25,6 @@ from skyarm.scenario import readers
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
-
-AGENTS = "agents"
-"""Key of the tables of several agents."""
 
 OF_AGENT_ALONE = {"environment.faults": "faults"}
 """Keys that have another name in the table of an agent."""

@@ -10,13 +10,13 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import did_you_mean, must_be_one_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part, replace_at, walk
-from skyarm.records.path_names import OF_AGENT, Names, NumberView, agent_of, path_names, word_of
+from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.path_names import AGENTS, OF_AGENT, Names, NumberView, agent_of, path_names, word_of
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -163,6 +163,11 @@ def target_of(scenario: Scenario, path: str) -> Target:
 
 def path_of(scenario: Scenario, place: Place) -> str:
     """Parameter path of a scenario field, in keys of the scenario file and field names of records."""
+    own = place_in_agent(place)
+    if own != place:
+        member = [*scenario.agents][int(place[2])]
+        path = path_of(scenario.of(member), own)
+        return path if len(scenario.agents) == 1 else f"{OF_AGENT}{member}.{path}"
     slot, name = slot_at(place)
     if EACH in slot.place:
         name = str(part(scenario, (*slot.record, name)).name)
@@ -170,11 +175,9 @@ def path_of(scenario: Scenario, place: Place) -> str:
     return ".".join((head, *place[len(slot.place) :]))
 
 
-def walk_words(scenario: Scenario) -> Iterator[tuple[Place, Any]]:
-    """Place and value of each number or text of a scenario of one vehicle, whose own are below ``agent``."""
-    inside = ("agents", "records", "0")
-    for place, value in walk(scenario):
-        yield ("agent", *place[len(inside) :]) if place[: len(inside)] == inside else place, value
+def place_in_agent(place: Place) -> Place:
+    """Place below ``agent`` of a field of any of the vehicles, as in a scenario of it alone; others stay."""
+    return ("agent", *place[3:]) if place[:2] == (AGENTS, "records") else place
 
 
 def slot_at(place: Sequence[str]) -> tuple[Slot, str]:

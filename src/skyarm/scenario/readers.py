@@ -22,6 +22,7 @@ from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import record_from, registered_from, registered_values
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
@@ -242,7 +243,10 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
         if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
             replaced[name] = {**table, word: other(entry)}
     files = (name for name in ("reference", "world") if name in replaced)
-    return replaced | {name: _with_paths(replaced[name], name, lambda _, path, __: other(path)) for name in files}
+    replaced |= {name: _with_paths(replaced[name], name, lambda _, path, __: other(path)) for name in files}
+    agents = Fields(replaced, "").inner(AGENTS)
+    own: dict[str, Entry] = {name: with_other_paths(agents.inner(name).table, other) for name in agents.table}
+    return replaced | ({AGENTS: own} if own else {})
 
 
 def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:

@@ -9,24 +9,27 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
-from skyarm.records.files import PathLike, errors_as, file_name, output_file, shown, taken_back
+from skyarm.records.files import Fields, PathLike, errors_as, file_name, output_file, shown, taken_back
 from skyarm.records.files.names import read_named
 from skyarm.records.files.toml import Entry, toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
 from skyarm.records.identity import DRAWN, identity
 from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
+from skyarm.records.members import SOLE
+from skyarm.records.path_names import AGENTS, word_of
 from skyarm.records.plain import digest, plain
 from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
+from skyarm.scenario.document import LEFT_OUT, OF_AGENT_ALONE, slot_of
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.paths import path_of, walk_words
+from skyarm.scenario.paths import path_of, place_in_agent
 from skyarm.scenario.readers import with_other_paths
 from skyarm.scenario.scenario_differences import ABSENT, scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
@@ -100,18 +103,33 @@ def tables_of(
         ScenarioError: as :func:`save_scenario`.
     """
     target = _until_end(scenario)
-    stated = {name: each for name, each in tables.items() if name != "numbers"}
-    law = target.agent.controller.name
+    stated = _with_agents({name: each for name, each in tables.items() if name != "numbers"}, target.agents)
+    laws = {name: controller or each.controller.name for name, each in target.agents.items()}
     if controller is not None:
-        return _tables_from(target, _under_law(stated, controller, folder), folder)
-    if law != scenario_from(stated, folder).agent.controller.name:
-        return _tables_from(target, _under_law(stated, law, folder), folder)
+        return _tables_from(target, _under_laws(stated, laws, folder), folder)
+    begun = scenario_from(stated, folder)
+    others = {name: law for name, law in laws.items() if law != begun.of(name).agent.controller.name}
+    if others:
+        return _tables_from(target, _under_laws(stated, others, folder), folder)
     try:
         return _tables_from(target, stated, folder)
     except ScenarioError as error:
         with suppress(ValueError):  # the law of this name may have other options than the base's
-            return _tables_from(target, _under_law(stated, law, folder), folder)
+            return _tables_from(target, _under_laws(stated, laws, folder), folder)
         raise error from None
+
+
+def _with_agents(tables: Tables, names: Iterable[str]) -> Tables:
+    """Scenario-file tables with a table for each vehicle by name; without one if the only vehicle has no name there."""
+    if AGENTS not in tables and [*names] == [SOLE]:
+        return tables
+    stated = Fields(tables, "").inner(AGENTS)
+    return tables | {AGENTS: {name: stated.inner(name).table for name in names}}
+
+
+def _of_agent(tables: Tables, name: str) -> Tables:
+    """Scenario-file tables as one vehicle reads them: its own in place of those at the top."""
+    return tables | tables[AGENTS][name] if AGENTS in tables else tables
 
 
 def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
@@ -136,7 +154,7 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
 def _difference(made: Scenario, target: Scenario) -> str:
     """Error message about the first value of a scenario that would be read differently from the written file."""
     differences = scenario_differences(plain(target), plain(made))
-    if any(path.startswith(GOVERNOR) for path in differences):
+    if any(word_of(path).startswith(GOVERNOR) for path in differences):
         return f"must have the [{GOVERNOR}] that planned the scenario's time: no file states a plan by its numbers"
     flown = {path: pair for path, pair in differences.items() if not {*path.split(".")} & {*DRAWN}}
     if not flown:
@@ -157,14 +175,24 @@ def law_entry(name: str) -> Tables:
     return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
 
 
-def _under_law(tables: Tables, name: str, folder: PathLike) -> Tables:
-    """Tables of a scenario file with another control law in the same layers, and without scheduled changes."""
-    if is_gains_file(name):
-        entry = {"tuned": os.path.relpath(Path(name).resolve(), Path(folder).resolve())}
-    else:
-        entry = law_entry(name)
-    layers = {word: each for word, each in tables.get("controller", {}).items() if word in LAYERS}
-    return {word: each for word, each in tables.items() if word != "changes"} | {"controller": entry | layers}
+def _under_laws(tables: Tables, laws: Mapping[str, str], folder: PathLike) -> Tables:
+    """Tables of a scenario file with other control laws in the same layers, and without scheduled changes.
+
+    Args:
+        tables: tables of a scenario file.
+        laws: name of the law of each vehicle that gets another.
+        folder: folder where paths in the tables begin.
+    """
+    document = {word: each for word, each in tables.items() if word != "changes"}
+    for agent, name in laws.items():
+        if is_gains_file(name):
+            entry = {"tuned": os.path.relpath(Path(name).resolve(), Path(folder).resolve())}
+        else:
+            entry = law_entry(name)
+        stated = _of_agent(tables, agent).get("controller", {})
+        layers = {word: each for word, each in stated.items() if word in LAYERS}
+        document = _with_entry_of(document, agent, slot_of("controller"), entry | layers)
+    return document
 
 
 def _until_end(scenario: Scenario) -> Scenario:
@@ -204,22 +232,30 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
     """Scenario-file tables with new entries for sections whose differences cannot be written as numbers by path."""
     document = tables
+    for name in scenario.agents:
+        document = _with_entries_of(begun.of(name), scenario.of(name), name, document)
+    return document
+
+
+def _with_entries_of(begun: Scenario, scenario: Scenario, agent: str, tables: Tables) -> Tables:
+    """Scenario-file tables with new entries for one vehicle and what all share; scenarios of that vehicle alone."""
+    document, stated = tables, _of_agent(tables, agent)
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         numbers_alone = slot.word.varies == "always" and _alike(before, after)
         if after is None:
-            document = _without_entry(document, slot.table.split("."))
+            document = _with_entry_of(document, agent, slot, LEFT_OUT)
             continue
         if slot.word.reader in WITHOUT_ENTRY or slot.path == "changes" or numbers_alone:
             continue
         with errors_as(ScenarioError, f"{slot.path}: ", TypeError):
             entry = _entry(slot, after)
         if slot.path == "payloads":
-            entry = _without_instants(entry, tables.get("payloads", []))
+            entry = _without_instants(entry, stated.get("payloads", []))
         if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
-            beside = document.get("sensors", {}).items()
+            beside = _of_agent(document, agent).get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
-        document = _with_entry(document, slot.table.split("."), entry)
+        document = _with_entry_of(document, agent, slot, entry)
     return document
 
 
@@ -272,24 +308,43 @@ def _entry(slot: Slot, value: Any) -> Any:
     return entry
 
 
-def _with_entry(tables: Tables, path: list[str], entry: Entry) -> Tables:
-    """Copy of scenario-file tables with the entry at a key path replaced."""
+def _with_entry_of(tables: Tables, agent: str, slot: Slot, entry: object) -> Tables:
+    """Copy of scenario-file tables with the entry of a key replaced, in a vehicle's own table if it is of one.
+
+    Args:
+        tables: tables of a scenario file.
+        agent: name of the vehicle.
+        slot: declaration of the key.
+        entry: its new entry; ``LEFT_OUT`` for none.
+    """
+    path = slot.table.split(".")
+    if AGENTS not in tables or slot.place[0] != "agent":
+        return _with_entry(tables, path, entry)
+    named = OF_AGENT_ALONE.get(slot.table, slot.table).split(".")
+    own, first = tables[AGENTS][agent], named[0]
+    top, stated = ([first], tables.get(first, {})) if first == path[0] else (path, {})
+    others = [each.path for each in slots(Scenario) if each.place[0] != "agent"]
+    shared = {key: stated[key] for key in stated if f"{first}.{key}" in others} if len(path) > 1 else {}
+    if len(named) > 1 and first not in own:  # the vehicle's own table takes the place of the whole one at the top
+        own = own | {first: {key: each for key, each in stated.items() if key not in shared}}
+    agents = tables[AGENTS] | {agent: _with_entry(own, named, entry)}
+    if all(first in each for each in agents.values()):  # an entry at the top that no vehicle reads is refused
+        tables = _with_entry(tables, top, shared or LEFT_OUT)
+    return tables | {AGENTS: agents}
+
+
+def _with_entry(tables: Tables, path: list[str], entry: object) -> Tables:
+    """Copy of scenario-file tables with the entry at a key path replaced; without it for ``LEFT_OUT``."""
     first, *rest = path
     inner = tables.get(first, {})
-    return tables | {first: _with_entry(inner if isinstance(inner, dict) else {}, rest, entry) if rest else entry}
-
-
-def _without_entry(tables: Tables, path: list[str]) -> Tables:
-    """Copy of scenario-file tables without the entry at a key path."""
-    first, *rest = path
-    if rest and isinstance(tables.get(first), dict):
-        return tables | {first: _without_entry(tables[first], rest)}
-    return tables if rest else {name: each for name, each in tables.items() if name != first}
+    if rest:
+        return tables | {first: _with_entry(inner if isinstance(inner, dict) else {}, rest, entry)}
+    return {name: each for name, each in (tables | {first: entry}).items() if each is not LEFT_OUT}
 
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     """Numbers by parameter path that turn one scenario into another; dependent ones are left out unless needed."""
-    ours, theirs = list(walk_words(begun)), list(walk_words(scenario))
+    ours, theirs = list(walk(begun)), list(walk(scenario))
     if [place for place, _ in ours] != [place for place, _ in theirs]:
         return {}  # of another structure, which numbers do not mend
     places = [
@@ -298,8 +353,8 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
         if (isinstance(after, float) and (type(before) is not float or before != after))
         or (type(after) is int and after == 0 and type(before) is float)  # structure, which tables of some kinds lack
     ]
-    places = [place for place in places if place[: len(PLANNED)] != PLANNED]
-    stated = [place for place in places if place[: len(FOLLOWS)] != FOLLOWS]
+    places = [place for place in places if place_in_agent(place)[: len(PLANNED)] != PLANNED]
+    stated = [place for place in places if place_in_agent(place)[: len(FOLLOWS)] != FOLLOWS]
     numbers = {path_of(begun, place): part(scenario, place) for place in stated}
     if len(stated) < len(places) and identity(with_numbers(begun, numbers)) != identity(scenario):
         numbers |= {path_of(begun, place): part(scenario, place) for place in places}
@@ -308,11 +363,22 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
 
 def scenario_text(document: Mapping[str, Entry]) -> str:
     """Text of a scenario file, in which each table or list inside a list has its own line."""
+    return "\n".join(_document_lines(document, "")) + "\n"
+
+
+def _document_lines(document: Mapping[str, Entry], within: str) -> list[str]:
+    """Text lines of a scenario file, or of the table of one of its vehicles, whose heads then begin with its name."""
     lines = list[str]()
     for name, entry in sorted(document.items(), key=lambda each: isinstance(each[1], Mapping)):
         key = toml_key(name)
-        lines += _table_lines(key, entry) if isinstance(entry, Mapping) else _value_lines(f"{key} = ", entry, "")
-    return "\n".join(lines) + "\n"
+        if name == AGENTS:
+            for agent, own in Fields(entry, "").table.items():
+                lines += ["", f"[{AGENTS}.{agent}]", *_document_lines(own, f"{AGENTS}.{agent}.")]
+        elif isinstance(entry, Mapping):
+            lines += _table_lines(within + key, entry)
+        else:
+            lines += _value_lines(f"{key} = ", entry, "")
+    return lines
 
 
 def _table_lines(name: str, table: Mapping[str, Entry]) -> list[str]:

@@ -7,6 +7,7 @@ from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
 from skyarm.records.files import shown
+from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
 from skyarm.records.plain import Plain
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.scenario.paths import matches
@@ -50,6 +51,7 @@ def _leaves(data: Plain, words: Words) -> Iterator[tuple[Words, Plain]]:
 
 def _has_choice(words: Words) -> bool:
     """True for a field path, such as environment.wind, where values of several classes are allowed."""
+    words = ("agent", *words[2:]) if words[:1] == (AGENTS,) else words
     return any(
         slot.word.kind and matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
         for slot in slots(Scenario)
@@ -63,6 +65,8 @@ def _is_list(slot: Slot) -> bool:
 
 def _path(words: Words) -> str:
     """Parameter path of a value in a scenario's plain data; the field names joined by dots if no path exists."""
+    if words[0] == AGENTS and len(words) > 2:
+        return f"{OF_AGENT}{words[1]}.{_path(('agent', *words[2:])).removeprefix('agent.')}"
     for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
         head, tail = words[: len(slot.place)], words[len(slot.place) :]
         if matches(head, slot.place):
@@ -78,9 +82,9 @@ MOST_FIELDS = 20
 def changed_field_lines(differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]) -> list[str]:
     """Text of the scenario fields in which two logs differ."""
     lines = ["the scenarios differ in"] if differences else []
-    if any(path.startswith("controller.law.") for path in differences):
+    if any(word_of(path).startswith("controller.law.") for path in differences):
         lines.append("  controller: " + " and ".join(map(shown, laws)))
-        differences = {path: pair for path, pair in differences.items() if not path.startswith("controller.")}
+        differences = {path: pair for path, pair in differences.items() if not word_of(path).startswith("controller.")}
     lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in differences.items()][
         :MOST_FIELDS
     ]

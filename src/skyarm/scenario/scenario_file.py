@@ -58,11 +58,11 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.members import SOLE
-from skyarm.records.path_names import OF_AGENT, word_of
+from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said, under_law
-from skyarm.scenario.document import AGENTS, Document, slot_of, words_of_agent
+from skyarm.scenario.document import Document, slot_of, words_of_agent
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.paths import OF_STUDIES, is_below

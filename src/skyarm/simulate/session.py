@@ -169,7 +169,7 @@ class Session:
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._sizes = next(iter(scenario.agents.values())).plant.vehicle.sizes
+        self._sizes = {name: each.plant.vehicle.sizes for name, each in scenario.agents.items()}
         self._apply_due_changes()
 
     @property
@@ -208,6 +208,7 @@ class Session:
     @property
     def state(self) -> State:
         """True current state of the plant, without sensor errors."""
+        self._require_one("state")
         return self._engine.state()
 
     @property
@@ -218,6 +219,7 @@ class Session:
     @property
     def measurement(self) -> Measurement:
         """Measurement that the control law receives in the next period."""
+        self._require_one("measurement")
         self._require_running()
         (only,) = self._engine.measurements()
         return only
@@ -225,6 +227,7 @@ class Session:
     @property
     def wind(self) -> WindSample:
         """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
+        self._require_one("wind")
         stages, now = Stages(self.scenario), self.now
         around = stages.surroundings(now, self.time)
         (motion,) = stages.motions(now, around)
@@ -233,29 +236,47 @@ class Session:
     @property
     def reference(self) -> Reference:
         """Reference sample that is held in the next control period."""
+        self._require_one("reference")
         self._require_running()
         return self._engine.reference()
 
-    def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
+    def step(
+        self,
+        command: Command | Mapping[str, Command] | None = None,
+        *,
+        rotors: Sequence[float] | Mapping[str, Sequence[float]] | None = None,
+    ) -> bool:
         """Simulate one control period; a command, or rotor speeds (rad/s) alone, may take the place of the law's.
 
         Args:
-            command: command in place of the law's; the law is not evaluated then, and its memory stays.
+            command: command in place of the law's; the law is not evaluated then, and its memory stays. Of several
+                vehicles by name; those without one fly under their laws.
             rotors: rotor speeds (rad/s) in place of the law's, which still moves the joints; not beside ``command``.
+                Of several vehicles by name.
 
         Returns:
             True if the episode continues.
 
         Raises:
-            ScenarioError: a command with another number of rotors or joints.
+            ScenarioError: a command with another number of rotors or joints, or of a vehicle that is not there.
         """
         if rotors is not None:
-            going = self._engine.step((rotor_numbers(rotors, command, *self._sizes),), rotors_only=True)
+            numbers = self._of_each("rotors", rotors, lambda each, *sizes: rotor_numbers(each, command, *sizes))
+            going = self._engine.step(numbers, rotors_only=True)
         else:
-            going = self._engine.step(() if command is None else (numbers_of_command(command, *self._sizes),))
+            going = self._engine.step(() if command is None else self._of_each("command", command, numbers_of_command))
         if self._course.coming and going:
             self._apply_due_changes()
         return going or self._name_cause()
+
+    def _of_each(self, field: str, given: object, numbers: Callable[..., tuple[float, ...]]) -> list[tuple[float, ...]]:
+        """Numbers of the commands that are given to the vehicles, in order; empty for one under its law."""
+        if len(self._sizes) == 1:
+            (sizes,) = self._sizes.values()
+            return [numbers(given, *sizes)]
+        if not isinstance(given, Mapping) or not given.keys() <= self._sizes.keys():
+            raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(self._sizes)}")
+        return [numbers(given[name], *sizes) if name in given else () for name, sizes in self._sizes.items()]
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""
@@ -310,6 +331,7 @@ class Session:
     @property
     def latest_arrays(self) -> dict[str, Array]:
         """Time, state and commands of the last control period by their names in a log; faster than :attr:`latest`."""
+        self._require_one("latest_arrays")
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
         rows = engine.states_and_commands(start, engine.tick)
@@ -408,6 +430,11 @@ class Session:
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course = course
+
+    def _require_one(self, word: str) -> None:
+        """Raise an error about what is of one vehicle if the session flies several."""
+        if len(self._sizes) > 1:
+            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(self._sizes)}")
 
     def _require_running(self) -> None:
         if not self.running:

@@ -350,7 +350,7 @@ class PilotedSession(Session):
         self._engine.ended = Ended(ENDED, " ".join(cause.split()), self.time)
         self.close()
 
-    def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
+    def step(self, command: object = None, *, rotors: object = None) -> bool:
         """Simulate one control period, send its sensor readings to the autopilot, and receive the next rotor signals.
 
         Raises:

@@ -105,10 +105,13 @@ def fly_with_topics(
     """Fly a scenario for ``skyarm run --ros``.
 
     Raises:
-        ValueError: a pace below 0, another version, or a ROS that is not there.
+        ValueError: a pace below 0, another version, several vehicles, or a ROS that is not there.
     """
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
+    if len(scenario.agents) > 1:
+        agents = ", ".join(scenario.agents)
+        raise ValueError(f"--ros = {version}: must be left out for agents {agents}; --log FILE.mcap has their topics")
     return fly_live(
         scenario, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
         warn=lambda line: say(f"warning: {line}"),

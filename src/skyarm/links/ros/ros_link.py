@@ -101,8 +101,8 @@ class RosLink:
         self._goal: dict[str, float] = {}
         self._last_goal = -math.inf
         self._begun = False
-        self._takes_commands = autopilot_of(session.scenario.agent.controller) is None
         try:
+            self._takes_commands = autopilot_of(session.scenario.agent.controller) is None
             log = session.log
             self._info = log.info
             self._definitions = node.definitions

@@ -56,7 +56,8 @@ def write_mcap(log: Log, path: Path) -> Path:
             if topic.kind not in schemas:
                 text = definition(topic.kind, topics.definitions).encode()
                 schemas[topic.kind] = writer.register_schema(full_name(topic.kind), "ros2msg", text)
-            channels[topic.name] = writer.register_channel(topic.name, "cdr", schemas[topic.kind])
+            if topic.name not in channels:
+                channels[topic.name] = writer.register_channel(topic.name, "cdr", schemas[topic.kind])
         for stamp, topic, data in _messages(topics, log):
             writer.add_message(channels[topic.name], stamp, data, stamp, numbers[topic.name])
             numbers[topic.name] += 1

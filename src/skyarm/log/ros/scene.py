@@ -30,15 +30,25 @@ class TimedArrays(Protocol):
 
 
 class LogSection:
-    """Selected control instants of a flight log, from which ROS messages are made."""
+    """Selected control instants of a flight log, from which ROS messages are made.
 
-    def __init__(self, log: TimedArrays, chosen: slice) -> None:
-        self.log, self._chosen = log, chosen
+    Args:
+        log: log of the flight.
+        chosen: its instants.
+        within: beginning of the names of all arrays that are read, such as ``left/`` of one of several vehicles.
+    """
+
+    def __init__(self, log: TimedArrays, chosen: slice, within: str = "") -> None:
+        self.log, self._chosen, self._within = log, chosen, within
         self.stamps = nanoseconds(log.time[chosen])
 
     def __getitem__(self, array: str) -> Array:
         """Array of a log by name, at the selected control instants."""
-        return self.log[array][self._chosen]
+        return self.log[f"{self._within}{array}"][self._chosen]
+
+    def of(self, within: str) -> LogSection:
+        """The same instants of one of several vehicles, by the beginning of its arrays' names."""
+        return LogSection(self.log, self._chosen, within)
 
     def header(self, frame: str, time: Array | None = None) -> Values:
         """Fields of a std_msgs/Header: time stamps and frame name."""

@@ -1,13 +1,16 @@
 """ROS topics of a flight: message types, rates and contents.
 
 Every number of the log stands at each control instant in ``/skyarm/flight``, from which a log is read back to the bit.
-Base and joints are written at 200 Hz as viewers know them, frames, shapes, reference and tip at 50 Hz.
+Base and joints are written at 200 Hz as viewers know them, frames, shapes, reference and tip at 50 Hz. Of several
+vehicles, topics and frames begin with the vehicle's name, as ``/left/odom`` and ``left/base_link``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -28,7 +31,8 @@ from skyarm.log.ros.scene import (
     transform,
     xyz,
 )
-from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
+from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, Source, sources_of
+from skyarm.log.team_log import SHARED, WITHIN
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
@@ -41,6 +45,12 @@ FAST, SLOW = 200.0, 50.0
 FLIGHT_TOPIC = "/skyarm/flight"
 
 MARKERS = "visualization_msgs/MarkerArray"
+
+TRANSFORMS = ("/tf", "/tf_static")
+"""Topics of the transforms between all frames, of which there is one for all vehicles."""
+
+FRAMES, STAMPED = ("frame_id", "child_frame_id"), ("transforms", "markers")
+"""Fields of a message with the name of a frame, and those with lists of messages that have a header."""
 
 
 @immutable(kw_only=False)
@@ -74,24 +84,20 @@ class FlightTopics:
     """
 
     def __init__(self, log: Log) -> None:
-        every, names = columns(log), names_of(log)
+        every = columns(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(every)}
-        fast, slow = every_of(log)
         self.period = period_of(log)
 
         def row(part: LogSection) -> Values:
             return {each.name: each.of(part) for each in every}
 
-        efforts = [] if any(names.setpoints) else ["efforts"]  # setpoints of drives are no torques
+        shared = log.info.get(SHARED, ())
+        own = {name: _agent_topics(each, shared) for name, each in log.agents.items()}
+        first = next(iter(log.agents.values()))
         self.topics = (
             Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
-            _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
-            *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
-            *_transforms(slow, vehicle_of(log)),
-            Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
-            _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
-            _topic("/tip", POINT, slow, {"position": "tool"}, {}),
-            *_sensor_topics(log, fast, names),
+            *(of_agent(each, name) if len(own) > 1 else each for name, topics in own.items() for each in topics),
+            *_sensor_topics(first, lambda source, field: source == COMPONENTS and field in shared),
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[IntArray, Bytes]:
@@ -106,6 +112,36 @@ class FlightTopics:
         with np.errstate(all="ignore"):
             values = topic.values(part)
         return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
+
+
+def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
+    """ROS topics of one vehicle, without the arrays of environment models that all vehicles share."""
+    names, (fast, slow) = names_of(log), every_of(log)
+    efforts = [] if any(names.setpoints) else ["efforts"]  # setpoints of drives are no torques
+    return [
+        _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
+        *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
+        *_transforms(slow, vehicle_of(log)),
+        Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
+        _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
+        _topic("/tip", POINT, slow, {"position": "tool"}, {}),
+        *_sensor_topics(log, lambda source, field: source != COMPONENTS or field not in shared),
+    ]
+
+
+def of_agent(topic: Topic, agent: str) -> Topic:
+    """Topic of one of several vehicles: its name and its frames begin with the vehicle's."""
+    name = topic.name if topic.name in TRANSFORMS else f"/{agent}{topic.name}"
+    return replace(topic, name=name, values=lambda part: _in_frames(topic.values(part.of(f"{agent}{WITHIN}")), agent))
+
+
+def _in_frames(values: Values, agent: str) -> Values:
+    """Fields of a message whose frames, other than the world's, begin with the name of a vehicle."""
+    moved = {key: f"{agent}/{frame}" for key in FRAMES if (frame := values.get(key, WORLD)) not in ("", WORLD)}
+    header = {"header": _in_frames(cast("Values", values["header"]), agent)} if "header" in values else {}
+    stamped = {key: cast("Sequence[Values]", values[key]) for key in STAMPED if key in values}
+    lists = {key: [_in_frames(each, agent) for each in several] for key, several in stamped.items()}
+    return {**values, **moved, **header, **lists}
 
 
 def _reference(part: LogSection) -> Values:
@@ -130,7 +166,8 @@ def every_of(log: Log) -> tuple[int, int]:
 
 def period_of(log: Log) -> int:
     """Number of control instants after which the pattern of due ROS messages repeats."""
-    return math.lcm(every_of(log)[1], *(each.every for each in sources_of(log.info).values()))
+    sensors = (each for own in log.agents.values() for each in sources_of(own.info).values())
+    return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
 def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
@@ -237,9 +274,14 @@ def _joints(name: str, every: int, names: Names, arrays: Mapping[str, str]) -> l
     return [_topic(name, JOINTS, every, arrays, {"name": names.joints})] if names.joints and arrays else []
 
 
-def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
-    """Make the ROS topics of the estimate and of each sensor."""
-    sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
+def _sensor_topics(log: Log, chosen: Callable[[str, str], bool]) -> list[Topic]:
+    """Make the ROS topics of the estimate and of each sensor, of the fields that a function of both names chooses."""
+    names, (fast, _) = names_of(log), every_of(log)
+    sources = {
+        source: replace(each, fields={name: field for name, field in each.fields.items() if chosen(source, name)})
+        for source, each in sources_of(log.info).items()
+    }
+    sources = {name: each for name, each in sources.items() if set(each.fields) - {"time"}}
     topics: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
         if source == ESTIMATE:
