@@ -121,7 +121,14 @@ TABLES = {
     "plants": (plants, ("scenario", "`closure`", ">place, mm", ">attitude, mrad", ">force, N")),
     "sizes": (
         sizes,
-        ("law", ">vehicles", ">period, us", ">times one vehicle's", ">tracing and compiling, s", ">times one vehicle's"),
+        (
+            "law",
+            ">vehicles",
+            ">period, us",
+            ">times one vehicle's",
+            ">tracing and compiling, s",
+            ">times one vehicle's",
+        ),
     ),
 }
 
