@@ -173,9 +173,12 @@ def _with_symbols(record: Record, values: Sequence[Scalar]) -> Record:
     return rebuild(record, (next(given) if isinstance(leaf, Node) else leaf for leaf in leaves(record)))
 
 
-def _equal_call(example: object, whole: object) -> bool:
+def _equal_call(example: tuple[object, object], whole: tuple[object, object]) -> bool:
     """True if a call's record and constants are those of an example but for symbolic values."""
-    return mismatch(example, whole, "") is None and all(map(_alike, leaves(example), leaves(whole)))
+    return all(
+        a is b or (mismatch(a, b, "") is None and all(map(_alike, leaves(a), leaves(b))))
+        for a, b in zip(example, whole, strict=True)
+    )
 
 
 def _alike(one: object, other: object) -> bool:

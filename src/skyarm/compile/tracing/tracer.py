@@ -190,7 +190,9 @@ class Graph:
         self.loops = loops
         self._loops_made = 0
         self._known: dict[Hashable, Node] = {}
-        self.functions: dict[Hashable, list[tuple[object, Lowered, object]]] | None = {} if loops else None
+        self.functions: dict[Hashable, list[tuple[tuple[object, object], Lowered, object]]] | None = (
+            {} if loops else None
+        )
 
     def input(self, name: str) -> Node:
         """Add an input to the traced program."""
