@@ -62,7 +62,7 @@ def test_agents_that_nothing_joins_fly_as_if_alone(plant: str, delays: Delays) -
 
 @dataclasses.dataclass(frozen=True)
 class Shaking(Component[Any]):
-    """Random force on the base, of each agent by itself."""
+    """Random force on the base and loss of rotor speed, and drag in the air, of each agent by itself."""
 
     size: float = 0.5
     uniforms = 3
@@ -77,7 +77,11 @@ class Shaking(Component[Any]):
 
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> list[Wrench]:
         """Force on the base."""
-        return [Wrench(force_W=Vec3(*memory) * self.size)]
+        return [Wrench(force_W=Vec3(*memory) * self.size + motion.air_velocity() * 0.02)]
+
+    def rotor_commands(self, memory: Any, rotors: Any, commands: Any) -> Any:
+        """Speeds that lose a few percent at random."""
+        return tuple(command * (0.98 + 0.02 * memory[0]) for command in commands)
 
 
 def rich() -> Scenario:
