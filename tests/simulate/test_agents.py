@@ -19,6 +19,7 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor, Scenario, Scena
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.component import Component, Wrench
+from support.flights import document, estimated
 from support.teams import team
 
 ARRAYS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "efforts")
@@ -57,6 +58,84 @@ def test_agents_that_nothing_joins_fly_as_if_alone(plant: str, delays: Delays) -
             assert_same(log.agents[name], own)
         else:  # commands of both divide the steps of each
             np.testing.assert_allclose(log.agents[name].position, own.position, rtol=0, atol=1e-7)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shaking(Component[Any]):
+    """Random force on the base and loss of rotor speed, and drag in the air, of each agent by itself."""
+
+    size: float = 0.5
+    uniforms = 3
+
+    def start(self, period: float, draws: Any) -> Any:
+        """Force from the first half of the draws."""
+        return tuple(2.0 * draw - 1.0 for draw in draws[:3])
+
+    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Any) -> Any:
+        """Force that follows the draws with a lag."""
+        return tuple(0.8 * held + 0.2 * (2.0 * draw - 1.0) for held, draw in zip(memory, draws, strict=True))
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> list[Wrench]:
+        """Force on the base."""
+        return [Wrench(force_W=Vec3(*memory) * self.size + motion.air_velocity() * 0.02)]
+
+    def rotor_commands(self, memory: Any, rotors: Any, commands: Any) -> Any:
+        """Speeds that lose a few percent at random."""
+        return tuple(command * (0.98 + 0.02 * memory[0]) for command in commands)
+
+
+def rich() -> Scenario:
+    """Two vehicles in turbulent wind, each with a load, a fault, noisy sensors and an estimator of its own."""
+    one, other = (skyarm.load_scenario(name, duration=0.4) for name in ("case1", "case3"))
+    flown, wind = estimated(duration=0.4), skyarm.scenario_from(document("everything")).wind
+
+    def equipped(agent: Any, mass: float, fault: skyarm.Fault, **more: Any) -> Any:
+        load = skyarm.TimedPayload(name="load", mass=mass, pick=0.05, drop=0.3)
+        noise = dataclasses.replace(agent.noise, position=0.002, rate=0.01)
+        return dataclasses.replace(agent, payloads=(load,), noise=noise, faults=(fault,), **more)
+
+    vehicle = one.agent.plant.vehicle
+    weak = skyarm.Fault(rotor=vehicle.rotors[1].name, effectiveness=0.9, start=0.1)
+    stuck = skyarm.Fault(joint=vehicle.links[1].joint.name, stuck=True, start=0.15)
+    sensed = flown.agent.sensors
+    left = equipped(one.agent, 0.02, weak, sensors=sensed, estimator=flown.agent.estimator)
+    right = equipped(other.agent, 0.05, stuck, sensors=sensed[:2])
+    air = dataclasses.replace(other.environment, wind=wind, forces=(Shaking(),))
+    return dataclasses.replace(one, environment=air, agents={"left": left, "right": right})
+
+
+RICH = (*ARRAYS, "wind_force", "air_velocity", "measured_position", "measured_joints")
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_loads_faults_wind_sensors_and_estimators_are_of_each_agent_alone(plant: str) -> None:
+    both = rich().with_kind(plant)
+    log = skyarm.run(both)
+    for name, pair in log.agents.items():
+        own = skyarm.run(alone(both, name))
+        for array in RICH:  # MuJoCo sums over both trees, in another order
+            np.testing.assert_allclose(pair[array], own[array], rtol=0, atol=0 if plant == "rigid_body" else 1e-9)
+        assert pair.readings.keys() == own.readings.keys()
+        for key, readings in pair.readings["imu"].items():
+            np.testing.assert_allclose(readings, own.readings["imu"][key], rtol=0, atol=1e-7)
+    assert np.abs(log.agents["left"].air_velocity - log.agents["right"].air_velocity).max() > 1e-3
+
+
+def test_equal_agents_have_noise_wind_and_forces_of_their_own() -> None:
+    both = rich()
+    twin = dataclasses.replace(both.agents["right"], faults=(), payloads=())
+    log = skyarm.run(dataclasses.replace(both, agents={"left": twin, "right": twin}))
+    left, right = log.agents.values()
+    for name in ("measured_position", "air_velocity"):
+        noise = [each[name][:2] - each.position[:2] for each in (left, right)]
+        assert np.abs(noise[0] - noise[1]).max() > 1e-4, name
+    first = [{key: value[0] for key, value in each.readings["imu"].items()} for each in (left, right)]
+    assert any(np.abs(first[0][key] - first[1][key]).max() > 1e-3 for key in first[0])
+    calm = dataclasses.replace(both.environment, wind=skyarm.load_scenario("case1").wind)
+    log = skyarm.run(dataclasses.replace(both, environment=calm, agents={"left": twin, "right": twin}, duration=0.02))
+    left, right = log.agents.values()
+    assert np.abs(left.wind_force[0] - right.wind_force[0]).max() > 1e-3
+    assert np.abs(left.wind_force[-1] - right.wind_force[-1]).max() > 1e-3
 
 
 def test_python_floats_fly_the_bits_of_machine_code() -> None:

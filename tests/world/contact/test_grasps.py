@@ -145,6 +145,38 @@ def test_both_plants_fly_the_same_grasps(kind: str, monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(ours.grasp_pull, theirs.grasp_pull, rtol=0, atol=1e-6)
 
 
+def test_both_plants_give_loads_faults_and_wind_to_the_same_agent() -> None:
+    whole = team("bar", duration=0.4)
+    weak = skyarm.Fault(rotor="front_left", effectiveness=0.8, start=0.05)
+    load = skyarm.TimedPayload(name="load", mass=0.05, com=Vec3(0.02, 0.0, 0.0), frame="grip", pick=0.1, drop=9.0)
+    changed = dataclasses.replace(whole.agents["right"], faults=(weak,), payloads=(load,))
+    flown = dataclasses.replace(whole, agents={"left": whole.agents["left"], "right": changed})
+    plain, ours, theirs = (skyarm.run(each) for each in (whole, flown, flown.with_kind("mujoco")))
+    for name, own in ours.agents.items():
+        assert np.abs(own.position - plain.agents[name].position).max() > 1e-3
+        np.testing.assert_allclose(own.position, theirs.agents[name].position, rtol=0, atol=5e-5)
+        np.testing.assert_allclose(own.quaternion, theirs.agents[name].quaternion, rtol=0, atol=5e-4)
+    np.testing.assert_allclose(ours.object_position, theirs.object_position, rtol=0, atol=5e-5)
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_fixed_grasp_keeps_the_attitude_in_which_each_vehicle_begins(plant: str) -> None:
+    still = adrift(with_grasps(team("bar", duration=0.1), kind="fixed"), 1, speed=0.0, turning=0.0)
+    turned = {"left": Vec3(0.3, 0.2, 0.5), "right": Vec3(-0.4, 0.1, -0.7)}
+    agents = {
+        name: dataclasses.replace(
+            each, initial=dataclasses.replace(each.initial, quaternion=Quaternion.of_rotation_vector(turned[name]))
+        )
+        for name, each in still.agents.items()
+    }
+    flown = dataclasses.replace(still, agents=agents).with_kind(plant)
+    assert flown.world is not None
+    log = skyarm.run(flown)
+    assert np.abs(log.object_rate).max() < 1e-9
+    for each in log.agents.values():
+        assert np.abs(each.rate).max() < 1e-9
+
+
 NEAR_TIP = 0.02
 """Mass (kg) of the lightest tip, for which steps are chosen."""
 
