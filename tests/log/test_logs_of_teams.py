@@ -163,7 +163,6 @@ def test_another_law_of_a_vehicle_is_one_line():
 
 def test_contacts_of_a_team_are_listed_for_all(bar):
     tables = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8")) | {"duration": 0.1}
-    tables["plant"]["vehicle"] = str(TEAMS / "dragonfly.toml")
     floor = {"name": "floor", "shape": "box", "size": [0.02, 0.02, 0.1], "position": [0.0, 0.19, 0.889]}
     tables["world"] = {
         "points": [{"name": "foot", "agent": "left", "frame": "grip", "radius": 0.06}],

@@ -25,6 +25,7 @@ from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.sensing.sensor_kinds import Imu
+from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from skyarm.world.aerodynamic_forces import RotorDrag
 from support.components import registry_kept
 from support.teams import TEAMS, team
@@ -477,8 +478,7 @@ def written_team(scenario: skyarm.Scenario, folder: Path, base: PathLike | Mappi
 def test_a_team_is_written_as_its_base_where_nothing_differs(tmp_path, name):
     base = TEAMS / f"{name}.toml"
     found, stated = written_team(team(name), tmp_path, base), tomllib.loads(base.read_text("utf-8"))
-    assert {word for word in stated if found[word] != stated[word]} == {"plant"}
-    assert (tmp_path / found["plant"]["vehicle"]).samefile(TEAMS / "dragonfly.toml")
+    assert [word for word in stated if found[word] != stated[word]] == []
 
 
 @pytest.mark.parametrize(
@@ -513,7 +513,7 @@ def test_numbers_changes_and_forces_of_a_team_are_written_once(tmp_path):
 
 def test_another_law_of_one_vehicle_or_of_all_is_written(tmp_path):
     bar, base = team("bar"), tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
-    base |= {"plant": base["plant"] | {"vehicle": str(TEAMS / "dragonfly.toml"), "kind": "mujoco"}}
+    base |= {"plant": base["plant"] | {"kind": "mujoco"}}
     indi = team("bar", controller="indi")
     one = dataclasses.replace(bar, agents={**bar.agents, "left": indi.agents["left"]}).with_kind("mujoco")
     found = written_team(one, tmp_path, base)
@@ -537,7 +537,7 @@ def test_the_files_of_each_vehicle_are_named_from_the_new_folder(tmp_path):
     for folder, text in (("own", scenario_text(base)), ("new", "")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "flight.toml").write_text(text)
-    (tmp_path / "own/bird.toml").write_bytes((TEAMS / "dragonfly.toml").read_bytes())
+    (tmp_path / "own/bird.toml").write_bytes((VEHICLES / "dragonfly.toml").read_bytes())
     scenario = skyarm.load_scenario(tmp_path / "own/flight.toml")
     found = written_team(scenario, tmp_path / "new", tmp_path / "own/flight.toml")
     assert {each["plant"]["vehicle"] for each in found["agents"].values()} == {"../own/bird.toml"}

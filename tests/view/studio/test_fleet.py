@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.records.files import read_toml
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
     LONGEST,
@@ -18,6 +18,7 @@ from skyarm.view.studio.fleet import (
     Flight,
 )
 from skyarm.view.studio.knobs import knobs_of
+from skyarm.view.studio.page import cases
 from skyarm.world import TimedPayload
 from support.cases import sampled, toml_text
 
@@ -275,7 +276,7 @@ def test_mujocos_plant_flies_in_the_studio_too(tmp_path: Path) -> None:
 OTHERS = {"arm_length": "study", "press_in_four_worlds": "study", "carrier": "vehicle", "servo_quad": "vehicle"}
 """Examples that are no scenarios -> what they are."""
 
-EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
+EVERY = [*cases(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
 
 
 @pytest.mark.parametrize("source", sampled(EVERY, 8))

@@ -14,6 +14,7 @@ from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.view.studio.fleet import Fleet, law_names
 from skyarm.view.studio.knobs import AdjustableNumber, knobs_of
+from skyarm.view.studio.page import cases
 from skyarm.world import Wrench
 
 GROUPS = {"law", "reference", "wind and forces", "payload", "sensors", "delay", "faults"}
@@ -36,7 +37,7 @@ def knobs(case: str, law: str | None = None) -> dict[str, AdjustableNumber]:
     return {knob.path: knob for knob in knobs_of(fleet.under(law), fleet.push_path)}
 
 
-FLOWN = [*((case, None) for case in skyarm.list_scenarios()), *(("case2", law) for law in ("centroidal_tip", "nmpc"))]
+FLOWN = [*((case, None) for case in cases()), *(("case2", law) for law in ("centroidal_tip", "nmpc"))]
 
 
 @pytest.mark.parametrize(("case", "law"), [*FLOWN, ("case3_wind", "l1_adaptive_tuned")])
@@ -112,7 +113,7 @@ def test_every_law_of_the_menu_is_one_of_a_file(law: str) -> None:
     assert Fleet("case2").under(law).controller == plain.controller
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in LIBRARY.glob("*.toml")))
+@pytest.mark.parametrize("name", cases())
 def test_every_shipped_scenario_flies_with_its_sliders_where_they_are(name: str) -> None:
     """What a flight of the page begins with: each number as data that may move, which changes nothing of the kind."""
     fleet = Fleet(name)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.controls import Chart, KnobPanel, add_clock, charts, literal, on_user_input, swatch
 from skyarm.view.studio.fleet import BLOW, GUST, MOST, Fleet, Flight, law_names
 from skyarm.view.studio.knobs import AdjustableNumber
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 NO_LAW = "none"
 NO_CASE = "choose"
 DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
+
+
+def cases() -> tuple[str, ...]:
+    """Names of the shipped scenarios of one vehicle."""
+    texts = {name: (LIBRARY / f"{name}.toml").read_text("utf-8") for name in list_scenarios()}
+    return tuple(name for name, text in texts.items() if "[agents." not in text)
 
 
 class Controls:
@@ -51,7 +57,7 @@ class Controls:
                 for place in range(MOST):
                     self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
             with gui.add_folder("cases"):
-                menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
+                menu = gui.add_dropdown("case", (NO_CASE, *cases()), initial_value=NO_CASE)
                 on_user_input(menu, page.choose_case)
                 save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
                 on_user_input(save, lambda _: page.save())
@@ -115,7 +121,7 @@ class Page(PageLoop):
         """Load a shipped scenario by name, under the current controllers."""
 
         def choose() -> None:
-            if name in list_scenarios():
+            if name in cases():
                 laws = [flight.law for flight in self.fleet.flights]
                 self._begin(Fleet(name), laws or [None])
 
