@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra.scalars import Scalar, Scalars, add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.records.immutable import immutable
@@ -53,7 +53,7 @@ def inverse_dynamics(
     joint_rates: Sequence[Scalar],
     base: Motion,
     joint_accelerations: Sequence[Scalar],
-) -> tuple[Force, tuple[Scalar, ...]]:
+) -> tuple[Force, Scalars]:
     """Base force and joint torques that a motion requires (inverse dynamics): M a + C v + G.
 
     Args:

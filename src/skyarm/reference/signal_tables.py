@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, Scalars
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
@@ -95,6 +95,6 @@ class SignalList:
         )
         return cls(tuple(signals))
 
-    def at(self, t: Scalar) -> tuple[Scalar, ...]:
+    def at(self, t: Scalar) -> Scalars:
         """Values of all signals at time t (s)."""
         return tuple(signal.derivatives(t)[0] for signal in self.signals)

@@ -22,7 +22,7 @@ from typing import Annotated
 import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars import Scalar, Scalars, cos, divide, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
@@ -170,7 +170,7 @@ class TipPush:
         field(default=UPRIGHT, metadata=WRITTEN_IF_ANY)
     )
 
-    def at(self, t: Scalar) -> tuple[Scalar, ...]:
+    def at(self, t: Scalar) -> Scalars:
         """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an

@@ -13,7 +13,7 @@ from functools import cache, partial
 from typing import NamedTuple
 
 from skyarm.algebra import Mat3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalars
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
@@ -412,7 +412,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
     check_quaternion(tuple(state.quaternion))
 
 
-def check_quaternion(values: tuple[Scalar, ...]) -> None:
+def check_quaternion(values: Scalars) -> None:
     """Check that a quaternion is four numbers of unit length."""
     good = len(values) == 4
     if good and concrete(*values):

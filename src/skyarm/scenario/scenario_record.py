@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
+from skyarm.algebra.scalars import Scalar, Scalars, cos, data, minimum, sin
 from skyarm.control.controller import Controller, autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
@@ -824,7 +824,7 @@ def noise_key(field: str, value: object) -> int:
     return key
 
 
-def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
+def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) -> State:
     """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.

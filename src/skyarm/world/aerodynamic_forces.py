@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, maximum, sqrt
+from skyarm.algebra.scalars import Scalar, Scalars, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
@@ -76,7 +76,7 @@ class LinkDrag(Force[tuple[()]]):
     """
 
     area: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("m^2", "drag coefficient times reference area of each link, in the vehicle's order", low=0.0),
     ]
     air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", low=0.0)] = 1.225

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra.scalars import Scalar, data, minimum
+from skyarm.algebra.scalars import Scalar, Scalars, data, minimum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
@@ -48,6 +48,6 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         charge = Column("battery_charge", "", "", "share of the capacity after the period")
         return charge, Column("battery_voltage", "", "V", "under load")
 
-    def logged(self, memory: tuple[Scalar, Scalar], motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: tuple[Scalar, Scalar], motion: PointMotion) -> Scalars:
         """Battery charge and voltage as logged values."""
         return memory

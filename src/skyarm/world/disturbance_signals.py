@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, Scalars
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -40,7 +40,7 @@ from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, 
 
 AXES = ("world", "frame")
 
-Numbers = tuple[Scalar, ...]
+Numbers = Scalars
 """Unit-variance noise; () for none."""
 
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import Scalar, Scalars, maximum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
@@ -142,7 +142,7 @@ class HangingPayload(TimedPayload):
 
     def logged(  # type: ignore[override]
         self, memory: HangingMemory, motion: PointMotion
-    ) -> tuple[Scalar, ...]:
+    ) -> Scalars:
         """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.position)
 

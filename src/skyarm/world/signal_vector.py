@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, exp, mul, sqrt
+from skyarm.algebra.scalars import Scalar, Scalars, exp, mul, sqrt
 from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import checked
@@ -95,11 +95,11 @@ class ColouredNoise:
                 has = " and ".join(f"noise.{each}" for each in own)
                 raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
-    def first(self, draws: Sequence[Scalar], count: int) -> tuple[Scalar, ...]:
+    def first(self, draws: Sequence[Scalar], count: int) -> Scalars:
         """Initial unit-variance noise with ``count`` components, drawn from the stationary distribution."""
         return tuple(normals(draws)[:count])
 
-    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> Scalars:
         """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)

@@ -18,7 +18,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Annotated
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, mul, where
+from skyarm.algebra.scalars import Scalar, Scalars, logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
@@ -170,7 +170,7 @@ class TimedPayload(Component[PayloadMemory]):
         """Log column of the payload mass that the vehicle holds."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
-    def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: PayloadMemory, motion: PointMotion) -> Scalars:
         """Payload mass (kg) that the vehicle holds, for the log."""
         return (mul(self.mass, memory.held),)
 

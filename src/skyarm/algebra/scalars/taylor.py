@@ -12,7 +12,7 @@ import operator
 from collections.abc import Callable, Sequence
 
 from skyarm.algebra.scalars import functions
-from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, sub, total
+from skyarm.algebra.scalars.fold import Scalar, Scalars, add, data, mul, neg, sub, total
 
 
 def _comparison(compare: Callable[[Scalar, Scalar], Scalar]) -> Callable[[Taylor, Scalar], Scalar]:
@@ -55,7 +55,7 @@ class Taylor:
         """Taylor series truncated to a lower order."""
         return Taylor(self.c[: order + 1])
 
-    def _terms(self, other: Scalar) -> tuple[Scalar, ...]:
+    def _terms(self, other: Scalar) -> Scalars:
         """Coefficients of an operand; a plain scalar counts as a constant series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalars
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
@@ -84,9 +84,7 @@ class FilterReadings:
     position: PositionReading | tuple[()] = ()
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
-    tip_force: Annotated[
-        tuple[Scalar, ...], Unit("N", "reading of the force sensor: force on the tip, axes of the tip")
-    ] = ()
+    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = ()
 
 
 @immutable

@@ -13,6 +13,7 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.algebra.scalars import (
     Scalar,
+    Scalars,
     absolute,
     add,
     cos,
@@ -132,9 +133,9 @@ class Recovery:
 
     gains: GeometricGains
     joint_gains: JointGains
-    stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "stowed joint positions of the arm in the recovery")]
+    stow: Annotated[Scalars, Unit("rad or m", "stowed joint positions of the arm in the recovery")]
     stow_speed: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("rad/s or m/s", "joint speed on the way to the stowed pose", effect="lower values disturb the base less"),
     ]
 

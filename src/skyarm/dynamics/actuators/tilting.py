@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from skyarm.algebra.scalars import (
     Scalar,
+    Scalars,
     absolute,
     add,
     atan2,
@@ -57,9 +58,7 @@ def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scal
     return goal + mul(sign(error), maximum(left, 0.0))
 
 
-def angles_after(
-    vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar
-) -> tuple[Scalar, ...]:
+def angles_after(vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar) -> Scalars:
     """Tilt angles (rad) of all tilting rotors after ``dt`` seconds of constant setpoints."""
     rows = zip(vehicle.tilts, angles, setpoints, strict=True)
     return tuple(angle_after(tilt, angle, setpoint, dt) for tilt, angle, setpoint in rows)
@@ -140,7 +139,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     return rotors
 
 
-def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> Scalars:
     """Speeds (rad/s) of the pairs of fixed rotors that give the force of tilting rotors at given angles."""
     pair_speeds: list[Scalar] = []
     left = iter(angles)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, clip
+from skyarm.algebra.scalars import Scalars, clip
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import push
@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class MotorCommand:
     """Set point for an autopilot: thrust of each rotor as a fraction of its highest, in the vehicle's order."""
 
-    thrusts: Annotated[tuple[Scalar, ...], Unit("", "normalized thrust set point of each motor, 0 to 1")]
+    thrusts: Annotated[Scalars, Unit("", "normalized thrust set point of each motor, 0 to 1")]
 
 
 SetPoint = RateCommand | MotorCommand

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, Scalars
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -70,7 +70,7 @@ class OutsideMemory:
     """Internal state between two periods: of the law, of the modelled rotors, and of the rate loop's integral."""
 
     law: Any
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "modelled rotor speeds, unsigned")]
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "modelled rotor speeds, unsigned")]
     integral: Annotated[Vec3, Unit("N m", "modelled torque of the rate loop's integral, base axes")]
 
 

@@ -13,7 +13,7 @@ Source: Barakou, Tzafestas, Valavanis 2026, sections 2 and 3, Appendices B and C
 from __future__ import annotations
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalars
 from skyarm.dynamics import euler_coordinates
 from skyarm.dynamics.array_front import ArrayLike, components, leading_axes, one_number, stack_leaves
 from skyarm.dynamics.kinematics import Pose, frame_pose, link_poses
@@ -83,7 +83,7 @@ def forward_kinematics(vehicle: Vehicle, q: ArrayLike) -> dict[str, Array]:
     }
 
 
-def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[tuple[Scalar, ...]]:
+def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[Scalars]:
     """Vectors of 6+n scalars from the NumPy arguments."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")

@@ -12,7 +12,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.frames import unit_rows
 from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import Scalar, divide
+from skyarm.algebra.scalars import Scalar, Scalars, divide
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
@@ -144,7 +144,7 @@ def _program(vehicle: Vehicle) -> Program:
     """Compiled program that computes the world poses of all bodies and the tip position."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
-    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+    def poses(position: Vec3, quaternion: Quaternion, joints: Scalars) -> Scalars:
         q = quaternion
         length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
+from skyarm.algebra.scalars import Scalar, Scalars, add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     DesiredAttitude,
@@ -181,7 +181,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMoti
     return DesiredMotion(base, still, level, turned, after, changes, rotors, planned, goal)
 
 
-def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
+def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> Scalars:
     """Desired joint accelerations qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
     gains = par.joint_gains
     return tuple(
@@ -231,7 +231,7 @@ def within_limits(
     state: State,
     references: Sequence[Taylor],
     accelerations: Sequence[Scalar],
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint accelerations limited by a control barrier function that keeps joints off their limits.
 
     A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way

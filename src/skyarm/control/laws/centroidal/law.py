@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, same, where
+from skyarm.algebra.scalars import Scalar, Scalars, add, divide, maximum, mul, same, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
@@ -74,10 +74,10 @@ class CentroidalMemory:
     observed: Observed
     sent: Command
     past: Past
-    applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
-    free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
+    applied: Annotated[Scalars, Unit("", "1 for rotors and joints whose last command was applied unchanged")]
+    free: Annotated[Scalars, Unit("", "1 for base and joints whose actuators are not at their limit")]
     slow_force: Annotated[Vec3, Unit("N", "slowly filtered disturbance force of the observer")]
-    trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "squared speeds added to those of the mixer")]
+    trim: Annotated[Scalars, Unit("(rad/s)^2", "squared speeds added to those of the mixer")]
     following: Following = Following()
     parts: PartMemories = PartMemories()
 
@@ -217,7 +217,7 @@ def present(par: CentroidalParameters, timing: Timing, seen: ObserverOutput, dt:
     return predict_across(par.model, state, done, seen.unknown, timing.age * dt, sideways)
 
 
-def learning(memory: CentroidalMemory, share: Scalar) -> tuple[Scalar, ...]:
+def learning(memory: CentroidalMemory, share: Scalar) -> Scalars:
     """Flags of base and joints that may be adapted: no actuator limit, no contact, command applied unchanged.
 
     A command that others changed moves the vehicle away from its plan: nothing of that is a load or friction.

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, sin
+from skyarm.algebra.scalars import Scalar, Scalars, cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -136,7 +136,7 @@ def goals(motion: Array, shift: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> Vec3:
+def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
     """Base offset (m, world axes) that keeps the tip in place while the base tilts to a thrust direction.
 
     Args:

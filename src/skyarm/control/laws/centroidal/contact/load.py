@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, clip, data, divide, logical_or, maximum, minimum, mul, neg, where
+from skyarm.algebra.scalars import Scalar, Scalars, clip, data, divide, logical_or, maximum, minimum, mul, neg, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_control import contact_cleared
@@ -80,7 +80,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
     )
 
 
-def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
+def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> Scalars:
     """Unmodelled tip load that best explains a disturbance: mass (kg) and horizontal torque (N m)."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
