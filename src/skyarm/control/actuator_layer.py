@@ -8,8 +8,8 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import Force
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, divide, maximum, mul, sqrt, where
+from skyarm.algebra import Force, Scalar, Scalars
+from skyarm.algebra.scalars import add, data, divide, maximum, mul, sqrt, where
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -25,7 +25,7 @@ from skyarm.records.leaves import Place, Tree, blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 
 @immutable

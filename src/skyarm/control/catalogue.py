@@ -18,8 +18,8 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, mul
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import mul
 from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
@@ -27,8 +27,8 @@ from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
+from skyarm.records.registry import Registration, registrations
 from skyarm.records.registry.plugins import law_of_file_key
-from skyarm.records.registry.registrations import Registration, registrations
 from skyarm.records.registry.shipped import TUNED
 
 __all__ = ["TUNED", "Controller", "ControllerError"]

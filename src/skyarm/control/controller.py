@@ -6,15 +6,15 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
-from skyarm.algebra import Quaternion
-from skyarm.algebra.scalars import Scalar, Scalars, logical_and, where
+from skyarm.algebra import Quaternion, Scalar, Scalars
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, is_record
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Memory = TypeVar("Memory")
 

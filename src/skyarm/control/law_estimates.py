@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalars
+from skyarm.algebra import Scalars, Vec3
 from skyarm.control.controller import innermost, part_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, is_record

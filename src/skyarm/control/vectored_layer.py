@@ -8,24 +8,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import inner_product, ldl_solve
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    absolute,
-    add,
-    clip,
-    cos,
-    data,
-    divide,
-    exp,
-    maximum,
-    minimum,
-    mul,
-    sqrt,
-    sub,
-    where,
-)
+from skyarm.algebra import Scalar, Scalars, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
@@ -42,8 +26,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.tilt import Tilt
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""

@@ -15,15 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm import dynamics
-from skyarm.algebra import Force, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add
+from skyarm.algebra import Force, Mat3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import is_record
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def _read(

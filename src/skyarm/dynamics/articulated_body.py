@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, mul, same, sub
+from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import add, divide, mul, same, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 def forward_dynamics(

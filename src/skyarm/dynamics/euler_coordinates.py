@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Motion, Vec3, axis_rotation, inner_product
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sub
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Motion, Scalar, Vec3, axis_rotation, inner_product
+from skyarm.algebra.scalars import add, cos, divide, mul, neg, sin, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.composite_body import mass_matrix as tree_mass_matrix
 from skyarm.dynamics.newton_euler import inverse_dynamics
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Matrix = list[list[Scalar]]
 """Matrix as a list of rows."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, divide, logical_and, mul, same, sqrt, where
+from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import add, data, divide, logical_and, mul, same, sqrt, where
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Joint
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Joint, Vehicle
 
 
 @immutable(kw_only=False)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 class PointMotion:

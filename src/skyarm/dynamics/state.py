@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, Scalars, cos, sin
+from skyarm.algebra.scalars import cos, sin
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.path_names import Names, NumberView, field_paths

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, clip, maximum
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, maximum
 from skyarm.control.controller import with_applied_command
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
@@ -22,8 +22,7 @@ from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 Decision = tuple[Tree, Command]
 """Result of the scenario's law: (next memory, command)."""

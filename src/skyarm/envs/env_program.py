@@ -12,8 +12,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, absolute, clip, logical_and, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, clip, logical_and, where
 from skyarm.compile.tracing.program import Loop, Program, trace, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest

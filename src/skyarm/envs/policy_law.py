@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skyarm.algebra.scalars import Scalar, Scalars, clip
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import clip
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.learned.law import Layer, Network
 from skyarm.control.model import Model

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar
 
-from skyarm.algebra.scalars import Scalar, where
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import where
 from skyarm.records.immutable import memoize
 
 Record = TypeVar("Record")

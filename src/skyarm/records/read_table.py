@@ -10,8 +10,7 @@ import typing
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.records import coerce
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown

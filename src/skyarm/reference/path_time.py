@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, mul, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

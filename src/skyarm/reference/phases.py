@@ -34,7 +34,7 @@ from skyarm.reference.task import TaskBuilder, duration_of, seconds
 from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, limits_of, number_within, place_of, within
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:

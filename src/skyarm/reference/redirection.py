@@ -13,7 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, Scalars, maximum, minimum, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import maximum, minimum, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal

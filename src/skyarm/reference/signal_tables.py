@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 
-from skyarm.algebra.scalars import Scalar, Scalars
+from skyarm.algebra import Scalar, Scalars
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable

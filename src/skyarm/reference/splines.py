@@ -15,7 +15,8 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, Scalars, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal

@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalars
+from skyarm.algebra import Scalars
 from skyarm.records.files import Fields, shown
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed

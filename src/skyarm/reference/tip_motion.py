@@ -21,8 +21,8 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, cos, divide, logical_or, sin, sqrt, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, divide, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
@@ -34,8 +34,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Signal
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 ORDER = 4
 """Highest derivative of a reference."""

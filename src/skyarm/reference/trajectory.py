@@ -13,8 +13,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.field_rules import accept_fields, checked

@@ -59,7 +59,7 @@ from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import NUMBER, Unit, declared_units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 MEASURED = ("stiffness", "damping")
 """Limits of the safety layer that are measured on the wrapped law if left out."""

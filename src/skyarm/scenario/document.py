@@ -23,7 +23,7 @@ from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario import readers
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 AGENTS = "agents"
 """Key of the tables of several agents."""

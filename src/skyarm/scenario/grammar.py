@@ -13,8 +13,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
 from skyarm.control.model import Model, Options, Terms
 from skyarm.control.option_units import option_texts
@@ -34,8 +33,8 @@ from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.world.dryden import Dryden
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload

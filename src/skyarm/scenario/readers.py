@@ -35,9 +35,9 @@ from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
-from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
+from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
 from skyarm.world import Component, Payload, TimedPayload, wind_from
 

@@ -13,21 +13,8 @@ from dataclasses import field
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    add,
-    data,
-    divide,
-    floor,
-    logical_and,
-    logical_or,
-    minimum,
-    mul,
-    sqrt,
-    where,
-)
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
@@ -38,7 +25,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

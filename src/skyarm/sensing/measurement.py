@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, mul
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
@@ -20,7 +20,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

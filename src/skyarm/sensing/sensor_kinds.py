@@ -15,9 +15,9 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, Scalars, data, divide, exp, mul, sqrt, sub, where
+from skyarm.algebra.scalars import data, divide, exp, mul, sqrt, sub, where
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
@@ -26,8 +26,7 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 
 
 @immutable

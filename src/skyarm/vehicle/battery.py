@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Protocol
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve, inverse_curve
-from skyarm.algebra.scalars import Scalar, Scalars, divide, maximum, sqrt
+from skyarm.algebra.scalars import divide, maximum, sqrt
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

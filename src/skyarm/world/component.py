@@ -18,8 +18,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, mul, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -27,8 +27,7 @@ from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene

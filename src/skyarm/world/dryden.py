@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Z, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, divide, exp, log, maximum, sqrt
+from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.algebra.scalars import Scalars
+from skyarm.algebra import Scalars
 from skyarm.records.immutable import immutable
 
 

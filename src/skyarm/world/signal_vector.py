@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, exp, mul, sqrt
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import exp, mul, sqrt
 from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import checked

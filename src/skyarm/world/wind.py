@@ -28,8 +28,7 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import E_X, ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars
+from skyarm.algebra import E_X, ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State

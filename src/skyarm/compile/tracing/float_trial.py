@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.program import trace
 from skyarm.compile.tracing.tracer import Graph, Node

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars.elementary import COMPOSED
-from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild

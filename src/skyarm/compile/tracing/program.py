@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats
-from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.immutable import immutable

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, clip, divide, exp, logical_and, minimum, mul, where
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 
 def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Scalar:

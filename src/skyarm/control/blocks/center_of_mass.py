@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, mul, sub
+from skyarm.algebra import (
+    ZERO3,
+    Force,
+    Mat3,
+    Motion,
+    Scalar,
+    Scalars,
+    SpatialInertia,
+    Sym3,
+    Vec3,
+    inner_product,
+    ldl_solve,
+)
+from skyarm.algebra.scalars import add, divide, mul, sub
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 def locked_inertia(vehicle: Vehicle, joints: Sequence[Scalar]) -> SpatialInertia:

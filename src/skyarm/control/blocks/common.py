@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, minimum, mul
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, minimum, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.model import JointGains, Model, Parameters
@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:

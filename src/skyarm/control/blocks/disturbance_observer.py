@@ -29,8 +29,8 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, data, divide, mul, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,

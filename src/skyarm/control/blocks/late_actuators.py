@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, Scalars, data, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra.scalars import data, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Rotor
 
 Rows = tuple[Scalars, ...]
 

@@ -6,8 +6,21 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, mul, neg, sub
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Force,
+    Mat3,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+    inner_product,
+)
+from skyarm.algebra.scalars import add, data, mul, neg, sub
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -16,7 +29,7 @@ from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, data, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, where
 
 
 def vector_data(v: Vec3) -> Vec3:

@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, TypeVar
 
-from skyarm.algebra import Mat3, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, mul
+from skyarm.algebra import Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import Link
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Link, Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 

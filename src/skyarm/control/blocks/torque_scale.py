@@ -22,8 +22,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, divide, maximum, mul, sqrt, sub, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, divide, maximum, mul, sqrt, sub, where
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, effort_shares
 from skyarm.records.immutable import immutable

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, minimum, where
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.attitude import attitude, reachable, vector_series

@@ -11,9 +11,9 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, Scalars, add, cos, mul
+from skyarm.algebra.scalars import add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration

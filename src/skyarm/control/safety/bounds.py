@@ -16,23 +16,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    absolute,
-    add,
-    clip,
-    divide,
-    logical_or,
-    maximum,
-    minimum,
-    mul,
-    sqrt,
-    sub,
-    tan,
-    where,
-)
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force

@@ -10,20 +10,8 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    absolute,
-    add,
-    cos,
-    divide,
-    logical_and,
-    logical_or,
-    maximum,
-    sqrt,
-    where,
-)
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, cos, divide, logical_and, logical_or, maximum, sqrt, where
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -43,7 +31,7 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.linkage import Link
+from skyarm.vehicle import Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 """Limits of calm flight: tilt (rad), body and joint rates (rad/s; m/s for prismatic joints) and speed (m/s)."""

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, absolute, logical_or, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra.scalars import Scalars, data
+from skyarm.algebra import Scalars
+from skyarm.algebra.scalars import data
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.algebra.scalars import Scalar, Scalars
+from skyarm.algebra import E_Z, ZERO3, Motion, Scalar, Scalars
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 ROUNDING = 1e-9
 """Magnitude of a negative squared speed, over the largest, up to which it is a rounded zero."""

@@ -16,26 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    absolute,
-    add,
-    divide,
-    logical_and,
-    maximum,
-    minimum,
-    mul,
-    sqrt,
-    sub,
-    where,
-)
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SMALL = 1e-9
 """Least squared speed per N m of yaw in the bounds, relative to the largest."""

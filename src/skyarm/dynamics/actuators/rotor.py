@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.vehicle import Rotor
 
 
 def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalar:

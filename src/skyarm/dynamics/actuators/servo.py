@@ -11,20 +11,8 @@ import math
 from collections.abc import Collection
 from typing import Annotated, ClassVar
 
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    add,
-    clip,
-    divide,
-    floor,
-    logical_and,
-    maximum,
-    minimum,
-    mul,
-    sub,
-    where,
-)
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields

@@ -14,9 +14,8 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
     absolute,
     add,
     atan2,
@@ -35,8 +34,8 @@ from skyarm.algebra.scalars import (
 from skyarm.dynamics.actuators.command import Command
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.immutable import immutable
+from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.tilt import Tilt
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 FASTEST = 1e9
 """Largest tilt rate (rad/s) in computations, for a servo without a limit."""

@@ -16,23 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    add,
-    atan2,
-    cos,
-    data,
-    divide,
-    mul,
-    neg,
-    sin,
-    sqrt,
-    sub,
-    total,
-    where,
-)
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading

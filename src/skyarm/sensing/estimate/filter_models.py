@@ -17,15 +17,15 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, data, exp, logical_and, maximum, sqrt, where
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import EncoderReading
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

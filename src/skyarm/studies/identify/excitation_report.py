@@ -9,7 +9,7 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.log_checks import REFUSED, LogFault
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.pages import Facts
 
 

@@ -11,7 +11,7 @@ from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, surroundings_with
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 AXES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")

@@ -39,7 +39,7 @@ from skyarm.studies.identify.unknowns import (
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
 from skyarm.studies.identify.windows import Clocked, ClockedWindows, clock_step, on_clock
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
 """Lengths (s) of the first windows, whose problem is nearly linear, of the last ones, and with commands below 40 Hz."""

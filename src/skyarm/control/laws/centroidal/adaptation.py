@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, clip, data, divide, minimum, mul, sub, where
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, clip, data, divide, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -38,7 +38,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SMALL = 1e-3
 """Squared joint effort under 1 kg at the tip ((N m)^2 or N^2) below which the mass is adapted slowly."""

@@ -26,8 +26,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, absolute, cos, data, divide, maximum, minimum, sin, sqrt
+from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.select import vector_data
@@ -36,7 +36,7 @@ from skyarm.dynamics.kinematics import chain
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 LEAST = 0.02
 """Height (m) of the centre of mass above the tip below which the shift falls in proportion to that height."""

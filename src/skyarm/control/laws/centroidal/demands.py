@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, maximum, minimum, mul, sqrt, sub
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     DesiredAttitude,
@@ -29,7 +29,7 @@ from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effe
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

@@ -24,21 +24,8 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import Annotated
 
-from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import (
-    Scalar,
-    Scalars,
-    add,
-    data,
-    divide,
-    maximum,
-    minimum,
-    mul,
-    structural,
-    sub,
-    total,
-    where,
-)
+from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra.scalars import add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,

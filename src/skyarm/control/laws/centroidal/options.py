@@ -20,8 +20,7 @@ from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
 from skyarm.records.files import errors_as, number, shown
 from skyarm.records.files.messages import present_names
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 GAINS: Mapping[str, tuple[float, ...]] = {
     "base": (22.0, 8.5, 205.0, 22.5),

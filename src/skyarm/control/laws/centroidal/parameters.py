@@ -10,8 +10,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, divide, maximum, minimum, mul, sqrt, total
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.step_records import (

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Protocol
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, maximum, mul
+from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing

@@ -15,8 +15,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, cos, divide, mul, sin, total
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import DesiredAttitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
@@ -25,8 +25,7 @@ from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, chain, jacobian_columns, link_poses
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 @immutable(kw_only=False)

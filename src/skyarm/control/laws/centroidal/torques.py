@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
+from skyarm.algebra import E_Z, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds

@@ -24,8 +24,8 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, add, clip, divide, mul, sub, tanh, where
+from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.select import choose_each
@@ -40,7 +40,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SCHEMA = 1
 FILE = "hummingbird_arm2.json"

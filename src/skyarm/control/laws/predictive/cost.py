@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, cos, divide, mul, sin, sub
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
@@ -30,8 +30,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 @immutable

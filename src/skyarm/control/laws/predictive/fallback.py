@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import Motion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
+from skyarm.algebra import Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, Scalars, divide, exp, maximum, minimum, where
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import divide, exp, maximum, minimum, where
 from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -23,7 +23,7 @@ from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Rotor
 
 
 @immutable

@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, cos, sin
+from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -24,7 +24,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 JUMP = 0.02
 """Difference (m or rad) between a reference sample and its prediction above which a new motion begins."""

@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA
-from skyarm.algebra.scalars import Scalar, Scalars, maximum, minimum
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars
+from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skyarm.algebra import E_Z, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, Scalars, divide, logical_or, maximum, minimum, where
+from skyarm.algebra import E_Z, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import divide, logical_or, maximum, minimum, where
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,

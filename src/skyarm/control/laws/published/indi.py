@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, divide, minimum, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
     arm_alone,

@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, Scalars, clip, divide, logical_and, maximum, sqrt, tanh, where
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Scalar, Scalars, Sym3, Vec3, ldl_solve
+from skyarm.algebra.scalars import clip, divide, logical_and, maximum, sqrt, tanh, where
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.common import make_command, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error

@@ -31,8 +31,8 @@ from functools import partial
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, clip, divide, exp, minimum, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
     coupled_forces,
     inverse_mass,

@@ -19,8 +19,8 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, Scalars, data, divide, logical_and, logical_or, maximum, mul, sqrt, where
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, divide, logical_and, logical_or, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
@@ -36,7 +36,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 LIGHTEST, HEAVIEST = 0.01, 1000.0
 """Least and largest mass (kg) of the admittance's virtual body."""
