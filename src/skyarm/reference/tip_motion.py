@@ -23,7 +23,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, divide, logical_or, sin, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
@@ -127,8 +127,7 @@ def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
 
 
 def _derivatives(v: Vec3) -> FiveVectors:
-    rows = [[c.derivative(k) for k in range(ORDER + 1)] if isinstance(c, Taylor) else [c, 0, 0, 0, 0] for c in v]
-    return tuple(Vec3(*column) for column in zip(*rows, strict=True))
+    return tuple(Vec3(*(nth_derivative(c, k) for c in v)) for k in range(ORDER + 1))
 
 
 def _to_series(record: Record) -> Record:

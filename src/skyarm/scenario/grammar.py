@@ -22,7 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.field_rules import defaults
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
 from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
@@ -429,12 +429,7 @@ def _records_in(annotation: object) -> tuple[type, ...]:
     options = typing.get_args(annotation)
     if options:
         return tuple(record for each in options for record in _records_in(each))
-    if (
-        not isinstance(annotation, type)
-        or field_names(annotation) is None
-        or _in_words(annotation)
-        or annotation is Vehicle
-    ):
+    if not is_record_class(annotation) or _in_words(annotation) or annotation is Vehicle:
         return ()
     return () if issubclass(annotation, Signal) else (annotation,)
 

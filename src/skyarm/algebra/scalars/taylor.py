@@ -159,6 +159,11 @@ class _TaylorFunctions:
         return choose(condition, a, b)
 
 
+def nth_derivative(x: Scalar, k: int) -> Scalar:
+    """Value of the k-th derivative of a Taylor series; any other scalar is a constant."""
+    return x.derivative(k) if isinstance(x, Taylor) else x if k == 0 else 0
+
+
 def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar or Taylor series.
 

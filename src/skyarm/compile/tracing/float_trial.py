@@ -108,7 +108,7 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
     values = contents(function(*rebuild(examples, inputs)))
     texts: dict[int, str] = {}
 
-    def text(value: Any) -> str:
+    def text(value: object) -> str:
         if isinstance(value, Node):
             return texts[value.index]
         return repr(value) if isinstance(value, (bool, int, float, str, bytes)) else type(value).__name__

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
@@ -128,7 +128,7 @@ class Recovery:
     ]
 
 
-def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
+def pose_of(stow: object, links: tuple[Link, ...]) -> tuple[float, ...]:
     """Stowed arm pose from a user's option: one number per joint, within the joint limits."""
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):

@@ -39,6 +39,7 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -51,9 +52,9 @@ class PartMemories:
 
     lag: Any = ()
     noise: Any = ()
-    interaction: Any = ()
-    admittance: Any = ()
-    load: Any = ()
+    interaction: Tree = ()
+    admittance: Tree = ()
+    load: Tree = ()
     trend: Any = ()
     adaptation: Any = ()
 
