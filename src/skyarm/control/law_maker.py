@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from skyarm.algebra import Mat3, Scalars, Vec3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.controller import Controller, ControllerError, Law, LawOptions
 from skyarm.control.model import GeometricGains, JointGains, Model, Options, Parameters
@@ -49,7 +49,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
     light link behind a real gear. Give such joints their own gains.
     """
     n = model.vehicle.n
-    own: Scalars = (1.0,) * n
+    own: tuple[Any, ...] = (1.0,) * n
     if torque:
         M = mass_matrix(model.vehicle, Mat3.identity(), (0.0,) * n)
         own = tuple(M[6 + i][6 + i] for i in range(n))

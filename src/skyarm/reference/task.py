@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Scalars
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields, filled_text, shown
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
 from skyarm.reference.splines import minimum_snap
@@ -86,9 +86,7 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
     conditions: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
-            conditions[name] = fields.take(name)
-            if not isinstance(conditions[name], str) or not conditions[name]:
-                raise ValueError(f"{fields.at(name)} = {shown(conditions[name])}: must be the name of a tactile switch")
+            conditions[name] = filled_text(fields.take(name), fields.at(name), "the name of a tactile switch")
     for name in NUMBERS:
         if fields.take(name, None) is not None:
             conditions[name] = positive(fields, name)

@@ -159,6 +159,11 @@ class _TaylorFunctions:
         return choose(condition, a, b)
 
 
+def as_series(x: Scalar, order: int) -> Taylor:
+    """A Taylor series as it is; any other scalar as the series of a constant."""
+    return x if isinstance(x, Taylor) else Taylor.constant(x, order)
+
+
 def nth_derivative(x: Scalar, k: int) -> Scalar:
     """Value of the k-th derivative of a Taylor series; any other scalar is a constant."""
     return x.derivative(k) if isinstance(x, Taylor) else x if k == 0 else 0
@@ -187,8 +192,7 @@ def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
 def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     """Select one of two Taylor series by a condition on values."""
     order = next(len(x.c) for x in (a, b) if isinstance(x, Taylor)) - 1
-    first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
-    pairs = zip(first, second, strict=False)
+    pairs = zip(as_series(a, order).c, as_series(b, order).c, strict=False)
     return Taylor(
         [
             0 if type(x) is int and type(y) is int and x == y == 0 else functions.where(condition, data(x), data(y))

@@ -76,7 +76,7 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
 
 
 def _literal(value: float) -> str:
-    if isinstance(value, bool) or math.isfinite(value):
+    if math.isfinite(value):
         return repr(value)
     return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
 

@@ -135,6 +135,13 @@ def filled_list(value: object, at: str, allowed: str, count: int = 0) -> list[An
     return value
 
 
+def filled_text(value: object, at: str, allowed: str) -> str:
+    """Check that a value is text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise ValueError(f"{at} = {shown(value)}: must be {allowed}")
+    return value
+
+
 def three_numbers(value: object, at: str) -> tuple[float, float, float]:
     """Check that a value is a list of three finite numbers."""
     if not isinstance(value, (list, tuple)) or len(value) != 3:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.control.blocks.attitude import DesiredAttitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.force_control import Pressing
@@ -46,7 +46,7 @@ class TipGoal:
 def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
     """Vector R_z(yaw) v as a Taylor series."""
     c, s = cos(yaw), sin(yaw)
-    x, y = (Taylor.constant(k, len(yaw.c) - 1) if not isinstance(k, Taylor) else k for k in (v.x, v.y))
+    x, y = (as_series(k, len(yaw.c) - 1) for k in (v.x, v.y))
     return Vec3(c * x - s * y, s * x + c * y, v.z)
 
 
