@@ -11,6 +11,7 @@ import inspect
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +23,6 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.cli.arguments import EVERY, OLDER
 from skyarm.cli.commands import program
-from skyarm.cli.document_keys import DOCUMENTS
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.control.laws.centroidal.options import RETIRED
 from skyarm.control.laws.predictive.cost import Weights
@@ -50,6 +50,7 @@ from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
+DOCUMENTS = tomllib.loads(Path(__file__).with_name("document_keys.toml").read_text("utf-8"))
 BLOCK = re.compile(r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S)
 
 Rows = Iterable[Sequence[str]]

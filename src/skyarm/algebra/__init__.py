@@ -3,6 +3,7 @@
 from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
 from skyarm.algebra.quaternion import Quaternion
+from skyarm.algebra.scalars import Scalar, Scalars
 from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia, centripetal
 from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Vec3, inner_product
 
@@ -17,6 +18,8 @@ __all__ = [
     "Mat3",
     "Motion",
     "Quaternion",
+    "Scalar",
+    "Scalars",
     "SpatialInertia",
     "Sym3",
     "Vec3",

@@ -12,8 +12,7 @@ from functools import partial
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import AUTOPILOTS, entry_of, no_option
 from skyarm.control.controller import autopilot_of, innermost, with_innermost
-from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.files.fields import Fields
+from skyarm.records.files import Fields, must_be_one_of, shown
 from skyarm.records.files.toml import Entry
 from skyarm.scenario.controller_table import PYTHON_ONLY, by_words
 from skyarm.scenario.scenario_file import load_scenario

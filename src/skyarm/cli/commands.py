@@ -25,8 +25,9 @@ from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.own_inputs import inputs_kept
-from skyarm.records.registry.plugins import load_plugin, register_law_of_file
-from skyarm.records.registry.registrations import SHIPPED, Registration, registrations
+from skyarm.records.registry import Registration, load_plugin, registrations
+from skyarm.records.registry.plugins import register_law_of_file
+from skyarm.records.registry.registrations import SHIPPED
 from skyarm.records.registry.shipped import SECTIONS
 
 COMMANDS = {name: title for section in SECTIONS.values() for name, (_, title) in section.items()}

@@ -22,7 +22,8 @@ from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import bar, give, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
-from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed_versions
+from skyarm.records.files import how_to_install
+from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
 from skyarm.records.immutable import immutable
 from skyarm.view.pages import table_of
 

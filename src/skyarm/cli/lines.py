@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from skyarm.records.files.messages import printable
+from skyarm.records.files import printable
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario

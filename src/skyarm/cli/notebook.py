@@ -15,7 +15,7 @@ from skyarm.studies.assess.assessment import Assessment
 from skyarm.studies.assess.check_sheet import sheet
 from skyarm.studies.assess.data_sheet import sheet as vehicle_sheet
 from skyarm.studies.assess.data_sheet import vehicle_facts
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.figures.flight_plot import plot
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 from skyarm.view.pages import Line, heading, image, table_of

@@ -149,8 +149,7 @@ def statements(
             lines.append(f"const {floats.kind} v{node.index} = {expression};")
     for node in program.nodes:
         if node.op == "const":
-            truth = isinstance(node.value, bool)
-            names[node.index] = str(int(node.value)) if truth else floats.literal(node.value)
+            names[node.index] = str(int(node.value)) if is_condition(node) else floats.literal(node.value)
         elif node.op != "input":
             kind = "int" if is_condition(node) else floats.kind
             value = _expression(node, [names[arg.index] for arg in node.args], floats, prefix)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import Force
-from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, mul, sqrt, where
+from skyarm.algebra import Force, Scalar, Scalars
+from skyarm.algebra.scalars import add, data, divide, maximum, mul, sqrt, where
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -25,7 +25,7 @@ from skyarm.records.leaves import Place, Tree, blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 
 @immutable
@@ -227,7 +227,7 @@ def _setpoints(
     plain: Model,
     model: Model,
     dt: Scalar,
-) -> tuple[ActuatorMemory, tuple[Scalar, ...]]:
+) -> tuple[ActuatorMemory, Scalars]:
     """Next states of joint drives and joint observers, and servo setpoints for the desired mean joint torques."""
     setpoints, drives, ahead = [], [], []
     angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
@@ -260,7 +260,7 @@ def _mean_motion(drive: Drive, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(qd, mul(qdd, ahead))
 
 
-def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Scalar, ...]:
+def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> Scalars:
     """Angles (rad) of the tilting rotors: measured if available, else estimated by the inner law, else zero."""
     inner = memory.inner
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
@@ -268,7 +268,7 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
 
 def _accelerations(
     model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint accelerations of the model under joint torques and rotor thrust, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
     torque, force = rotor_thrust(turn_rotors(vehicle, angles), measurement.rotor_speeds)

@@ -18,8 +18,8 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, mul
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import mul
 from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
@@ -27,8 +27,8 @@ from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
+from skyarm.records.registry import Registration, registrations
 from skyarm.records.registry.plugins import law_of_file_key
-from skyarm.records.registry.registrations import Registration, registrations
 from skyarm.records.registry.shipped import TUNED
 
 __all__ = ["TUNED", "Controller", "ControllerError"]
@@ -272,12 +272,12 @@ def make_named(name: str, model: Model, known: Mapping[str, float] | None = None
     return make(law, model, **suitable_options(law, known or {}))
 
 
-def is_named(name: Any) -> bool:
+def is_named(name: object) -> bool:
     """True if a value is the present or former name of a preset, or the name of a law, tuned law or autopilot."""
     return any(is_one_of(name, names) for names in (every_name(), AUTOPILOTS, present_names("preset")))
 
 
-def is_one_of(name: Any, names: Container[str]) -> bool:
+def is_one_of(name: object, names: Container[str]) -> bool:
     """True if a value is a string and one of ``names``."""
     return isinstance(name, str) and name in names
 
@@ -311,7 +311,7 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 """Pattern of texts that were probably meant as FILE.py:make but do not have that form."""
 
 
-def must_be_named(name: Any, others: str = "") -> str:
+def must_be_named(name: object, others: str = "") -> str:
     """Error text for an unknown controller name: suggestions and the allowed values."""
     every = every_name()
     if isinstance(name, str) and (match := FILE_LIKE.fullmatch(name)):

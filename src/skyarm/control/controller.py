@@ -6,15 +6,15 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
-from skyarm.algebra import Quaternion
-from skyarm.algebra.scalars import Scalar, logical_and, where
+from skyarm.algebra import Quaternion, Scalar, Scalars
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, is_record
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Memory = TypeVar("Memory")
 
@@ -138,7 +138,7 @@ def part_of(record: Tree, name: str) -> Any:
     return getattr(getattr(own, "parts", own), name, None)
 
 
-def preview_leads(par: Dataclass) -> tuple[Scalar, ...]:
+def preview_leads(par: Dataclass) -> Scalars:
     """Lead times (s) of the future reference samples that a law, inside any layers, uses; empty without a preview."""
     return getattr(innermost(par), "preview", ())
 
@@ -169,7 +169,7 @@ def all_applied(joints: int) -> tuple[float, ...]:
     return (1.0,) * (1 + joints)
 
 
-def _applied_flags(desired: Command, sent: Command) -> tuple[Scalar, ...]:
+def _applied_flags(desired: Command, sent: Command) -> Scalars:
     """Flags for the rotors together and each joint: 1 where the applied command equals the desired one, else 0."""
     rotors: Scalar = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):

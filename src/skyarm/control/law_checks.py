@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Vec3
 from skyarm.compile import Node, TracedBranchError
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -102,7 +101,7 @@ def check_controller(controller: Controller) -> None:
 MEMORIES = "must be a tuple or a frozen dataclass of numbers"
 
 
-def memory_mistake(memory: Any, path: str) -> str | None:
+def memory_mistake(memory: object, path: str) -> str | None:
     """Error text for an initial controller state that cannot be compiled; None for a valid state."""
     if isinstance(memory, str):  # within a memory it is a constant, alone it never changes
         return f"has {path} = {shown(memory)}: {MEMORIES}"
@@ -110,7 +109,7 @@ def memory_mistake(memory: Any, path: str) -> str | None:
     return next((words for words in mistakes if words), None)
 
 
-def _kept_mistake(value: Any, path: str) -> str | None:
+def _kept_mistake(value: object, path: str) -> str | None:
     """Error text for one value of a controller state that cannot be compiled; None for a valid value."""
     if isinstance(value, (bool, int)) and not isinstance(value, Enum):
         number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
@@ -175,7 +174,7 @@ def _check_step(
     return following, command.dense()
 
 
-def _field_mistake(field: str, values: Any, count: int) -> str | None:
+def _field_mistake(field: str, values: object, count: int) -> str | None:
     """Error text for a wrong field of a law's command, None if valid; the angles of tilting rotors may be omitted."""
     if not isinstance(values, tuple):
         return f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers"
@@ -206,7 +205,7 @@ def mistake_in(error: Exception) -> str | None:
     return None
 
 
-def difference(example: Any, record: Any, path: str) -> str | None:
+def difference(example: object, record: object, path: str) -> str | None:
     """Text on the first difference in structure between two nested dataclasses or tuples; None if alike."""
     below = pairs(example, record, path)
     if below is None:
@@ -216,14 +215,14 @@ def difference(example: Any, record: Any, path: str) -> str | None:
     return next((change for a, b, name in below if (change := difference(a, b, name))), None)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     """True if a value is a float or a symbolic scalar; an int would become a constant of the compiled program."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
 
 
-def kind_of(value: Any) -> str:
+def kind_of(value: object) -> str:
     """Short description of a value's type."""
     if value is None or isinstance(value, (int, str)):
         return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalars, Vec3
 from skyarm.control.controller import innermost, part_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, is_record
 
 
-def found_by_law(memory: Tree) -> Mapping[str, tuple[Scalar, ...]]:
+def found_by_law(memory: Tree) -> Mapping[str, Scalars]:
     """Estimates of a control law by log array name: loop lags, tip load, tip force; empty without such estimates.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
@@ -28,7 +27,7 @@ def found_by_law(memory: Tree) -> Mapping[str, tuple[Scalar, ...]]:
     return {name: numbers for name, numbers in estimates.items() if numbers}
 
 
-def lags_found(memory: Tree) -> tuple[Scalar, ...]:
+def lags_found(memory: Tree) -> Scalars:
     """Estimated lags (s) of the rotor and joint loops in a control law's state; empty if not estimated.
 
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
@@ -38,7 +37,7 @@ def lags_found(memory: Tree) -> tuple[Scalar, ...]:
     return lags if isinstance(lags, tuple) else ()
 
 
-def numbers_found(memory: Tree) -> tuple[Scalar, ...]:
+def numbers_found(memory: Tree) -> Scalars:
     """All online estimates of a control law (loop lags, tip load, tip force) as one flat tuple."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 

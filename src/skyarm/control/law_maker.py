@@ -161,7 +161,7 @@ def checked_option(
         return value if rule is None else rule(f"controller.{option}", value)
 
 
-def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
+def option_numbers(option: str, value: object, count: int) -> tuple[Any, ...]:
     """Option value converted to a tuple of ``count`` numbers.
 
     Raises:

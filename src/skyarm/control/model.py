@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, Any, ClassVar, Self
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import checked
@@ -19,8 +18,7 @@ from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 
 
 @immutable

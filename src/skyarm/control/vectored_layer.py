@@ -8,23 +8,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import inner_product, ldl_solve
-from skyarm.algebra.scalars import (
-    Scalar,
-    absolute,
-    add,
-    clip,
-    cos,
-    data,
-    divide,
-    exp,
-    maximum,
-    minimum,
-    mul,
-    sqrt,
-    sub,
-    where,
-)
+from skyarm.algebra import Scalar, Scalars, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
@@ -41,8 +26,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.tilt import Tilt
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
@@ -71,7 +56,7 @@ class VectoredParameters(LayerParameters):
     """
 
     lead: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "",
             "lead factor of each tilt servo's setpoint, times its remaining angle",
@@ -98,9 +83,9 @@ class VectoredMemory:
     """
 
     inner: Any
-    goals: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles that the last wrench requires")]
-    angles: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles of the modelled servos")]
-    matched: Annotated[tuple[Scalar, ...], Unit("rad", "tilt angles of servos with the lag of the motors")]
+    goals: Annotated[Scalars, Unit("rad", "tilt angles that the last wrench requires")]
+    angles: Annotated[Scalars, Unit("rad", "tilt angles of the modelled servos")]
+    matched: Annotated[Scalars, Unit("rad", "tilt angles of servos with the lag of the motors")]
 
 
 def law_inside(controller: Controller) -> Controller:
@@ -207,7 +192,7 @@ def vectored_law(
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
 
 
-def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+def angles_seen(measurement: Measurement, believed: Scalars) -> Scalars:
     """Servo angles (rad): measured, or modelled where a measurement is missing or not finite."""
     if not measurement.tilts:
         return believed
@@ -215,7 +200,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
     return tuple(where(absolute(seen) < math.inf, seen, modelled) for seen, modelled in rows)
 
 
-def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar) -> Scalars:
     """Servo angles (rad) of the desired rotor forces, which change slowly where a force is near zero."""
     vehicle = model.vehicle
     total: Scalar = 0.0

@@ -15,15 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm import dynamics
-from skyarm.algebra import Force, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import Force, Mat3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import is_record
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def _read(
@@ -33,7 +33,7 @@ def _read(
     quaternion_wxyz: ArrayLike,
     joints: ArrayLike,
     **rows: ArrayLike,
-) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
+) -> tuple[State, dict[str, Scalars], tuple[int, ...]]:
     """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the default velocity is zero.
 
     ``in_law`` names the function of :mod:`skyarm.dynamics` for the scalars and records of a control law.
@@ -195,7 +195,7 @@ QUATERNION_TOLERANCE = 1e-6
 """Largest deviation of a quaternion's length from 1: six printed digits."""
 
 
-def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
+def components(name: str, value: ArrayLike, size: int) -> Scalars:
     """Split the last axis of an array into scalars: floats for one state, arrays for many.
 
     Raises:

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, add, divide, mul, same, sub
+from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import add, divide, mul, same, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 def forward_dynamics(
@@ -23,7 +22,7 @@ def forward_dynamics(
     joint_rates: Sequence[Scalar],
     applied: Force,
     joint_torques: Sequence[Scalar],
-) -> tuple[Motion, tuple[Scalar, ...]]:
+) -> tuple[Motion, Scalars]:
     """Forward dynamics: base and joint accelerations under applied forces.
 
     Args:
@@ -84,7 +83,7 @@ def _by_mass_matrix(
     joint_rates: Sequence[Scalar],
     applied: Force,
     joint_torques: Sequence[Scalar],
-) -> tuple[Motion, tuple[Scalar, ...]]:
+) -> tuple[Motion, Scalars]:
     """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
     still = Motion(ZERO3, ZERO3)
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)

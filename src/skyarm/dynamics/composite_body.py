@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import Mat3, SpatialInertia
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import Mat3, Scalar, SpatialInertia
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import every_joint, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[list[Scalar]]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, mul
+from skyarm.algebra import ZERO3, Scalar, Vec3
+from skyarm.algebra.scalars import add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Body, Vehicle
 
 
 @immutable(kw_only=False)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Motion, Vec3, axis_rotation, inner_product
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sub
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Motion, Scalar, Vec3, axis_rotation, inner_product
+from skyarm.algebra.scalars import add, cos, divide, mul, neg, sin, sub
+from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.dynamics.composite_body import mass_matrix as tree_mass_matrix
 from skyarm.dynamics.newton_euler import inverse_dynamics
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Matrix = list[list[Scalar]]
 """Matrix as a list of rows."""
@@ -66,7 +66,7 @@ def mass_matrix_partials(vehicle: Vehicle, q: Sequence[Scalar]) -> list[Matrix]:
     partials: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(3)]
     for k in range(3, n):
         M = mass_matrix(vehicle, (*q[:k], Taylor((q[k], 1)), *q[k + 1 :]))
-        partials.append([[entry.c[1] if isinstance(entry, Taylor) else 0 for entry in row] for row in M])
+        partials.append([[nth_derivative(entry, 1) for entry in row] for row in M])
     return partials
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, data, divide, logical_and, mul, same, sqrt, where
+from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import add, data, divide, logical_and, mul, same, sqrt, where
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Joint
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Joint, Vehicle
 
 
 @immutable(kw_only=False)
@@ -110,17 +109,17 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
     return indices
 
 
-def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalars:
     """Positions of all joints, coupled ones included, from those of the independent joints, rad or m."""
     return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))
 
 
-def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> Scalars:
     """First or second time derivatives of all joint positions, coupled ones included."""
     return (*rates, *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers))
 
 
-def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> Scalars:
     """Generalised forces of the independent joints, from the torques or forces of all joints."""
     forces = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import Mat3, Scalar, SpatialInertia, axis_rotation
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import Pose, parallel
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Body, Vehicle
 
 _SAME = Mat3.identity()
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import Force, Motion, Vec3, centripetal
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra import Force, Motion, Scalar, Scalars, Vec3, centripetal
+from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Joint, Vehicle
 
 
 @immutable(kw_only=False)
@@ -53,7 +52,7 @@ def inverse_dynamics(
     joint_rates: Sequence[Scalar],
     base: Motion,
     joint_accelerations: Sequence[Scalar],
-) -> tuple[Force, tuple[Scalar, ...]]:
+) -> tuple[Force, Scalars]:
     """Base force and joint torques that a motion requires (inverse dynamics): M a + C v + G.
 
     Args:

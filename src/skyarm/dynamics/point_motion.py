@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 class PointMotion:
@@ -100,9 +99,7 @@ class PointMotion:
         frame = self.vehicle.frame(name)
         return frame.position, frame.link
 
-    def generalized_force(
-        self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int
-    ) -> tuple[Force, tuple[Scalar, ...]]:
+    def generalized_force(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, Scalars]:
         """Generalised force of a wrench on a body (J^T w): force on the base and joint torques."""
         push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
         at = self._in_base(point, body)

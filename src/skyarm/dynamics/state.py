@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, cos, sin
+from skyarm.algebra.scalars import cos, sin
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.path_names import Names, NumberView, field_paths
@@ -30,12 +30,10 @@ class State:
     ]
     velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the tilting rotors")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
+    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors and tuples already is not looked at

@@ -11,8 +11,7 @@ from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.kinematics import Pose, chain, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE, Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Joint, Vehicle
 
 Quantities = Callable[[Array], list[Array]]
 

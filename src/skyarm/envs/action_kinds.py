@@ -7,14 +7,14 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, clip, maximum
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, maximum
 from skyarm.control.controller import with_applied_command
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import speed_of_push
-from skyarm.envs.observed_quantities import Scalars, above_zero
+from skyarm.envs.observed_quantities import above_zero
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -22,8 +22,7 @@ from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 Decision = tuple[Tree, Command]
 """Result of the scenario's law: (next memory, command)."""

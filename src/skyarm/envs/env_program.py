@@ -12,14 +12,14 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, clip, logical_and, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, clip, logical_and, where
 from skyarm.compile.tracing.program import Loop, Program, trace, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_task import LearningTask
-from skyarm.envs.observed_quantities import Result, Scalars, Sight
+from skyarm.envs.observed_quantities import Result, Sight
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference

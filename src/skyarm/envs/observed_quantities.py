@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -16,10 +15,7 @@ from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
-from skyarm.vehicle.vehicle_records import Vehicle
-
-Scalars = tuple[Scalar, ...]
-"""Numbers of an observation or action, as floats or traced."""
+from skyarm.vehicle import Vehicle
 
 
 def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skyarm.algebra.scalars import Scalar, clip
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import clip
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.learned.law import Layer, Network
 from skyarm.control.model import Model
@@ -18,7 +19,7 @@ from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import LearningTask
-from skyarm.envs.observed_quantities import Scalars, Sight
+from skyarm.envs.observed_quantities import Sight
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable

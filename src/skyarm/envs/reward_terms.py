@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, exp, sqrt
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import exp, sqrt
 from skyarm.envs.observed_quantities import JointTravel, Metres, RadPerSecond, Result, tip_error
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 
 Array = npt.NDArray[np.float64]
 """Array of doubles; the shape stands in the docstring that names it."""

@@ -13,8 +13,8 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, TypeGuard, TypeVar
 
-from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, structural
+from skyarm.algebra import Mat3, Quaternion, Scalar, Sym3, Vec3
+from skyarm.algebra.scalars import structural
 from skyarm.records.files.messages import must_be_one_of, shown
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeGuard, TypeVar
 
-from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Mat3, Quaternion, Scalar, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
 from skyarm.records.immutable import declarations, memoize

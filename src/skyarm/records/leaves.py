@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar
 
-from skyarm.algebra.scalars import Scalar, where
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import where
 from skyarm.records.immutable import memoize
 
 Record = TypeVar("Record")
@@ -33,13 +34,13 @@ Place = tuple[str, ...]
 """Field names and item numbers that lead from one record to a part of it."""
 
 
-def _map(record: object, visit: Callable[[object], object]) -> Any:
-    if isinstance(record, tuple):
-        return tuple(_map(item, visit) for item in record)
-    names = field_names(type(record))
+def _rebuild(template: object, values: Iterator[object]) -> Any:
+    if isinstance(template, tuple):
+        return tuple(_rebuild(item, values) for item in template)
+    names = field_names(type(template))
     if names is not None:
-        return type(record)(**{name: _map(getattr(record, name), visit) for name in names})
-    return record if isinstance(record, _STRUCTURE) else visit(record)
+        return type(template)(**{name: _rebuild(getattr(template, name), values) for name in names})
+    return next(values) if is_leaf(template) else template
 
 
 def leaves(record: object) -> list[Any]:
@@ -64,6 +65,11 @@ def _visit_only(record: object, visit: Callable[[object], None]) -> None:
 def field_names(kind: type) -> tuple[str, ...] | None:
     """Field names of a dataclass, cached for use in every control period; None for any other type."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
+
+
+def is_record_class(kind: object) -> TypeGuard[type]:
+    """True if a value, such as an annotation, is a dataclass itself."""
+    return isinstance(kind, type) and field_names(kind) is not None
 
 
 def is_record(value: object) -> bool:
@@ -110,7 +116,7 @@ def mismatch(example: object, record: object, path: str) -> str | None:
     if below is None:
         kinds = (*_STRUCTURE, tuple)
         shaped = any(isinstance(one, kinds) or is_record(one) for one in (example, record))
-        alike = type(example) is type(record) and isinstance(example, _STRUCTURE) and example == record
+        alike = type(example) is type(record) and not is_leaf(example) and example == record
         return None if alike or not shaped else f"{path} is {record!r}, not {example!r}"
     return next((message for a, b, name in below if (message := mismatch(a, b, name))), None)
 
@@ -128,7 +134,7 @@ def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]
 
 def rebuild(template: Record, values: Iterator[object]) -> Record:
     """Copy of a nested dataclass with its scalars replaced, in order, by given values."""
-    result: Record = _map(template, lambda _leaf: next(values))
+    result: Record = _rebuild(template, values)
     return result
 
 

@@ -10,8 +10,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Protocol, Self, TypeAlias
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.records.registry.registrations import name_of

@@ -10,15 +10,14 @@ import typing
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.records import coerce
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import declarations
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import NUMBER, Unit, declared_units, scalars, unresolved_field
@@ -221,7 +220,7 @@ def value_from(annotation: object, unit: Unit, fields: Fields, name: str, folds:
         return value
     if hasattr(annotation, "from_table"):
         return annotation.from_table(value, at)
-    if isinstance(annotation, type) and field_names(annotation) is not None:
+    if is_record_class(annotation):
         return record_from(annotation, Fields(value, at), folds=folds)
     raise ValueError(f"{at}: a field of type {annotation} cannot be read from a file")
 
@@ -236,7 +235,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
         if not isinstance(values, list):
             raise ValueError(f"{at} = {shown(values)}: must be a list")
         return tuple(kind.from_table(each, f"{at}[{i}]") for i, each in enumerate(values))
-    if isinstance(kind, type) and field_names(kind) is not None:
+    if is_record_class(kind):
         return tuple(record_from(kind, table) for table in fields.tables(name))
     if typing.get_origin(kind) is not tuple:
         raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")

@@ -13,7 +13,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.records.immutable import immutable, memoize
 from skyarm.records.leaves import field_names
 

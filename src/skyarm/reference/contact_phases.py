@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3, axis_rotation
 from skyarm.dynamics.kinematics import NEAREST
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields, filled_text, shown
 from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
 from skyarm.reference.task import Arc, Place, TaskBuilder, duration_of, require_field, seconds, unit_vector
@@ -44,9 +44,7 @@ def release(task: TaskBuilder, phase: Fields) -> None:
 def handle(task: TaskBuilder, phase: Fields, kind: str) -> None:
     """Add a dwell to the task, during which a gripper closes or opens or a payload is taken or left."""
     what = "gripper" if "gripper" in phase.table else "payload"
-    name = phase.take(what)
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"{phase.at(what)} = {shown(name)}: must be the name of a {what}")
+    name = filled_text(phase.take(what), phase.at(what), f"the name of a {what}")
     dwell = seconds(phase, "dwell", 1.0)
     task.wait_until(phase)
     task.handled = task.time, task.time + 0.5 * dwell

@@ -16,7 +16,7 @@ from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import VECTORS, Trajectory
 from skyarm.reference.waypoints import FlightLimits, peaks
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 LOOKS = 50.0
 """Sampling rate (Hz) at which a plan is evaluated."""

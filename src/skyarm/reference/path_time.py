@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, add, mul, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -40,7 +40,7 @@ class PathTime:
         step: time between control points, s.
     """
 
-    points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the spline of path time")]
+    points: Annotated[Scalars, Unit("s", "control points of the spline of path time")]
     step: Annotated[Scalar, Unit("s", "time between control points", low=0.0, strict=True)]
 
     def __post_init__(self) -> None:

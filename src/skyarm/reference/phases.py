@@ -26,7 +26,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from skyarm.records.files import Fields, did_you_mean, number, shown
+from skyarm.records.files import Fields, did_you_mean, filled_list, number, shown
 from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, grasp, handle, release, retreat
 from skyarm.reference.signals import Constant, Signal, Sum
 from skyarm.reference.splines import minimum_snap
@@ -34,16 +34,14 @@ from skyarm.reference.task import TaskBuilder, duration_of, seconds
 from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, limits_of, number_within, place_of, within
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
     """Trajectory of a task from a table of a scenario file that lists the task's phases."""
     task = TaskBuilder(place_of(fields, "position"), limits_of(fields, setting), setting)
-    entries, at = fields.take("phases"), fields.at("phases")
-    if not isinstance(entries, list) or not entries:
-        raise ValueError(f"{at} = {shown(entries)}: must be a list of phases")
-    for i, entry in enumerate(entries):
+    at = fields.at("phases")
+    for i, entry in enumerate(filled_list(fields.take("phases"), at, "a list of phases")):
         phase = Fields(entry, f"{at}[{i}]")
         phase.expect(("depth",))
         kind = phase.choice("kind", tuple(KINDS))

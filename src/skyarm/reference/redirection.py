@@ -13,7 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, maximum, minimum, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import maximum, minimum, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
@@ -68,7 +69,7 @@ class Redirected(Signal):
 
 def quintic(
     u: Scalar, duration: Scalar, value: Scalar, velocity: Scalar, acceleration: Scalar, goal: Scalar
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Quintic motion to rest at a goal: value and derivatives one to four, by time.
 
     Args:

@@ -82,8 +82,7 @@ from skyarm.reference.signals import Signal, signal_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import FASTEST, STRONGEST, TipPush
 from skyarm.reference.trajectory import Trajectory, circle, hover
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """Motion of the base if a file states none."""

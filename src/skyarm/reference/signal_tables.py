@@ -22,9 +22,9 @@ from __future__ import annotations
 
 import math
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars
 from skyarm.records.field_rules import checked
-from skyarm.records.files import Fields, number, shown
+from skyarm.records.files import Fields, filled_list, number
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, sequence, signal_from
 
@@ -46,15 +46,11 @@ def sequence_from(fields: Fields) -> Signal:
     """Signal of consecutive ramps, each given by its duration and its final value."""
     start, initial = fields.number("start"), fields.number("initial", 0.0)
     shape = fields.choice("shape", ("linear", "quintic"), "linear")
-    raw, at = fields.take("segments"), f"{fields.where}.segments"
-    if not isinstance(raw, list) or not raw:
-        raise ValueError(f"{at} = {raw!r}: must be a list of [duration, value at its end]")
-    segments = []
-    for index, pair in enumerate(raw):
-        if not isinstance(pair, list) or len(pair) != 2:
-            raise ValueError(f"{at}[{index}] = {pair!r}: must be [duration, value at its end]")
-        duration = number(pair[0], f"{at}[{index}][0]", low=0.0, strict=True)
-        segments.append((duration, number(pair[1], f"{at}[{index}][1]")))
+    at, pairs, segments = fields.at("segments"), "[duration, value at its end]", []
+    for index, pair in enumerate(filled_list(fields.take("segments"), at, f"a list of {pairs}")):
+        duration, value = filled_list(pair, f"{at}[{index}]", pairs, 2)
+        duration = number(duration, f"{at}[{index}][0]", low=0.0, strict=True)
+        segments.append((duration, number(value, f"{at}[{index}][1]")))
     return sequence(start, segments, initial=initial, shape=shape)
 
 
@@ -87,14 +83,12 @@ class SignalList:
     @classmethod
     def from_table(cls, entry: object, where: str) -> SignalList:
         """Read a list of time signals from a value of a scenario file."""
-        if not isinstance(entry, list) or not entry:
-            raise ValueError(f"{where} = {shown(entry)}: must be a list of signals of time, one for each component")
         signals = (
             Constant(0) if type(each) in (int, float) and each == 0.0 else signal_from(each, f"{where}[{i}]")
-            for i, each in enumerate(entry)
+            for i, each in enumerate(filled_list(entry, where, "a list of signals of time, one for each component"))
         )
         return cls(tuple(signals))
 
-    def at(self, t: Scalar) -> tuple[Scalar, ...]:
+    def at(self, t: Scalar) -> Scalars:
         """Values of all signals at time t (s)."""
         return tuple(signal.derivatives(t)[0] for signal in self.signals)

@@ -15,7 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, same, sin, where
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import add, cos, floor, logical_and, mul, same, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields

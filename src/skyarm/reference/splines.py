@@ -15,7 +15,8 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
@@ -33,9 +34,9 @@ class Polynomials(Signal):
         coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the seconds since its knot.
     """
 
-    knots: Annotated[tuple[Scalar, ...], Unit("s", "times at which the pieces join, rising")]
+    knots: Annotated[Scalars, Unit("s", "times at which the pieces join, rising")]
     coefficients: Annotated[
-        tuple[tuple[Scalar, ...], ...], Unit("", "coefficients of the powers of seconds, in the signal's unit")
+        tuple[Scalars, ...], Unit("", "coefficients of the powers of seconds, in the signal's unit")
     ]
 
     def __post_init__(self) -> None:
@@ -78,7 +79,7 @@ def polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     return total
 
 
-def _select_row(t: Scalar, rows: list[tuple[Scalar, ...]], knots: Sequence[float]) -> list[Scalar]:
+def _select_row(t: Scalar, rows: list[Scalars], knots: Sequence[float]) -> list[Scalar]:
     """Coefficients of the polynomial that applies at a symbolic time, by nested comparisons."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]

@@ -19,8 +19,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
-from skyarm.records.files import Fields, shown
+from skyarm.algebra import Scalars
+from skyarm.records.files import Fields, filled_text, shown
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
 from skyarm.reference.splines import minimum_snap
@@ -86,9 +86,7 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
     conditions: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
-            conditions[name] = fields.take(name)
-            if not isinstance(conditions[name], str) or not conditions[name]:
-                raise ValueError(f"{fields.at(name)} = {shown(conditions[name])}: must be the name of a tactile switch")
+            conditions[name] = filled_text(fields.take(name), fields.at(name), "the name of a tactile switch")
     for name in NUMBERS:
         if fields.take(name, None) is not None:
             conditions[name] = positive(fields, name)
@@ -325,9 +323,7 @@ def _apart(a: Place, b: Place) -> float:
     return max(abs(p - q) for p, q in zip(a, b, strict=True))
 
 
-def require_field(
-    fields: Fields, name: str, value: tuple[Scalar, ...], earlier: tuple[Scalar, ...] | None, words: str
-) -> None:
+def require_field(fields: Fields, name: str, value: Scalars, earlier: Scalars | None, words: str) -> None:
     """Refuse a value of a task phase that contradicts an earlier phase."""
     if earlier is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, earlier, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -21,9 +21,9 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, logical_or, sin, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, divide, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
@@ -34,8 +34,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Signal
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 ORDER = 4
 """Highest derivative of a reference."""
@@ -128,8 +127,7 @@ def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
 
 
 def _derivatives(v: Vec3) -> FiveVectors:
-    rows = [[c.derivative(k) for k in range(ORDER + 1)] if isinstance(c, Taylor) else [c, 0, 0, 0, 0] for c in v]
-    return tuple(Vec3(*column) for column in zip(*rows, strict=True))
+    return tuple(Vec3(*(nth_derivative(c, k) for c in v)) for k in range(ORDER + 1))
 
 
 def _to_series(record: Record) -> Record:
@@ -170,7 +168,7 @@ class TipPush:
         field(default=UPRIGHT, metadata=WRITTEN_IF_ANY)
     )
 
-    def at(self, t: Scalar) -> tuple[Scalar, ...]:
+    def at(self, t: Scalar) -> Scalars:
         """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an

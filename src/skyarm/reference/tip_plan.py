@@ -36,7 +36,7 @@ from skyarm.reference.splines import interpolating_points, uniform_curve
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import TipMotion, arm_of
 from skyarm.reference.trajectory import Trajectory
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
 """Largest number of search steps at the first instant, and at a later one, which starts from the previous solution."""

@@ -13,8 +13,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.field_rules import accept_fields, checked
@@ -47,25 +46,19 @@ class Reference:
     yaw: Annotated[Scalar, Unit("rad", "desired heading about world z")] = 0
     yaw_rate: Annotated[Scalar, Unit("rad/s", "desired rate of the heading")] = 0
     yaw_acceleration: Annotated[Scalar, Unit("rad/s^2", "desired acceleration of the heading")] = 0
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "desired joint rates, in the vehicle's order")] = ()
+    joints: Annotated[Scalars, Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "desired joint rates, in the vehicle's order")] = ()
     joint_accelerations: Annotated[
-        tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "desired joint accelerations, in the vehicle's order")
+        Scalars, Unit("rad/s^2 or m/s^2", "desired joint accelerations, in the vehicle's order")
     ] = ()
-    joint_jerks: Annotated[
-        tuple[Scalar, ...], Unit("rad/s^3 or m/s^3", "desired joint jerks, in the vehicle's order")
-    ] = ()
-    joint_snaps: Annotated[
-        tuple[Scalar, ...], Unit("rad/s^4 or m/s^4", "desired joint snaps, in the vehicle's order")
-    ] = ()
-    tip: Annotated[
-        tuple[Scalar, ...], Unit("m", "desired position of the tip, world axes; empty: that of a level base")
-    ] = ()
+    joint_jerks: Annotated[Scalars, Unit("rad/s^3 or m/s^3", "desired joint jerks, in the vehicle's order")] = ()
+    joint_snaps: Annotated[Scalars, Unit("rad/s^4 or m/s^4", "desired joint snaps, in the vehicle's order")] = ()
+    tip: Annotated[Scalars, Unit("m", "desired position of the tip, world axes; empty: that of a level base")] = ()
     push: Annotated[
-        tuple[Scalar, ...], Unit("", "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+        Scalars, Unit("", "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
     ] = ()
-    load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip must hold a load")] = ()
-    ahead: Annotated[tuple[Scalar, ...], Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
+    load: Annotated[Scalars, Unit("", "above 0.5 while the tip must hold a load")] = ()
+    ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -140,7 +133,7 @@ class Trajectory:
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
         q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
-        tip: tuple[Scalar, ...] = ()
+        tip: Scalars = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
             base = tuple(own + more for own, more in zip(carried, base, strict=True))

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from skyarm.records.arrays import Array, stack_values
-from skyarm.records.files import Fields, number, shown, unreadable
+from skyarm.records.files import Fields, number, shown, three_numbers, unreadable
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
@@ -280,9 +280,7 @@ def place_of(fields: Fields, name: str, *default: object) -> tuple[float, float,
 
 
 def _place(entry: object, at: str) -> tuple[float, float, float]:
-    if not isinstance(entry, (list, tuple)) or len(entry) != 3:
-        raise ValueError(f"{at} = {shown(entry)}: must be three numbers")
-    x, y, z = (within(number(c, f"{at}[{i}]"), f"{at}[{i}]") for i, c in enumerate(entry))
+    x, y, z = (within(c, f"{at}[{i}]") for i, c in enumerate(three_numbers(entry, at)))
     return x, y, z
 
 

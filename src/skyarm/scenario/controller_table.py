@@ -52,14 +52,14 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, field_names, is_leaf, is_record, parts, replace_at, walk
+from skyarm.records.leaves import Place, is_leaf, is_record, is_record_class, parts, replace_at, walk
 from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import NUMBER, Unit, declared_units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 MEASURED = ("stiffness", "damping")
 """Limits of the safety layer that are measured on the wrapped law if left out."""
@@ -311,9 +311,7 @@ def _read(fields: Fields, word: str, usual: object, annotation: object, unit: Un
         numbers = {name: table.number(name, each, low=0.0) for name, each in parts(usual).items()}
         table.done()
         return replace_at(usual, {(name,): each for name, each in numbers.items()})
-    kinds = [
-        kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type) and field_names(kind) is not None
-    ]
+    kinds = [*filter(is_record_class, (annotation, *get_args(annotation)))]
     return value_from(kinds[0], unit, fields, word) if kinds else fields.take(word)
 
 

@@ -24,7 +24,7 @@ from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario import readers
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 OF_AGENT_ALONE = {"environment.faults": "faults"}
 """Keys that have another name in the table of an agent."""

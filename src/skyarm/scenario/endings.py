@@ -6,14 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import absolute, add, logical_and, minimum, sub
 from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.vehicle.linkage import BASE, Link
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Link, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario

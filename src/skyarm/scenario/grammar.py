@@ -13,8 +13,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
 from skyarm.control.model import Model, Options, Terms
 from skyarm.control.option_units import option_texts
@@ -23,7 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.field_rules import defaults
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
 from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
@@ -34,8 +33,8 @@ from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
 from skyarm.scenario.scenario_record import CLOSURES, Scenario
-from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.world.dryden import Dryden
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload
@@ -432,12 +431,7 @@ def _records_in(annotation: object) -> tuple[type, ...]:
     options = typing.get_args(annotation)
     if options:
         return tuple(record for each in options for record in _records_in(each))
-    if (
-        not isinstance(annotation, type)
-        or field_names(annotation) is None
-        or _in_words(annotation)
-        or annotation is Vehicle
-    ):
+    if not is_record_class(annotation) or _in_words(annotation) or annotation is Vehicle:
         return ()
     return () if issubclass(annotation, Signal) else (annotation,)
 

@@ -25,8 +25,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
-from skyarm.algebra import Quaternion
-from skyarm.algebra.scalars import Scalar, data, divide
+from skyarm.algebra import Quaternion, Scalar
+from skyarm.algebra.scalars import data, divide
 from skyarm.control.actuator_layer import with_consequences
 from skyarm.dynamics import State
 from skyarm.records import coerce

@@ -15,8 +15,7 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import ZERO3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import ZERO3, Scalar
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer

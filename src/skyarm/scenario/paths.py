@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, must_be_one_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, part, replace_at

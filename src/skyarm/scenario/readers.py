@@ -18,7 +18,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import accept_scalar, rules
-from skyarm.records.files import Fields, errors_as, number, shown
+from skyarm.records.files import Fields, errors_as, filled_text, number, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
@@ -36,9 +36,9 @@ from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
-from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
+from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
 from skyarm.world import Component, Payload, TimedPayload, wind_from
 
@@ -100,8 +100,7 @@ def model(entry: object, path: str, reading: ScenarioWords) -> Model:
 
 def vehicle(named: object, at: str, folder: Path) -> Vehicle:
     """Load the vehicle that [plant] or [model] names, without the table's payload and joint values."""
-    if not isinstance(named, str) or not named:
-        raise ValueError(f"{at} = {shown(named)}: must be a name of the library or a path")
+    named = filled_text(named, at, "a name of the library or a path")
     try:
         return load_vehicle(named if named in list_vehicles() else folder / named)
     except ValueError as error:

@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from functools import cache, partial
 from typing import NamedTuple
 
-from skyarm.algebra import Mat3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Mat3, Scalars
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
@@ -32,7 +31,8 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.paths import errors_of_agent, is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle, require_plant
+from skyarm.vehicle import Vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
 
 LONGEST_FLIGHT = 10_000_000
@@ -412,7 +412,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
     check_quaternion(tuple(state.quaternion))
 
 
-def check_quaternion(values: tuple[Scalar, ...]) -> None:
+def check_quaternion(values: Scalars) -> None:
     """Check that a quaternion is four numbers of unit length."""
     good = len(values) == 4
     if good and concrete(*values):

@@ -53,7 +53,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named

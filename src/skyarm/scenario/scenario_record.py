@@ -9,8 +9,8 @@ import numbers
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, data, minimum, sin
 from skyarm.control.controller import Controller, autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
@@ -29,7 +29,7 @@ from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
-from skyarm.records.registry.registrations import registrations
+from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.records.words import STRUCTURAL, Word, groups
 from skyarm.reference import Trajectory
@@ -38,7 +38,7 @@ from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
@@ -867,7 +867,7 @@ def noise_key(field: str, value: object) -> int:
     return key
 
 
-def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
+def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) -> State:
     """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.

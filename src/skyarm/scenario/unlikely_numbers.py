@@ -21,9 +21,9 @@ from skyarm.records.units import units
 from skyarm.scenario.readers import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import without_effect
+from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.check import TURN
-from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
+from skyarm.vehicle.vehicle_records import undriven_joints
 
 OTHER = {
     "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import ZERO3, Quaternion, Scalar, Vec3
 from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command

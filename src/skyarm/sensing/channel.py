@@ -13,8 +13,8 @@ from dataclasses import field
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
@@ -25,7 +25,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -62,7 +62,7 @@ class Channel:
             effect="higher values make readings noisier, more so at high rates",
         ),
     ] = 0
-    bias: Annotated[tuple[Scalar, ...], Unit("u", "constant bias, one number for each component")] = ()
+    bias: Annotated[Scalars, Unit("u", "constant bias, one number for each component")] = ()
     turn_on: Annotated[
         Scalar,
         Unit(
@@ -117,7 +117,7 @@ class Channel:
         """Zero initial value of each component's random bias; () for an error model without random bias."""
         return (0.0,) * count if self.drifts else ()
 
-    def drift(self, before: Sequence[Scalar], draws: Sequence[Scalar], first: Scalar, dt: float) -> tuple[Scalar, ...]:
+    def drift(self, before: Sequence[Scalar], draws: Sequence[Scalar], first: Scalar, dt: float) -> Scalars:
         """Random bias of each component at a reading: random at the first reading, then a random walk.
 
         Args:
@@ -138,7 +138,7 @@ class Channel:
         draws: Sequence[Scalar],
         dt: float,
         t: Scalar = 0.0,
-    ) -> tuple[Scalar, ...]:
+    ) -> Scalars:
         """Reading of a quantity with all errors of the error model.
 
         Args:
@@ -235,7 +235,7 @@ class Dropouts:
         return missing
 
 
-Quantities = tuple[tuple[str, Channel, tuple[Scalar, ...]], ...]
+Quantities = tuple[tuple[str, Channel, Scalars], ...]
 """Name, errors and true components of each channel."""
 
 
@@ -250,7 +250,7 @@ class ChannelMemory:
     """
 
     read: Scalar
-    drifts: tuple[tuple[Scalar, ...], ...]
+    drifts: tuple[Scalars, ...]
     lost: Scalar
     last: Tree
     own: Any = ()
@@ -311,7 +311,7 @@ class ChannelSensor(Sensor):
     """Record type of a reading: the time, then a field for each channel."""
 
     def reading(
-        self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float
+        self, t: Scalar, values: Sequence[Scalars], state: State, own: Any, first: Scalar, dt: float
     ) -> tuple[Tree, Tree]:
         """Make the reading from the values of all quantities; return the sensor's internal state and the reading."""
         fields = zip(_makers(self.record).items(), values, strict=True)
@@ -385,7 +385,7 @@ class ChannelSensor(Sensor):
 
 
 @cache
-def _makers(record: type) -> Mapping[str, Callable[[tuple[Scalar, ...]], Vec3 | Scalar]]:
+def _makers(record: type) -> Mapping[str, Callable[[Scalars], Vec3 | Scalar]]:
     """Converters from components to a vector or scalar, one for each field of a sensor reading except its time."""
     types = {name: kind for name, (kind, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}

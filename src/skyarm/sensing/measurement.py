@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, data, mul
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
@@ -20,7 +20,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -36,19 +36,17 @@ class Measurement:
     velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity by the gyroscope, base axes")]
     specific_force: Annotated[Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")] = ()
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the tilting rotors")] = field(
+    joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")] = ()
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
+    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field(default=(), metadata=WRITTEN_IF_ANY)
+    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
-    tip_force: Annotated[
-        tuple[Scalar, ...], Unit("N", "reading of the force sensor: force on the tip, axes of the tip")
-    ] = field(default=(), metadata=WRITTEN_IF_ANY)
-    switches: Annotated[tuple[Scalar, ...], Unit("", "state of each tactile switch that phases wait for; 1 closed")] = (
-        field(default=(), metadata=WRITTEN_IF_ANY)
+    switches: Annotated[Scalars, Unit("", "state of each tactile switch that phases wait for; 1 closed")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
     )
-    holds: Annotated[tuple[Scalar, ...], Unit("", "1 while a gripper at the tip reports a grasp")] = field(
+    holds: Annotated[Scalars, Unit("", "1 while a gripper at the tip reports a grasp")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
 
@@ -180,7 +178,7 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
     def vector(sigma: Scalar) -> Vec3:
         return Vec3(*(mul(sigma, next(draws)) for _ in range(3)))
 
-    def many(values: Sequence[Scalar], sigma: Scalar) -> tuple[Scalar, ...]:
+    def many(values: Sequence[Scalar], sigma: Scalar) -> Scalars:
         return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
     position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, exp, log, minimum
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import data, divide, exp, log, minimum
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit

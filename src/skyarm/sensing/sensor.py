@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Vec3
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

@@ -15,9 +15,9 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, data, divide, exp, mul, sqrt, sub, where
+from skyarm.algebra.scalars import data, divide, exp, mul, sqrt, sub, where
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
@@ -26,8 +26,7 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 
 
 @immutable
@@ -71,8 +70,8 @@ class HeadingReading(Reading):
 class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions, in the vehicle's order")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "joint rates, in the vehicle's order")]
+    joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")]
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")]
 
 
 @immutable
@@ -133,7 +132,7 @@ class Pose(ChannelSensor):
         return self.channels(position=state.position, attitude=(0.0, 0.0, 0.0))
 
     def reading(
-        self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float
+        self, t: Scalar, values: Sequence[Scalars], state: State, own: Any, first: Scalar, dt: float
     ) -> tuple[Tree, PoseReading]:
         """Make the pose reading: position, and the true attitude rotated by the attitude error."""
         position, turn = values
@@ -222,9 +221,9 @@ class Encoders(ChannelSensor):
     def reading(
         self,
         t: Scalar,
-        values: Sequence[tuple[Scalar, ...]],
+        values: Sequence[Scalars],
         state: State,
-        own: tuple[Scalar, ...],
+        own: Scalars,
         first: Scalar,
         dt: float,
     ) -> tuple[Tree, EncoderReading]:
@@ -342,7 +341,7 @@ class TactileSwitch(FramedSensor):
     def reading(
         self,
         t: Scalar,
-        values: Sequence[tuple[Scalar, ...]],
+        values: Sequence[Scalars],
         state: State | tuple[()],
         own: tuple[Push, Scalar],
         first: Scalar,

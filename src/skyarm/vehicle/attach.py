@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, TypeVar
 
-from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3, axis_rotation
+from skyarm.algebra.scalars import add, mul
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
 from skyarm.records.immutable import immutable

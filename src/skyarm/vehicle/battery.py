@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Protocol
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -24,10 +25,8 @@ HOUR = 3600.0
 class CellCurve:
     """Open-circuit voltage of one cell against its charge, by monotone cubic interpolation."""
 
-    charge: Annotated[
-        tuple[Scalar, ...], Unit("", "charge of the cell, as a fraction of the capacity, rising", low=0.0, high=1.0)
-    ]
-    voltage: Annotated[tuple[Scalar, ...], Unit("V", "open-circuit voltage of one cell at each charge", low=0.0)]
+    charge: Annotated[Scalars, Unit("", "charge of the cell, as a fraction of the capacity, rising", low=0.0, high=1.0)]
+    voltage: Annotated[Scalars, Unit("V", "open-circuit voltage of one cell at each charge", low=0.0)]
 
     def __post_init__(self) -> None:
         accept_fields(self, "battery.open_circuit", VehicleError)

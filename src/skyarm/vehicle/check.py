@@ -13,8 +13,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from skyarm.algebra import Sym3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Sym3
 from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown

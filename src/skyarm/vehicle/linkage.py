@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated, Protocol
 
-from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, where
+from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Sym3, Vec3
+from skyarm.algebra.scalars import add, divide, where
 from skyarm.records.coerce import absent, coefficient, inertia, number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable

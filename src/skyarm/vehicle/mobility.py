@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Mat3, Scalar, Vec3
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves

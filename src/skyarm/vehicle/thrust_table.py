@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve, inverse_curve
-from skyarm.algebra.scalars import Scalar, divide, maximum, sqrt
+from skyarm.algebra.scalars import divide, maximum, sqrt
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -29,13 +30,11 @@ class ThrustTable:
         thrust_coefficient, moment_coefficient: coefficients of the parabolas; 0 where they follow from the columns.
     """
 
-    speed: Annotated[tuple[Scalar, ...], Unit("rad/s", "rotor speeds of the table, rising", low=0.0)]
-    thrust: Annotated[tuple[Scalar, ...], Unit("N", "thrust at each speed, rising", low=0.0)]
-    torque: Annotated[
-        tuple[Scalar, ...], Unit("N m", "drag torque at each speed, rising; may be left out", low=0.0)
-    ] = ()
+    speed: Annotated[Scalars, Unit("rad/s", "rotor speeds of the table, rising", low=0.0)]
+    thrust: Annotated[Scalars, Unit("N", "thrust at each speed, rising", low=0.0)]
+    torque: Annotated[Scalars, Unit("N m", "drag torque at each speed, rising; may be left out", low=0.0)] = ()
     current: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("A", "current of one rotor at each speed, rising; may be left out", low=0.0, usual=500.0),
     ] = ()
     thrust_coefficient: Annotated[

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Vec3
 from skyarm.records.coerce import concrete, number, unit_vector
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable

@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import field, replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import add
 from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, maximum, sqrt
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.component import Force, Wrench
 
 _STILL = 1e-24
@@ -76,7 +76,7 @@ class LinkDrag(Force[tuple[()]]):
     """
 
     area: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("m^2", "drag coefficient times reference area of each link, in the vehicle's order", low=0.0),
     ]
     air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", low=0.0)] = 1.225

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra.scalars import Scalar, data, minimum
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import data, minimum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
+from skyarm.vehicle import Rotor
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world.component import Column, Component
 
 
@@ -48,6 +49,6 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         charge = Column("battery_charge", "", "", "share of the capacity after the period")
         return charge, Column("battery_voltage", "", "V", "under load")
 
-    def logged(self, memory: tuple[Scalar, Scalar], motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: tuple[Scalar, Scalar], motion: PointMotion) -> Scalars:
         """Battery charge and voltage as logged values."""
         return memory

@@ -18,8 +18,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -27,8 +27,7 @@ from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -194,7 +193,7 @@ class Component(Generic[Memory]):
         """
         return memory
 
-    def holds(self, memory: Memory, frame: str, agent: str = "") -> tuple[Scalar, ...]:
+    def holds(self, memory: Memory, frame: str, agent: str = "") -> Scalars:
         """Grasp signal of each gripper at a vehicle's frame: 1 while it holds a body, else 0; () without any."""
         return ()
 
@@ -293,11 +292,11 @@ class Component(Generic[Memory]):
     """Columns of a log, one for each number of ``logged``, or tuples of their first fields; may be a property."""
 
     @property
-    def constants(self) -> Mapping[str, tuple[Scalar, ...]]:
+    def constants(self) -> Mapping[str, Scalars]:
         """Constants of the environment model that flight metrics need in addition to the logged values, by name."""
         return {}
 
-    def logged(self, memory: Memory, motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: Memory, motion: PointMotion) -> Scalars:
         """Values of the environment model that the flight log records in every control period."""
         return ()
 

@@ -26,21 +26,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.words import Word
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Air, Component, Force, Wrench, require_frame
 from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scale_noise
 
 AXES = ("world", "frame")
 
-Numbers = tuple[Scalar, ...]
+Numbers = Scalars
 """Unit-variance noise; () for none."""
 
 

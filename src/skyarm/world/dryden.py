@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Z, Vec3
-from skyarm.algebra.scalars import Scalar, divide, exp, log, maximum, sqrt
+from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -167,7 +167,7 @@ def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
     return along + across + E_Z * (sigma.z * memory.w)
 
 
-def _steps(par: Dryden, dt: Scalar) -> tuple[Scalar, ...]:
+def _steps(par: Dryden, dt: Scalar) -> Scalars:
     """Dimensionless step size d = dt V / L of each turbulence velocity component."""
     return tuple(divide(dt * par.airspeed, length) for length in par.scale_length)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalars
 from skyarm.records.immutable import immutable
 
 
@@ -16,6 +16,6 @@ class Effectiveness:
         stuck: 1 for a joint that is held where it is, one number per joint; empty where none can be.
     """
 
-    rotors: tuple[Scalar, ...]
-    joints: tuple[Scalar, ...]
-    stuck: tuple[Scalar, ...] = ()
+    rotors: Scalars
+    joints: Scalars
+    stuck: Scalars = ()

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra.scalars import Scalar, clip, maximum, mul, where
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import clip, maximum, mul, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
@@ -16,7 +17,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Signal, signal_from
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.effectiveness import Effectiveness
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, mul, where
+from skyarm.algebra import ZERO3, Scalar, Vec3
+from skyarm.algebra.scalars import cos, mul, where
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable

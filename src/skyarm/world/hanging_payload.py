@@ -14,15 +14,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, maximum, mul, sqrt, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Wrench, require_frame, select
 from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 
@@ -142,7 +142,7 @@ class HangingPayload(TimedPayload):
 
     def logged(  # type: ignore[override]
         self, memory: HangingMemory, motion: PointMotion
-    ) -> tuple[Scalar, ...]:
+    ) -> Scalars:
         """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.position)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, cos, maximum, minimum, sin, where
+from skyarm.algebra import Quaternion, Scalar, Vec3
+from skyarm.algebra.scalars import cos, maximum, minimum, sin, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Vehicle

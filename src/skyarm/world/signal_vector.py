@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, exp, mul, sqrt
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import exp, mul, sqrt
 from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import checked
-from skyarm.records.files import shown
+from skyarm.records.files import filled_list, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -37,9 +37,8 @@ class SignalVector:
     @classmethod
     def from_table(cls, entry: Entry, where: str) -> SignalVector:
         """Read a vector of three time signals from a value of a scenario file."""
-        if not isinstance(entry, list) or len(entry) != 3:
-            raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
-        return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in zip("xyz", entry, strict=True)})
+        signals = zip("xyz", filled_list(entry, where, "a list of three signals of time, x, y and z", 3), strict=True)
+        return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in signals})
 
     def at(self, t: Scalar) -> Vec3:
         """Value of the vector at time t (s)."""
@@ -95,11 +94,11 @@ class ColouredNoise:
                 has = " and ".join(f"noise.{each}" for each in own)
                 raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
-    def first(self, draws: Sequence[Scalar], count: int) -> tuple[Scalar, ...]:
+    def first(self, draws: Sequence[Scalar], count: int) -> Scalars:
         """Initial unit-variance noise with ``count`` components, drawn from the stationary distribution."""
         return tuple(normals(draws)[:count])
 
-    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> Scalars:
         """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)

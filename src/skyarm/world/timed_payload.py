@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Annotated
 
-from skyarm.algebra import ZERO3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, mul, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra.scalars import logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
@@ -29,8 +29,8 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
-from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.vehicle_records import LOAD, Vehicle
+from skyarm.vehicle import Body, Vehicle
+from skyarm.vehicle.vehicle_records import LOAD
 from skyarm.world.component import Column, Component, Event, require_frame, select
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class TimedPayload(Component[PayloadMemory]):
         """Log column of the payload mass that the vehicle holds."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
-    def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: PayloadMemory, motion: PointMotion) -> Scalars:
         """Payload mass (kg) that the vehicle holds, for the log."""
         return (mul(self.mass, memory.held),)
 

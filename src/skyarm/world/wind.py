@@ -28,8 +28,7 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import E_X, ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import E_X, ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -61,7 +60,7 @@ class WindSample(Component[tuple[()]]):
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
-    numbers: tuple[Scalar, ...] = ()
+    numbers: Scalars = ()
 
     def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity, m/s, world axes."""

@@ -19,9 +19,9 @@ from skyarm.links.joint_port import NoJoints
 from skyarm.links.outside import offboard
 from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.dds_link import DdsLink, parse_domain
-from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings
 from skyarm.links.outside.offboard_link import OffboardError
+from skyarm.links.outside.outside_law import MotorSettings, require_full_thrust
 from skyarm.links.ros.ros2_node import CONFIGURATION, LOOPBACK_ONLY
 from skyarm.records.coerce import RecordError
 from support.commands import skyarm

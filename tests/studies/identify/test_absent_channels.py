@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skyarm.studies.identify import absent_channels
-from skyarm.studies.identify.absent_channels import costs_of_absent
+from skyarm.studies.identify import identify_windows
 from skyarm.studies.identify.identified_report import _absent_line
+from skyarm.studies.identify.identify_windows import costs_of_absent
 from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import fit_windows
@@ -59,8 +59,8 @@ def widths(errors, fit):
     ids=["pose", "position", "efforts"],
 )
 def test_an_absent_channel_costs_what_a_flight_with_it_gains(vehicle, driven, absent, channel, monkeypatch):
-    monkeypatch.setattr(absent_channels, "NOISE", {name: NOISE[name] for name in ("position", "quaternion")})
-    monkeypatch.setattr(absent_channels, "PERIOD", STEP)
+    monkeypatch.setattr(identify_windows, "NOISE", {name: NOISE[name] for name in ("position", "quaternion")})
+    monkeypatch.setattr(identify_windows, "PERIOD", STEP)
     whole, expected = fitted(vehicle, driven)
     assert costs_of_absent(whole, expected, np.eye(len(SEARCHED))) == {}
     errors, fit = fitted(vehicle, [False] * vehicle.n if "joint_efforts" in absent else driven, absent)

@@ -13,7 +13,7 @@ import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.design_report import design_facts, design_lines
 from skyarm.studies.identify.designed_flight import DesignedFlight, Sharpened
-from skyarm.studies.identify.excitation_report import (
+from skyarm.studies.identify.flight_page import (
     excitation_facts,
     excitation_lines,
     excited_numbers,
@@ -433,8 +433,6 @@ def test_excited_numbers_stand_with_their_accuracy_in_front_of_their_names(monke
     assert told[0] == ("base.com.x", True, "centre of mass along x")
     assert told[2] == ("drift", False, "drift of the thrust")
     assert facts["excitation"][1]["verdict"] == "excited (± 1.2 %)"
-    monkeypatch.setattr(
-        "skyarm.studies.identify.excitation_report.expected_numbers", lambda flights, start: (flights, start)
-    )
+    monkeypatch.setattr("skyarm.studies.identify.flight_page.expected_numbers", lambda flights, start: (flights, start))
     assert excited_numbers("flight", VEHICLE, [fault]) == (["flight"], VEHICLE)
     assert excited_numbers("flight", VEHICLE, [fault, dataclasses.replace(fault, severity=REFUSED)]) == ()

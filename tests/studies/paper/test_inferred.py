@@ -30,7 +30,7 @@ from skyarm.studies.paper.inferred_settings import (
 )
 from skyarm.studies.paper.published import PRINTED
 from skyarm.studies.paper.report_pages import inferred_section, report_pages
-from skyarm.studies.paper.report_tables import markdown_tables as markdown
+from skyarm.studies.paper.report_pages import markdown_tables as markdown
 from skyarm.studies.paper.report_text import OPEN
 from skyarm.studies.paper.reproduce import Campaign
 from skyarm.studies.paper.verdict_sentences import verdict

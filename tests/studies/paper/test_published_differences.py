@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from skyarm.studies.paper.published import PRINTED, digits, percent, relative, reversed_orders, rounding
-from skyarm.studies.paper.report_tables import markdown_tables as markdown
+from skyarm.studies.paper.report_pages import markdown_tables as markdown
 
 
 def test_numbers_have_three_digits_and_missing_ones_a_dash() -> None:

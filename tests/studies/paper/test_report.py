@@ -15,8 +15,16 @@ from small_reports import draw_small
 
 from skyarm.studies.paper import report_pages as page_maker
 from skyarm.studies.paper.published import TITLES
-from skyarm.studies.paper.report_pages import MAIN, page_script, report_pages
-from skyarm.studies.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
+from skyarm.studies.paper.report_pages import (
+    MAIN,
+    bound_text,
+    difference_text,
+    number_cell,
+    page_script,
+    report_pages,
+    sensitivity_tables,
+    typographic,
+)
 from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image

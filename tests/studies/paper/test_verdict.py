@@ -11,8 +11,7 @@ from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.paper.counted_cells import counts, inferred_value, published_cells, stated_value
 from skyarm.studies.paper.inferred_settings import unstated_study
 from skyarm.studies.paper.published import CASES, METRICS, PAPER, phrase, short_title
-from skyarm.studies.paper.report_pages import report_pages
-from skyarm.studies.paper.report_tables import markdown_tables
+from skyarm.studies.paper.report_pages import markdown_tables, report_pages
 from skyarm.studies.paper.verdict_sentences import verdict
 
 SETTINGS = {"plants": list(PLANTS), "inferred": {"numbers": 1, "choices": 0, "settings": {"friction_1": 0.06}}}

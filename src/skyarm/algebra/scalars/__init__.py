@@ -9,7 +9,7 @@ Two rules hold everywhere:
 """
 
 from skyarm.algebra.scalars.elementary import NAMESPACE as PYTHON_NUMBERS
-from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, same, structural, sub, total
+from skyarm.algebra.scalars.fold import Scalar, Scalars, add, data, mul, neg, same, structural, sub, total
 from skyarm.algebra.scalars.functions import (
     absolute,
     acos,
@@ -38,6 +38,7 @@ from skyarm.algebra.scalars.functions import (
 __all__ = [
     "PYTHON_NUMBERS",
     "Scalar",
+    "Scalars",
     "absolute",
     "acos",
     "add",

@@ -7,7 +7,7 @@ changes the value of a program, whatever engine runs it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 
 class Scalar(Protocol):
@@ -27,6 +27,10 @@ class Scalar(Protocol):
     def __le__(self, other: Any, /) -> Any: ...
     def __gt__(self, other: Any, /) -> Any: ...
     def __ge__(self, other: Any, /) -> Any: ...
+
+
+Scalars: TypeAlias = tuple[Scalar, ...]
+"""Row of scalars, such as one number for each joint or rotor."""
 
 
 def structural(value: float) -> int | float:

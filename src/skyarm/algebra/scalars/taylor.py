@@ -12,7 +12,7 @@ import operator
 from collections.abc import Callable, Sequence
 
 from skyarm.algebra.scalars import functions
-from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, sub, total
+from skyarm.algebra.scalars.fold import Scalar, Scalars, add, data, mul, neg, sub, total
 
 
 def _comparison(compare: Callable[[Scalar, Scalar], Scalar]) -> Callable[[Taylor, Scalar], Scalar]:
@@ -55,7 +55,7 @@ class Taylor:
         """Taylor series truncated to a lower order."""
         return Taylor(self.c[: order + 1])
 
-    def _terms(self, other: Scalar) -> tuple[Scalar, ...]:
+    def _terms(self, other: Scalar) -> Scalars:
         """Coefficients of an operand; a plain scalar counts as a constant series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 
@@ -159,6 +159,16 @@ class _TaylorFunctions:
         return choose(condition, a, b)
 
 
+def as_series(x: Scalar, order: int) -> Taylor:
+    """A Taylor series as it is; any other scalar as the series of a constant."""
+    return x if isinstance(x, Taylor) else Taylor.constant(x, order)
+
+
+def nth_derivative(x: Scalar, k: int) -> Scalar:
+    """Value of the k-th derivative of a Taylor series; any other scalar is a constant."""
+    return x.derivative(k) if isinstance(x, Taylor) else x if k == 0 else 0
+
+
 def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar or Taylor series.
 
@@ -182,8 +192,7 @@ def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
 def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     """Select one of two Taylor series by a condition on values."""
     order = next(len(x.c) for x in (a, b) if isinstance(x, Taylor)) - 1
-    first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
-    pairs = zip(first, second, strict=False)
+    pairs = zip(as_series(a, order).c, as_series(b, order).c, strict=False)
     return Taylor(
         [
             0 if type(x) is int and type(y) is int and x == y == 0 else functions.where(condition, data(x), data(y))

@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.machine_code import missing_extra
-from skyarm.compile.tracing.tracer import Lowered, Node
+from skyarm.compile.tracing.tracer import Lowered, Node, is_condition
 
 try:
     import jax
@@ -176,7 +176,7 @@ def evaluate(program: Lowered, inputs: Sequence[Array], dtype: Float) -> list[Ar
 
 
 def _constant(node: Node, dtype: Float) -> ArrayLike:
-    if isinstance(node.value, bool):
+    if is_condition(node):
         return np.bool_(node.value)
     with np.errstate(over="ignore"):  # 1e300 is inf in single precision
         return dtype(node.value)

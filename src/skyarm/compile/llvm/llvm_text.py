@@ -195,7 +195,7 @@ class Writer:
     def _value(self, node: Node) -> str:
         lanes, op = self.lanes, node.op
         if op == "const":
-            if isinstance(node.value, bool):
+            if is_condition(node):
                 return lanes.splat(f"i1 {int(node.value)}")
             return lanes.constant(node.value)
         args = [self.names[arg.index] for arg in node.args]

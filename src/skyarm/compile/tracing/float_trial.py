@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.program import trace
 from skyarm.compile.tracing.tracer import Graph, Node
@@ -108,7 +108,7 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
     values = contents(function(*rebuild(examples, inputs)))
     texts: dict[int, str] = {}
 
-    def text(value: Any) -> str:
+    def text(value: object) -> str:
         if isinstance(value, Node):
             return texts[value.index]
         return repr(value) if isinstance(value, (bool, int, float, str, bytes)) else type(value).__name__

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeVar, cast
 
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars.elementary import COMPOSED
-from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.tracer import Graph, Lowered, Node, is_condition
 from skyarm.records.leaves import blend, leaves, mismatch, rebuild
 

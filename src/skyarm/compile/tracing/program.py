@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats
-from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.lower import arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Lowered, Node
 from skyarm.records.immutable import immutable
@@ -76,7 +76,7 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
 
 
 def _literal(value: float) -> str:
-    if isinstance(value, bool) or math.isfinite(value):
+    if math.isfinite(value):
         return repr(value)
     return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
 

@@ -12,9 +12,9 @@ import sys
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats, register
 from skyarm.algebra.scalars.elementary import COMPOSED
-from skyarm.algebra.scalars.fold import Scalar
 from skyarm.records.immutable import immutable
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, clip, divide, exp, logical_and, minimum, mul, where
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 
 def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Scalar:
@@ -45,7 +45,7 @@ class ModelHolder(Protocol):
         """Nominal model that the controller uses."""
 
 
-def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> Scalars:
     """Joint torques clipped to the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
@@ -73,7 +73,7 @@ def command_for(rotor: Rotor, speed: Scalar, desired: Scalar, dt: Scalar, share:
 
 def compensate_motor_lag(
     rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Scalar], dt: Scalar, share: Scalar
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Squared rotor speeds, (rad/s)^2, advanced in time by the motor lag for a planned rate of the force.
 
     A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /

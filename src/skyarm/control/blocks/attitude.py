@@ -12,16 +12,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
-from skyarm.algebra.scalars.taylor import Taylor, choose
+from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import add, cos, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.algebra.scalars.taylor import Taylor, choose, nth_derivative
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE, Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Body, Vehicle
 
 
 @immutable(kw_only=False)
@@ -59,7 +58,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
 
 def derivative(v: Vec3, k: int) -> Vec3:
     """The k-th derivative of a vector of Taylor series; an int component is a constant."""
-    return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
+    return Vec3(*(nth_derivative(c, k) for c in v))
 
 
 def moving(values: Iterable[Scalar], *rates: Iterable[Scalar]) -> list[Taylor]:

@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import Scalar, add, divide, mul, sub
+from skyarm.algebra import (
+    ZERO3,
+    Force,
+    Mat3,
+    Motion,
+    Scalar,
+    Scalars,
+    SpatialInertia,
+    Sym3,
+    Vec3,
+    inner_product,
+    ldl_solve,
+)
+from skyarm.algebra.scalars import add, divide, mul, sub
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 def locked_inertia(vehicle: Vehicle, joints: Sequence[Scalar]) -> SpatialInertia:
@@ -90,7 +101,7 @@ def forces_under_thrust(
     applied: Vec3,
     angular: Vec3,
     joint_accelerations: Sequence[Scalar],
-) -> tuple[Force, tuple[Scalar, ...], Vec3]:
+) -> tuple[Force, Scalars, Vec3]:
     """Inverse dynamics for desired angular and joint accelerations under a given force on the base.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, minimum, mul
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, minimum, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.model import JointGains, Model, Parameters
@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:
@@ -44,18 +44,14 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
     )
 
 
-def arm_alone(
-    par: Parameters, R: Mat3, joints: Sequence[Scalar], joint_accelerations: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+def arm_alone(par: Parameters, R: Mat3, joints: Sequence[Scalar], joint_accelerations: Sequence[Scalar]) -> Scalars:
     """Joint torques for desired joint accelerations, gravity included, on a motionless base at attitude R."""
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
     return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
 
 
-def make_command(
-    par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]
-) -> tuple[Command, tuple[Scalar, ...]]:
+def make_command(par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]) -> tuple[Command, Scalars]:
     """Limited command for body torque, thrust and joint torques, and the squared rotor speeds before the limits."""
     speeds, squares = mix(par.mixer, torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
@@ -76,7 +72,7 @@ def standing_command(model: Model) -> Command:
 
 def coupled_forces(
     par: Parameters, measurement: Measurement, base: Motion, joint_accelerations: Sequence[Scalar]
-) -> tuple[Force, tuple[Scalar, ...]]:
+) -> tuple[Force, Scalars]:
     """Inverse dynamics of base and arm at the measured state: force on the base and joint torques."""
     vehicle, joints, rate, rates = par.model.vehicle, measurement.joints, measurement.rate, measurement.joint_rates
     return dynamics.inverse_dynamics(vehicle, joints, rate, rates, base, joint_accelerations)
@@ -97,7 +93,7 @@ def inverse_mass(vehicle: Vehicle) -> Scalar:
     return divide(1.0, vehicle.mass)
 
 
-def joint_pd(gains: JointGains, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
+def joint_pd(gains: JointGains, measurement: Measurement, reference: Reference) -> Scalars:
     """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint: torque or acceleration, by the gains.
 
     The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought

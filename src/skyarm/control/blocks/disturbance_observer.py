@@ -29,8 +29,8 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, mul, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,
@@ -312,13 +312,13 @@ class Amid:
 
     R: Mat3
     rate: Vec3
-    joints: tuple[Scalar, ...]
-    joint_rates: tuple[Scalar, ...]
+    joints: Scalars
+    joint_rates: Scalars
     unknown: Disturbance
 
     def accelerations(
         self, model: Model, squares: Sequence[Scalar], efforts: Sequence[Scalar]
-    ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+    ) -> tuple[Vec3, Vec3, Scalars]:
         """Modelled accelerations under squared rotor speeds and joint efforts: world, body, joints."""
         wrench = rotor_wrench(model, squares)
         return acceleration(model, self.R, self.rate, self.joints, self.joint_rates, wrench, efforts, self.unknown)
@@ -339,7 +339,7 @@ class Told:
     innovation: Vec3
     beside: Vec3 | tuple[()]
     angular_correction: Vec3
-    joint_corrections: tuple[Scalar, ...]
+    joint_corrections: Scalars
 
 
 @immutable(kw_only=False)
@@ -348,7 +348,7 @@ class FilteredPose:
 
     position: Vec3
     quaternion: Quaternion
-    joints: tuple[Scalar, ...]
+    joints: Scalars
 
 
 def filter_pose(
@@ -377,7 +377,7 @@ def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
 
 def inertia_times(
     model: Model, R: Mat3, joints: Sequence[Scalar], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Scalar]
-) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+) -> tuple[Vec3, Vec3, Scalars]:
     """Mass matrix times an acceleration: force (N, world axes), torque (N m, base axes) and joint torques."""
     still = (0,) * len(joints)
     base = Motion(angular_B, R.apply_T(linear_W))
@@ -400,16 +400,16 @@ class Observed:
 
     position: Annotated[Vec3, Unit("m", "filtered position of the base origin, world axes")]
     quaternion: Annotated[Quaternion, Unit("", "filtered attitude w x y z, base to world")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered joint positions")]
+    joints: Annotated[Scalars, Unit("rad or m", "filtered joint positions")]
     velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "estimated angular velocity, base axes")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "estimated joint rates")]
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "estimated joint rates")]
     force: Annotated[Vec3, Unit("N", "estimated disturbance force at the base origin, world axes")]
     torque: Annotated[Vec3, Unit("N m", "estimated disturbance torque on the base, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "estimated disturbance efforts of the joints")]
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "speeds of the modelled motors, unsigned")]
+    efforts: Annotated[Scalars, Unit("N m or N", "estimated disturbance efforts of the joints")]
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "speeds of the modelled motors, unsigned")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
-    joint_residuals: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
+    joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
 
     def state(self) -> State:
         """Vehicle state as estimated by the disturbance observer."""

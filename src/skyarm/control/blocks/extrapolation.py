@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, logical_or, minimum, same, total, where
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import absolute, add, data, divide, logical_or, minimum, same, total, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, exp, tan
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import divide, exp, tan
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 

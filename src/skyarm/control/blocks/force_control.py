@@ -37,9 +37,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
 from skyarm.algebra.scalars import (
-    Scalar,
     absolute,
     clip,
     divide,

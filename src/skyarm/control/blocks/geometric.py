@@ -6,8 +6,8 @@ eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a va
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, atan2, cos, divide, mul, sin, where
+from skyarm.algebra import E_Z, Mat3, Quaternion, Scalar, Sym3, Vec3, ldl_solve
+from skyarm.algebra.scalars import atan2, cos, divide, mul, sin, where
 from skyarm.control.model import GeometricGains
 
 RATE_ERRORS = ("rotors_sim", "corrected")

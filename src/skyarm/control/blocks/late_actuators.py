@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra.scalars import data, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Rotor
 
-Rows = tuple[tuple[Scalar, ...], ...]
+Rows = tuple[Scalars, ...]
 
 SHORTEST = 1e-9
 """Shortest interval (control periods) over which the past actuation is averaged."""
@@ -91,6 +91,6 @@ def first_past(standing: Command, periods: int) -> Past:
     return Past(squares=(squares,) * periods, speeds=(speeds,) * periods, efforts=(standing.efforts,) * periods)
 
 
-def _sums(rows: Rows, shares: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def _sums(rows: Rows, shares: Sequence[Scalar]) -> Scalars:
     """Weighted sum of past actuator values, stored oldest first; the weights are ordered newest first."""
     return tuple(inner_product(shares, column) for column in zip(*rows[::-1], strict=True))

@@ -6,8 +6,21 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.algebra.scalars import Scalar, add, data, mul, neg, sub
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Force,
+    Mat3,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+    inner_product,
+)
+from skyarm.algebra.scalars import add, data, mul, neg, sub
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -16,7 +29,7 @@ from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -25,7 +38,7 @@ class Disturbance:
 
     force: Annotated[Vec3, Unit("N", "disturbance force fed forward, world axes")]
     torque: Annotated[Vec3, Unit("N m", "disturbance torque fed forward, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "disturbance efforts of the joints fed forward")]
+    efforts: Annotated[Scalars, Unit("N m or N", "disturbance efforts of the joints fed forward")]
 
     def __add__(self, other: Disturbance) -> Disturbance:
         return Disturbance(
@@ -138,7 +151,7 @@ def acceleration(
     applied: Force,
     efforts: Sequence[Scalar],
     unknown: Disturbance,
-) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+) -> tuple[Vec3, Vec3, Scalars]:
     """Modelled accelerations under an applied wrench, joint efforts and a disturbance: world, body, joints."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
     given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
@@ -155,7 +168,7 @@ def acceleration_under(
     efforts: Sequence[Scalar],
     extra: Sequence[Scalar],
     dry_rates: Sequence[Scalar],
-) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+) -> tuple[Vec3, Vec3, Scalars]:
     """Modelled accelerations under the total wrench on the base, joint efforts and further joint forces.
 
     ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
@@ -168,7 +181,7 @@ def acceleration_under(
     return linear, angular, qdd
 
 
-def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> tuple[Scalar, ...]:
+def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> Scalars:
     """Modelled rotor speeds (rad/s) after ``dt`` seconds of a held command."""
     return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
 
@@ -184,8 +197,8 @@ class Actuation:
 
     squares: Sequence[Scalar]
     amid: Sequence[Scalar]
-    speeds: tuple[Scalar, ...]
-    efforts: tuple[Scalar, ...]
+    speeds: Scalars
+    efforts: Scalars
 
 
 def actuation(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> Actuation:
@@ -213,7 +226,7 @@ def predict_across(
     return _integrate(x, moved, done.speeds, h)
 
 
-def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: tuple[Scalar, ...], h: Scalar) -> State:
+def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: Scalars, h: Scalar) -> State:
     """Vehicle state after ``h`` seconds of constant accelerations of base and joints, with given rotor speeds."""
     linear, angular, qdd = moved
     velocity, rate = x.velocity + linear * h, x.rate + angular * h

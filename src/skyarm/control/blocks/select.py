@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, where
 
 
 def vector_data(v: Vec3) -> Vec3:
@@ -16,6 +16,6 @@ def choose(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
 
 
-def choose_each(condition: Scalar, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+def choose_each(condition: Scalar, a: Scalars, b: Scalars) -> Scalars:
     """Select, entry by entry, tuple ``a`` where the condition holds, else ``b``."""
     return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))

@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, TypeVar
 
-from skyarm.algebra import Mat3, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, add, divide, mul
+from skyarm.algebra import Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import Link
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Link, Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
@@ -84,7 +83,7 @@ def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     return at.R.apply(Vec3(*_of_disturbance(errors, at, rest).solve()))
 
 
-def effort_shares(errors: ForceErrors, at: TipLevers, n: Vec3) -> tuple[Scalar, ...]:
+def effort_shares(errors: ForceErrors, at: TipLevers, n: Vec3) -> Scalars:
     """Derivative of the estimated force along n (unit, world axes) by each joint's observed effort, 1/m or 1."""
     squares = _of_disturbance(errors, at, no_disturbance(len(at.columns)))
     squares.b = list(at.R.apply_T(n))
@@ -125,7 +124,7 @@ class LeastSquares:
             self.A[i][i] = add(self.A[i][i], weight)
             self.b[i] = add(self.b[i], mul(weight, value))
 
-    def solve(self) -> tuple[Scalar, ...]:
+    def solve(self) -> Scalars:
         """Solution of the least-squares problem."""
         return tuple(ldl_solve(self.A, self.b))
 

@@ -22,8 +22,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, mul, sqrt, sub, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, divide, maximum, mul, sqrt, sub, where
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, effort_shares
 from skyarm.records.immutable import immutable
@@ -55,9 +55,9 @@ class TorqueScale:
         deviation: standard error of the tip's force along the normal.
     """
 
-    squares: Annotated[tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "fading sum of the squared torque of each joint")]
+    squares: Annotated[Scalars, Unit("N^2 m^2 s or N^2 s", "fading sum of the squared torque of each joint")]
     products: Annotated[
-        tuple[Scalar, ...], Unit("N^2 m^2 s or N^2 s", "fading sum of torque times observed torque error of each joint")
+        Scalars, Unit("N^2 m^2 s or N^2 s", "fading sum of torque times observed torque error of each joint")
     ]
     unlearned: Annotated[
         Scalar, Unit("", "fraction of the weight's error that the force bias has not absorbed, 0 to 1")
@@ -65,7 +65,7 @@ class TorqueScale:
     met: Annotated[Scalar, Unit("", "1 once the tip has been in contact")] = 0.0
     deviation: Annotated[Scalar, Unit("N", "standard error of the tip force along the normal")] = 0.0
 
-    def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> tuple[Scalar, ...]:
+    def factors(self, by: Tolerances, errors: ForceErrors, at: TipLevers) -> Scalars:
         """Ratio of each joint's torque scale error to the integral of disturbance times torque, 1 / (N^2 m^2 s)."""
         prior = by.torques * by.torques
         both = prior + by.masses * by.masses

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, minimum, where
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.attitude import attitude, reachable, vector_series
@@ -99,7 +99,7 @@ class StepMemory:
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
     observed: Observed | tuple[()]
     sent: tuple[Command, ...]
-    free: Annotated[tuple[Scalar, ...], Unit("", "1 while no actuator is at its limit: base, then joints")]
+    free: Annotated[Scalars, Unit("", "1 while no actuator is at its limit: base, then joints")]
     age: Annotated[Scalar, Unit("s", "since the held reference sample appeared")]
     channels: tuple[Channel, ...]
 
@@ -150,7 +150,7 @@ def _present(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
     )
 
-    def of(k: int) -> tuple[Scalar, ...]:
+    def of(k: int) -> Scalars:
         return tuple(signal.derivative(k) for signal in series)
 
     p, v, a, j, s = (of(k) for k in range(5))
@@ -189,7 +189,7 @@ def _force(
     specific: Vec3,
     measurement: Measurement,
     R: Mat3,
-    qdd: tuple[Scalar, ...],
+    qdd: Scalars,
     unknown: Disturbance,
     par: StepParameters,
 ) -> Vec3:
@@ -245,7 +245,7 @@ def _forces(
     measurement: Measurement,
     goal: Reference,
     R: Mat3,
-    qdd: tuple[Scalar, ...],
+    qdd: Scalars,
     unknown: Disturbance,
     par: StepParameters,
 ) -> tuple[Vec3, Scalar, list[Scalar]]:

@@ -11,9 +11,9 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, add, cos, mul
+from skyarm.algebra.scalars import add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
@@ -96,8 +96,8 @@ def hybrid_computed_torque(
 
 
 def generalized_force(
-    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
-) -> tuple[Force, tuple[Scalar, ...]]:
+    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: Scalars
+) -> tuple[Force, Scalars]:
     """Inverse dynamics at the measured state, without the terms that an ablation disables."""
     vehicle, terms = par.model.vehicle, par.terms
     q = measurement.joints
@@ -120,8 +120,8 @@ def generalized_force(
 
 
 def force_by_euler_rates(
-    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
-) -> tuple[Force, tuple[Scalar, ...]]:
+    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: Scalars
+) -> tuple[Force, Scalars]:
     """Inverse dynamics M qdd + C qd in coordinates with Euler angles, as force on the base and joint torques.
 
     alpha_d passes (95), Phidd = Q^-1 (alpha_d - Qdot Phid); the dynamics is the tree's, by w = Q Phid, so that an
@@ -152,14 +152,14 @@ def euler_margin(quaternion: Quaternion) -> Scalar:
     return cosine * cosine - SINGULAR
 
 
-def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+def level_joint_gravity(model: Model, joints: Scalars) -> Scalars:
     """Joint torques that hold the arm against gravity under a level base, eq. (78)-(79)."""
     still = (0,) * model.vehicle.n
     level = Motion(ZERO3, E_Z * model.gravity)
     return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
 
 
-def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
+def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> Scalars:
     """Desired joint accelerations, eq. (92): PD plus, if fed forward, the reference's acceleration."""
     pd = joint_pd(par.joint_gains, measurement, reference)
     if not par.terms.feedforward:
@@ -169,7 +169,7 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 
 def with_friction(
     par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint torques with a fraction of the modelled friction compensated.
 
     Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
@@ -198,9 +198,7 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
     return dataclasses.replace(reference, joint_rates=rates)
 
 
-def _base_speeds(
-    par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
-) -> tuple[Scalar, ...]:
+def _base_speeds(par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool) -> Scalars:
     """Rotor speeds of RotorS's controller, for torque I_b alpha_d and thrust -m a_d . (R e_3)."""
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
     vehicle = par.model.vehicle

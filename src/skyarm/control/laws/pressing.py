@@ -34,8 +34,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, clip, divide, maximum, minimum, mul, sub, where
+from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance_observer import (
@@ -66,7 +66,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -213,7 +213,7 @@ def pressing_command(
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
     """Joint accelerations whose part along the surface normal is replaced by damping while the tip presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalars
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
@@ -42,8 +42,7 @@ from skyarm.sensing.sensor_kinds import (
     PoseReading,
     PositionReading,
 )
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 SETPOINTS = {"efforts": Unit("", "command of each joint as in its line above, in that order")}
 """Unit of the command's efforts in the C struct if some joints take setpoints."""
@@ -84,9 +83,7 @@ class FilterReadings:
     position: PositionReading | tuple[()] = ()
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
-    tip_force: Annotated[
-        tuple[Scalar, ...], Unit("N", "reading of the force sensor: force on the tip, axes of the tip")
-    ] = ()
+    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = ()
 
 
 @immutable

@@ -16,22 +16,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import (
-    Scalar,
-    absolute,
-    add,
-    clip,
-    divide,
-    logical_or,
-    maximum,
-    minimum,
-    mul,
-    sqrt,
-    sub,
-    tan,
-    where,
-)
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force
@@ -108,7 +94,7 @@ def govern_joints(
     *,
     model: Model,
     limits: Limits,
-) -> tuple[Reference, tuple[Scalar, ...]]:
+) -> tuple[Reference, Scalars]:
     """Joint references clipped to joint limits, and limited in rate after a jump by more than ``steps``.
 
     Args:
@@ -152,7 +138,7 @@ def govern_joints(
         moving = where(gap > 0.0, speed, 0.0 - speed)
         rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most))))
 
-    def still(values: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def still(values: Sequence[Scalar]) -> Scalars:
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
@@ -181,7 +167,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
     return dataclasses.replace(mixer, policy="priority")
 
 
-def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:
     """Rotor speeds reallocated from their torque and thrust where one exceeds its limit, else unchanged.
 
     A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
@@ -215,9 +201,7 @@ def limit_slew(
     )
 
 
-def apply_joint_barrier(
-    model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+def apply_joint_barrier(model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]) -> Scalars:
     """Joint efforts corrected by a control barrier function so that no joint reaches its limits.
 
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
@@ -237,7 +221,7 @@ def apply_joint_barrier(
     )
 
 
-def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> Scalars:
     """Joint accelerations of the model at the measured rotor speeds in calm air."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, measurement.rotor_speeds, strict=True):
@@ -279,6 +263,6 @@ def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Seque
     return [add(inner_product(row[:6], base), inner_product(row[6:], change)) for row in M[6:]]
 
 
-def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> Scalars:
     """Efforts clipped to their limits; NaN stays NaN."""
     return tuple(clip(effort, 0.0 - most, most) for effort, most in zip(efforts, limits.effort, strict=True))

@@ -20,7 +20,7 @@ from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.measurement import blank_measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 STEP = 1e-3
 """Position and velocity step (m and m/s) of the stiffness test, too small to reach the law's own limits."""

@@ -7,22 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import (
-    Scalar,
-    absolute,
-    add,
-    cos,
-    divide,
-    logical_and,
-    logical_or,
-    maximum,
-    sqrt,
-    where,
-)
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, cos, divide, logical_and, logical_or, maximum, sqrt, where
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -42,7 +31,7 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.linkage import Link
+from skyarm.vehicle import Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 """Limits of calm flight: tilt (rad), body and joint rates (rad/s; m/s for prismatic joints) and speed (m/s)."""
@@ -132,14 +121,14 @@ class Recovery:
 
     gains: GeometricGains
     joint_gains: JointGains
-    stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "stowed joint positions of the arm in the recovery")]
+    stow: Annotated[Scalars, Unit("rad or m", "stowed joint positions of the arm in the recovery")]
     stow_speed: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("rad/s or m/s", "joint speed on the way to the stowed pose", effect="lower values disturb the base less"),
     ]
 
 
-def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
+def pose_of(stow: object, links: tuple[Link, ...]) -> tuple[float, ...]:
     """Stowed arm pose from a user's option: one number per joint, within the joint limits."""
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):

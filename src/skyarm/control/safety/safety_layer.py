@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
@@ -75,9 +75,9 @@ class SafetyMemory:
 
     inner: Any
     started: Annotated[Scalar, Unit("", "0 before the first step")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed joint references of the law")]
-    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is being slewed")]
-    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint references of the recovery")]
+    joints: Annotated[Scalars, Unit("rad or m", "governed joint references of the law")]
+    ramping: Annotated[Scalars, Unit("", "1 for each joint whose reference is being slewed")]
+    arm: Annotated[Scalars, Unit("rad or m", "joint references of the recovery")]
     sent: Command
     confidence: Confidence
     hold: Annotated[Vec3, Unit("m", "hover position of the recovery, world axes")]
@@ -111,8 +111,8 @@ class Governed:
     """
 
     reference: Reference
-    ramping: tuple[Scalar, ...]
-    joints: tuple[Scalar, ...]
+    ramping: Scalars
+    joints: Scalars
 
 
 def govern(

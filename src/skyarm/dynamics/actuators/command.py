@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import Scalars
+from skyarm.algebra.scalars import data
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -20,12 +21,10 @@ class Command:
     """
 
     rotor_speeds: Annotated[
-        tuple[Scalar, ...], Unit("rad/s", "commanded rotor speeds, unsigned, in the order of the vehicle's rotors")
+        Scalars, Unit("rad/s", "commanded rotor speeds, unsigned, in the order of the vehicle's rotors")
     ] = ()
-    efforts: Annotated[
-        tuple[Scalar, ...], Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")
-    ] = ()
-    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "commanded angles of the tilting rotors")] = field(
+    efforts: Annotated[Scalars, Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")] = ()
+    tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
 

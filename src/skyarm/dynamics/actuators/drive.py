@@ -6,12 +6,13 @@ import math
 from collections.abc import Collection
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, tanh
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import add, clip, divide, exp, maximum, mul, sub, tanh
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle import Joint
 
 
 def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scalar = 1) -> Scalar:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import E_Z, ZERO3, Motion, Scalar, Scalars
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 ROUNDING = 1e-9
 """Magnitude of a negative squared speed, over the largest, up to which it is a rounded zero."""
@@ -23,10 +22,10 @@ class HoverTrim:
         thrust: N, the vehicle's weight. efforts: joint torques that hold the arm.
     """
 
-    speeds: tuple[Scalar, ...]
-    squared: tuple[Scalar, ...]
+    speeds: Scalars
+    squared: Scalars
     thrust: Scalar
-    efforts: tuple[Scalar, ...]
+    efforts: Scalars
 
     @property
     def needs_no_pull(self) -> bool:
@@ -35,7 +34,7 @@ class HoverTrim:
         return all(each >= -ROUNDING * max(squared) for each in squared)
 
 
-def hover_trim(vehicle: Vehicle, joints: tuple[Scalar, ...], gravity: Scalar) -> HoverTrim:
+def hover_trim(vehicle: Vehicle, joints: Scalars, gravity: Scalar) -> HoverTrim:
     """Rotor speeds and joint torques of a level, motionless vehicle with its arm at ``joints``."""
     still = (0.0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)

@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SMALL = 1e-9
 """Least squared speed per N m of yaw in the bounds, relative to the largest."""
@@ -126,19 +126,17 @@ class Mixer:
     """
 
     inverse: Annotated[
-        tuple[tuple[Scalar, ...], ...],
+        tuple[Scalars, ...],
         Unit(
             "(rad/s)^2 per N m or N",
             "squared rotor speeds per torque about x, y, z and thrust, a row for each rotor; by the rotors",
         ),
     ]
-    highest: Annotated[
-        tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True, bound=True)
-    ]
+    highest: Annotated[Scalars, Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True, bound=True)]
     policy: str = "clip"
     yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque that may be given up to keep the thrust")] = 0.0
     across: Annotated[
-        tuple[tuple[Scalar, ...], ...],
+        tuple[Scalars, ...],
         Unit(
             "(rad/s)^2 per N", "squared rotor speeds per force along body x and y, a row for each rotor; by the rotors"
         ),
@@ -222,9 +220,7 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> No
             )
 
 
-def mix(
-    mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3
-) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+def mix(mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3) -> tuple[Scalars, Scalars]:
     """Rotor speeds (rad/s) for a body torque (N m), a thrust (N) and a sideways force (N).
 
     A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
@@ -240,7 +236,7 @@ def mix(
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 
-def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...]:
+def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
     """Squared rotor speeds within their limits: roll and pitch torque first, then thrust, yaw torque last.
 
     1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
@@ -308,9 +304,7 @@ def _largest_share(fixed: Sequence[Scalar], changes: Sequence[Scalar], highest: 
     return share
 
 
-def _with_side(
-    mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+def _with_side(mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]) -> Scalars:
     """Squared rotor speeds with the largest share of a sideways force that fits the rotors' limits.
 
     It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room

@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 REACTIONS = 2
 """Number of iterations in which the reaction of the arm's motion changes the direction of the base force."""

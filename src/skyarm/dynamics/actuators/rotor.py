@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.vehicle import Rotor
 
 
 def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalar:
@@ -25,9 +25,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Sca
     return target + (speed - target) * where(target > speed, rising, falling)
 
 
-def speeds_after(
-    rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], dt: Scalar
-) -> tuple[Scalar, ...]:
+def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], dt: Scalar) -> Scalars:
     """Speeds (rad/s) of all rotors after ``dt`` seconds of constant commands."""
     rows = zip(rotors, speeds, commands, strict=True)
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
@@ -79,7 +77,7 @@ Turning = tuple[Rotor, Scalar, Scalar]
 """Rotor, its speed (rad/s) and its effectiveness."""
 
 
-def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
+def _components(group: Sequence[Turning]) -> list[Scalars]:
     """Split the positions of some rotors into all x, all y and all z coordinates."""
     return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
@@ -92,7 +90,7 @@ def _offset(position: Vec3, center: Vec3) -> Vec3:
 def _similar(a: Rotor, b: Rotor) -> bool:
     """True if two rotors have the same axis and the same coefficients."""
 
-    def numbers(rotor: Rotor) -> tuple[Scalar, ...]:
+    def numbers(rotor: Rotor) -> Scalars:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
         return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
 

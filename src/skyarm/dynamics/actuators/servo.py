@@ -11,7 +11,8 @@ import math
 from collections.abc import Collection
 from typing import Annotated, ClassVar
 
-from skyarm.algebra.scalars import Scalar, add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
@@ -33,7 +34,7 @@ class ServoMemory:
     goal: Annotated[Scalar, Unit("rad or m, or per s", "goal of the servo's loop")]
     integral: Annotated[Scalar, Unit("rad s or rad", "integral of the loop's error")]
     rounding: Annotated[Scalar, Unit("rad or m", "rounding error of the position when it was read")]
-    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints in transit, oldest first")]
+    waiting: Annotated[Scalars, Unit("rad or m, or per s", "setpoints in transit, oldest first")]
 
 
 NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
@@ -229,7 +230,7 @@ class Servo(Drive):
         """Control error of the servo's loop, and its torque before the limits."""
         raise NotImplementedError(f"{type(self).__name__} must define _loop()")
 
-    def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:
+    def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, Scalars]:
         """Mean of the delayed setpoints that arrive in a control period, and the queue of later ones."""
         count = len(memory.waiting)
         if count == 0:

@@ -14,8 +14,8 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import (
-    Scalar,
     absolute,
     add,
     atan2,
@@ -34,8 +34,8 @@ from skyarm.algebra.scalars import (
 from skyarm.dynamics.actuators.command import Command
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.immutable import immutable
+from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.tilt import Tilt
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 FASTEST = 1e9
 """Largest tilt rate (rad/s) in computations, for a servo without a limit."""
@@ -57,9 +57,7 @@ def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scal
     return goal + mul(sign(error), maximum(left, 0.0))
 
 
-def angles_after(
-    vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar
-) -> tuple[Scalar, ...]:
+def angles_after(vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar) -> Scalars:
     """Tilt angles (rad) of all tilting rotors after ``dt`` seconds of constant setpoints."""
     rows = zip(vehicle.tilts, angles, setpoints, strict=True)
     return tuple(angle_after(tilt, angle, setpoint, dt) for tilt, angle, setpoint in rows)
@@ -140,7 +138,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     return rotors
 
 
-def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> Scalars:
     """Speeds (rad/s) of the pairs of fixed rotors that give the force of tilting rotors at given angles."""
     pair_speeds: list[Scalar] = []
     left = iter(angles)

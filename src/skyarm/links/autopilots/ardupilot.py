@@ -42,7 +42,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 HOME = (47.397742, 8.545594, 488.0)
 """Latitude and longitude (deg) and altitude (m) of the world's origin."""

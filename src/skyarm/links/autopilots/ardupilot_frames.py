@@ -12,7 +12,7 @@ from skyarm.links.autopilots.effectiveness import highest_thrust, hover_share, p
 from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Motors = tuple[tuple[float, int], ...]
 

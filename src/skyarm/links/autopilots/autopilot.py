@@ -9,8 +9,8 @@ from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Motion
-from skyarm.algebra.scalars import Scalar, add
+from skyarm.algebra import ZERO3, Motion, Scalar
+from skyarm.algebra.scalars import add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.controller import Controller, ControllerError, Memory
@@ -27,7 +27,7 @@ from skyarm.sensing.channel import Channel
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Imu
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.links.transcript import Tape

@@ -68,7 +68,7 @@ from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Pose
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FLIGHT_CAMERA = Pose(frequency=250.0, position=Channel(sigma=0.001), attitude=Channel(sigma=0.001))
 """Motion capture system of a laboratory: 1 mm and 1 mrad at 250 Hz."""

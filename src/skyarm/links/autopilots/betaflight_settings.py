@@ -18,7 +18,7 @@ from skyarm.links.autopilots.autopilot import Numbers
 from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
 from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 STATE, RADIO, MOTORS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<H2x16f")
 

@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import center_of_mass, mass_matrix
 from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 """Position and attitude of a level vehicle at the origin."""

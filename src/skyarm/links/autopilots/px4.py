@@ -41,7 +41,7 @@ from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 STALL = 1.0
 """Wall-clock time (s) without an answer after which a step is abandoned; PX4 may drop a sample and would wait for

@@ -21,7 +21,7 @@ from skyarm.links.autopilots.effectiveness import (
     unit_wrenches,
 )
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 MOST_ROTORS = 12
 

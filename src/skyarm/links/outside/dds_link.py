@@ -13,8 +13,8 @@ import time
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
 from skyarm.links.outside.estimates import COMPONENT, Estimates
-from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
 from skyarm.links.outside.offboard_link import OffboardError
+from skyarm.links.outside.outside_law import MotorCommand, SetPoint
 from skyarm.links.outside.px4_topics import (
     ALIVE,
     ANSWER,

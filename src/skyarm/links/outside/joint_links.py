@@ -7,8 +7,9 @@ from urllib.parse import parse_qs, urlsplit
 from skyarm.links.joint_port import JointLink, JointPortError, NoJoints, UdpJoints
 from skyarm.links.outside.dynamixel import DynamixelJoints, ServoBus
 from skyarm.records.files import shown
-from skyarm.records.registry.plugins import FROM_FILE, load_plugin
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.records.registry import load_plugin
+from skyarm.records.registry.plugins import FROM_FILE
+from skyarm.vehicle import Vehicle
 
 OPTIONS = ("ids", "baud", "torque", "most")
 """Options of a servo bus."""

@@ -21,9 +21,8 @@ from skyarm.links.joint_port import JointLink, JointPortError, JointReading
 from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
-from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
 from skyarm.links.outside.offboard_link import OffboardError
-from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
+from skyarm.links.outside.outside_law import LoopSettings, MotorSettings, OutsideLaw, require_full_thrust
 from skyarm.links.outside.rate_commands import Three
 from skyarm.links.outside.rate_settings import ParameterReader, rate_settings
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame

@@ -20,7 +20,7 @@ from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.links import mavlink
 from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, MavlinkVehicle
 from skyarm.links.outside.estimates import COMPONENT, Estimates
-from skyarm.links.outside.motor_commands import SetPoint
+from skyarm.links.outside.outside_law import SetPoint
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.sockets import drain

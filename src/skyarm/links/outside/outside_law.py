@@ -1,16 +1,17 @@
-"""Control law without a simulator: measurement and reference in, body-rate set point and joint setpoints out."""
+"""Control law without a simulator: measurement and reference in, set points of body rates or motors and joints out."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -21,15 +22,62 @@ from skyarm.control.law_checks import checked_law
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.links.outside.px4_topics import MOST_MOTORS
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
 from skyarm.records.arrays import Array
+from skyarm.records.coerce import refuse
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
+
+
+@immutable
+class MotorCommand:
+    """Set point for an autopilot: thrust of each rotor as a fraction of its highest, in the vehicle's order."""
+
+    thrusts: Annotated[Scalars, Unit("", "normalized thrust set point of each motor, 0 to 1")]
+
+
+SetPoint = RateCommand | MotorCommand
+
+
+@immutable
+class MotorSettings:
+    """Settings of the loop around a control law whose rotor commands go directly to the motors.
+
+    The autopilot keeps its thrust curve, motor order and limits, and none of its loops: the law's own bandwidth counts.
+    """
+
+    period: Annotated[float, Unit("s", "control period of the law", low=0.0, strict=True)]
+
+    def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
+        """Zero integral torque, since motor set points bypass the autopilot's rate loop."""
+        return Vec3(0.0, 0.0, 0.0)
+
+    def set_point(
+        self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
+    ) -> tuple[Vec3, MotorCommand]:
+        """Rotor thrusts as fractions of the highest, for a law's commanded rotor speeds; integral torque unchanged."""
+        pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
+        shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
+        return integral, MotorCommand(thrusts=tuple(shares))
+
+
+def require_full_thrust(vehicle: Vehicle) -> None:
+    """Raise an error for rotors without a maximum speed, or for more rotors than a set point has motors.
+
+    Raises:
+        RecordError: a rotor whose ``max_speed`` is infinite, or too many of them.
+    """
+    if len(vehicle.rotors) > MOST_MOTORS:
+        refuse("model.vehicle.rotors", len(vehicle.rotors), f"must be at most {MOST_MOTORS}, for motor set points")
+    for i, rotor in enumerate(vehicle.rotors):
+        if not math.isfinite(rotor.max_speed):
+            refuse(f"model.vehicle.rotors[{i}].max_speed", rotor.max_speed, "must be finite, for motor set points")
 
 
 @immutable
@@ -70,7 +118,7 @@ class OutsideMemory:
     """Internal state between two periods: of the law, of the modelled rotors, and of the rate loop's integral."""
 
     law: Any
-    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "modelled rotor speeds, unsigned")]
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "modelled rotor speeds, unsigned")]
     integral: Annotated[Vec3, Unit("N m", "modelled torque of the rate loop's integral, base axes")]
 
 

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from typing import Annotated, Protocol
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import Scalar, clip
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import clip
 from skyarm.control.blocks.prediction import Disturbance, acceleration
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
@@ -28,7 +28,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Three = tuple[float, float, float]
 

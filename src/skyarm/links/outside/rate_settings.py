@@ -15,7 +15,7 @@ from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import LoopSettings
 from skyarm.links.outside.rate_commands import GuidedRateLoop, IdealRateLoop, PidRateLoop, RateLoop, Three
 from skyarm.records.coerce import refuse
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 AXES = ("ROLL", "PITCH", "YAW")
 

@@ -18,7 +18,7 @@ from skyarm.reference import Trajectory
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
 from skyarm.reference.signals import Signal
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 BASE = ("x", "y", "z")
 

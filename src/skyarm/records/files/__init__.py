@@ -1,6 +1,6 @@
 """File access: read tables field by field, and write files atomically."""
 
-from skyarm.records.files.fields import Fields, number
+from skyarm.records.files.fields import Fields, filled_list, filled_text, number, three_numbers
 from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, nearest, one_line, printable, shown
 from skyarm.records.files.names import file_name, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
@@ -25,6 +25,8 @@ __all__ = [
     "errors_as",
     "file_name",
     "file_names",
+    "filled_list",
+    "filled_text",
     "how_to_install",
     "must_be_one_of",
     "nearest",
@@ -40,6 +42,7 @@ __all__ = [
     "shown",
     "sync_folder",
     "taken_back",
+    "three_numbers",
     "unreadable",
     "versions",
     "write_atomically",

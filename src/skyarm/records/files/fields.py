@@ -71,11 +71,7 @@ class Fields:
 
     def vector(self, name: str, default: object = _REQUIRED) -> tuple[float, float, float]:
         """Read three finite numbers from a field of the table."""
-        value, at = self.take(name, default), self.at(name)
-        if not isinstance(value, (list, tuple)) or len(value) != 3:
-            raise ValueError(f"{at} = {shown(value)}: must be three numbers")
-        x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
-        return x, y, z
+        return three_numbers(self.take(name, default), self.at(name))
 
     def numbers(self, name: str, *default: object, low: float = -math.inf) -> tuple[float, ...]:
         """Read a list of finite numbers, none below ``low``, from a field of the table."""
@@ -130,6 +126,28 @@ def list_of_tables(value: object, where: str, named: bool = False) -> list[Field
     names = [table.get("name") if named and isinstance(table, dict) else None for table in value]
     called = [name if isinstance(name, str) and name else i for i, name in enumerate(names)]
     return [Fields(table, f"{where}[{name}]", named) for table, name in zip(value, called, strict=True)]
+
+
+def filled_list(value: object, at: str, allowed: str, count: int = 0) -> list[Any]:
+    """Check that a value is a list that is not empty, and of ``count`` entries if that is given."""
+    if not isinstance(value, list) or not value or len(value) != (count or len(value)):
+        raise ValueError(f"{at} = {shown(value)}: must be {allowed}")
+    return value
+
+
+def filled_text(value: object, at: str, allowed: str) -> str:
+    """Check that a value is text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise ValueError(f"{at} = {shown(value)}: must be {allowed}")
+    return value
+
+
+def three_numbers(value: object, at: str) -> tuple[float, float, float]:
+    """Check that a value is a list of three finite numbers."""
+    if not isinstance(value, (list, tuple)) or len(value) != 3:
+        raise ValueError(f"{at} = {shown(value)}: must be three numbers")
+    x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
+    return x, y, z
 
 
 def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:

@@ -87,12 +87,16 @@ def _functions_mistake(thing: object, made: str, *calls: str) -> tuple[str, str]
         if isinstance(thing, type) or not callable(function):
             if function is None and call == OPTIONAL:
                 continue
-            text = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-            return place_of(thing), f"is {text}: must be {made}, called as {call}"
+            return place_of(thing), f"is {_text_of(thing)}: must be {made}, called as {call}"
         words = _call_mistake(name, function, given.split(", "), 0)
         if words:
             return place_of(function), words
     return None
+
+
+def _text_of(thing: object) -> str:
+    """Name of a class or function, or text of another object, for a message."""
+    return thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
 
 
 def refuse_mistake(mistake: tuple[str, str] | None, kind: str, name: str) -> None:
@@ -126,8 +130,7 @@ def _record_mistake(kind: str, thing: object) -> tuple[str, str] | None:
         return None if words is None else (place_of(thing), words)
     module, _, name = BASES[kind].rpartition(".")
     if not isinstance(thing, type) or not issubclass(thing, getattr(import_module(module), name)):
-        text = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-        return place_of(thing), f"is {text}: must be a subclass of {BASES[kind]}"
+        return place_of(thing), f"is {_text_of(thing)}: must be a subclass of {BASES[kind]}"
     taken = [each for each in NAMING if each in (field_names(thing) or ())]
     if taken:
         return place_of(thing), f"has a field {taken[0]!r}: must have another name; a table names its class by it"

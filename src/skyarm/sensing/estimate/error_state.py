@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading
@@ -28,7 +28,7 @@ Aid = PoseReading | PositionReading | HeadingReading
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCELEROMETER_BIAS, PUSH = 0, 3, 6, 9, 12, 15
 """Index of the first component of each part of the error state."""
 
-Covariance = tuple[tuple[Scalar, ...], ...]
+Covariance = tuple[Scalars, ...]
 Row = Mapping[int, Scalar]
 """Structurally non-zero entries of a row of a matrix."""
 

@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data, logical_and, logical_not, where
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import data, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
@@ -52,7 +52,7 @@ from skyarm.sensing.estimate.filter_constants import (
 from skyarm.sensing.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

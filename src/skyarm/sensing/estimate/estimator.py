@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FULL_STATE = "state"
 """Name of the reading of every scenario: the full state with the noise of ``[sensors]``."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import logical_and, logical_or, mul, sqrt
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
@@ -29,7 +29,7 @@ from skyarm.sensing.sensor_kinds import (
     Position,
     PositionReading,
 )
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 AIDS: dict[str, tuple[type, ...]] = {
     "pose": (PoseReading,),
@@ -76,13 +76,13 @@ class FilterMemory:
     aiding: tuple[tuple[Aid, ...], ...]
     joints: FilteredJoints
     modelled: tuple[Vec3, ...]
-    rotor_speeds: tuple[Scalar, ...]
+    rotor_speeds: Scalars
     taken: Scalar
     refused: Scalar
     surprise: Scalar
 
     @property
-    def deviations(self) -> tuple[Scalar, ...]:
+    def deviations(self) -> Scalars:
         """Standard deviation of each component of the error state."""
         return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
 

@@ -17,15 +17,15 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import Scalar, add, data, exp, logical_and, maximum, sqrt, where
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import EncoderReading
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -38,8 +38,8 @@ class FilteredJoints:
         heard: instant of the inertial unit's last reading, s. now: instant of ``joints`` and ``rates``, s.
     """
 
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered joint positions")]
-    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered joint rates")]
+    joints: Annotated[Scalars, Unit("rad or m", "filtered joint positions")]
+    rates: Annotated[Scalars, Unit("rad/s or m/s", "filtered joint rates")]
     read: Annotated[Scalar, Unit("s", "time of the last encoder reading")]
     heard: Annotated[Scalar, Unit("s", "time of the inertial unit's last reading")] = 0.0
     now: Annotated[Scalar, Unit("s", "time of the filtered positions and rates")] = 0.0

@@ -20,7 +20,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 PRICE_OUT, PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.35, 0.003, 0.02, 0.1
 """Costs: of a channel left out, of each column that a change alters, of a change by any amount, and of a change of

@@ -27,7 +27,7 @@ from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearanc
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import loose_with, reduce
 from skyarm.studies.identify.windows import on_clock
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SEGMENT = 10.0
 """Approximate duration (s) of a segment; its ends at rest show nothing, and few segments leave no choice."""

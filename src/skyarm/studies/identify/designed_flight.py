@@ -33,7 +33,7 @@ from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of
 from skyarm.studies.identify.required_flight import arm_clearance
 from skyarm.studies.identify.window_fit import one_thread
 from skyarm.studies.tune.excitation import unseen_motion
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 USUAL = DesignLimits()
 Progress: TypeAlias = Callable[[int, int, str], None]

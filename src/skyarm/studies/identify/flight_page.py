@@ -2,16 +2,121 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from skyarm.cli.output import bar, give, tell
-from skyarm.flight_data.flight_data import load_flight
-from skyarm.studies.identify.excitation_report import excitation_facts, excitation_lines, excited_numbers, fault_line
-from skyarm.studies.identify.flight_sheet import flight_facts, flight_sheet
+from skyarm.flight_data.clocks import clock_offset
+from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
+from skyarm.flight_data.quantities import QUANTITIES
+from skyarm.records.files import printable
+from skyarm.records.text_tables import shown_number
+from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.isolate_fault import find_faults
+from skyarm.studies.identify.log_checks import REFUSED, LogFault, channel_gaps
 from skyarm.studies.identify.measured_motion import joints_in_order
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.view.pages import heading
+from skyarm.view.pages import Facts, Line, heading, table_of
+
+
+def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFault]) -> Sequence[ExpectedNumber]:
+    """Accuracy that a flight allows for each parameter of a vehicle; empty if a fault makes the flight unusable.
+
+    Raises:
+        ValueError: one line: a flight that is too short or does not fit the vehicle.
+    """
+    if any(each.severity == REFUSED for each in faults):
+        return ()
+    return expected_numbers([flight], start)
+
+
+def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequence[ExpectedNumber]) -> Facts:
+    """Faults and excited parameters of a measured flight as plain data."""
+    return {
+        "start": start.name,
+        "faults": [{**asdict(each), "words": each.words} for each in faults],
+        "excitation": [
+            {**asdict(each), "title": each.title, "excited": each.is_excited, "verdict": each.verdict}
+            for each in numbers
+        ],
+    }
+
+
+def fault_line(fault: LogFault) -> str:
+    """Fault of a measured flight as one line of text, without its file."""
+    return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
+
+
+def excitation_lines(numbers: Sequence[ExpectedNumber]) -> list[str]:
+    """Text lines with the expected 95 % interval of each parameter."""
+    titles = [f"{each.title}:" for each in numbers]
+    widths = max(map(len, titles)), max(len(each.verdict) for each in numbers)
+    rows = zip(titles, numbers, strict=True)
+    return [f"{title:{widths[0]}} {each.verdict:{widths[1]}} {each.name}" for title, each in rows]
+
+
+SHOWN = 12
+"""Number of unused columns that are listed."""
+
+
+def flight_facts(flight: FlightData) -> Facts:
+    """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
+    channels = []
+    for name in flight:
+        channel, quantity = flight[name], QUANTITIES[name]
+        gaps = channel_gaps(name, channel)
+        channels.append(
+            {
+                "quantity": name,
+                "source": channel.source,
+                "columns": channel.values.shape[1],
+                "unit": quantity.unit,
+                "meaning": quantity.meaning,
+                "rate_hz": channel.rate,
+                "begin_s": float(channel.time[0]) if channel.time.size else None,
+                "end_s": float(channel.time[-1]) if channel.time.size else None,
+                "gaps": len(gaps),
+                "longest_gap_s": max((long for _, long in gaps), default=0.0),
+            }
+        )
+    return {
+        "flight": flight.name,
+        "file": flight.file,
+        "format": format_name(flight.file),
+        "duration_s": flight.duration,
+        "channels": channels,
+        "notes": list(flight.notes),
+        "clock": _clock_words(flight),
+        "facts": dict(flight.facts),
+        "unused": list(flight.unused),
+    }
+
+
+def _clock_words(flight: FlightData) -> str:
+    """Text on the offset between the clocks of two channels, or on why that offset is unknown."""
+    try:
+        return clock_offset(flight).words
+    except ValueError as error:
+        return f"unknown: {error}"
+
+
+def flight_sheet(facts: Facts) -> Iterator[Line]:
+    """Yield the tables of a flight: channels, clock, notes."""
+    rows = []
+    for each in facts["channels"]:
+        gaps = f"{each['gaps']}, to {each['longest_gap_s']:.3g} s" if each["gaps"] else "none"
+        span = "" if each["begin_s"] is None else f"{each['begin_s']:.4g} to {each['end_s']:.4g}"
+        name = each["quantity"] + (f" ({each['columns']})" if QUANTITIES[each["quantity"]].width == 0 else "")
+        rows.append((name, each["unit"], each["source"], shown_number(each["rate_hz"], 4), span, gaps))
+    title = f"{facts['flight']}: {facts['format']}, {facts['duration_s']:.4g} s"
+    yield table_of(("channel", "unit", "source", "rate, Hz", "time, s", "gaps"), rows, left=3, title=title)
+    lines = [f"clock: {facts['clock']}", *(f"note: {each}" for each in facts["notes"])]
+    if facts["unused"]:
+        more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
+        lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
+    yield "\n".join(printable(each) for each in lines)
 
 
 def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:

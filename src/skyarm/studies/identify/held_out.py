@@ -52,7 +52,7 @@ from skyarm.studies.identify.window_fit import (
     student_quantile,
 )
 from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 APART = 0.1
 """Time (s) between the starts of two predictions."""

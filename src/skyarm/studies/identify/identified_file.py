@@ -11,7 +11,7 @@ from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, surroundings_with
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 AXES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
@@ -101,8 +101,7 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurr
         document = json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(one_line(f"{file}: must be a JSON file ({error})")) from None
-    table = document.get("surroundings") if isinstance(document, dict) else None
-    given = document.get("known") if isinstance(document, dict) else None
+    table, given = (document.get(name) if isinstance(document, dict) else None for name in ("surroundings", "known"))
     if not (isinstance(table, dict) and isinstance(given, dict)):
         raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
     values = dict[str, float]()

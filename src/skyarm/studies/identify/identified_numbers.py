@@ -18,7 +18,7 @@ from skyarm.studies.identify.held_out_errors import HeldOut
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 NOT_SHOWN = "not in this data"
 """Reason for a parameter on which the flights give less information than the prior."""

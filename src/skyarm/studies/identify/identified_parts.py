@@ -11,15 +11,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import Sym3, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Sym3, Vec3
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import rebuild
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
-from skyarm.vehicle.linkage import Body, Joint, Link
+from skyarm.vehicle import Body, BodyDrag, Joint, Link, MountedDrive, Rotor, Vehicle
 from skyarm.vehicle.thrust_table import ThrustTable
-from skyarm.vehicle.vehicle_records import BodyDrag, MountedDrive, Rotor, Vehicle
 
 R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive, BodyDrag)
 

@@ -20,7 +20,7 @@ from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
 from skyarm.studies.identify.log_checks import LogFault
 from skyarm.studies.identify.logged_commands import period_note
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.pages import Facts
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"

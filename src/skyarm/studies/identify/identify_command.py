@@ -54,8 +54,8 @@ from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.lag_report import every_lag, lag_lines, lag_tables, nominal_model, stated_delays
 from skyarm.studies.identify.loop_lags import loop_lags
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 
 FLATTEST, STEEPEST, LONGEST = 2.0, 60.0, 600.0
 """Bounds of the options: tilt (deg) below which the loop tilts anyway, and far from lying on its side; duration (s)

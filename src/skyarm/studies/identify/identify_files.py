@@ -17,7 +17,7 @@ from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import LogFault, require_no_refusal
 from skyarm.studies.identify.measured_motion import joints_in_order
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable

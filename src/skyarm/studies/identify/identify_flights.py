@@ -17,7 +17,7 @@ from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.log_checks import WARNED, LogFault, require_no_refusal
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.studies.identify.unknowns import second_moments_of
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 TOTAL = "mass"
 """Known number that is not estimated: mass (kg) of the whole vehicle."""

@@ -15,7 +15,7 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import SHOWN, identified_numbers
 from skyarm.studies.identify.identify_windows import first_fits, search_of
 from skyarm.studies.identify.windows import ClockedWindows
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 NOT_EXCITED = "not in this flight"
 """Text for a parameter on which a flight gives less than half of the information."""

@@ -46,7 +46,7 @@ from skyarm.studies.identify.unknowns import USUAL_DELAY, unknowns_of, with_serv
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_windows, student_quantile
 from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step, on_clock
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 Rows: TypeAlias = Mapping[tuple[str, int], float]
 """Sensor and column -> RMS residual of the model over the sensor's white noise."""

@@ -14,9 +14,8 @@ from skyarm.records.files import printable
 from skyarm.records.files.toml import toml_key
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags
-from skyarm.vehicle.linkage import Body
+from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 
 HEADS = ("", "delay and lag", "delay", "up", "down", "over model", "explained")
 

@@ -18,7 +18,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
 """Severities: an identification from such a flight would be wrong, or less accurate."""

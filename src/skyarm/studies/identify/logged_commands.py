@@ -15,7 +15,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import values_at
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 SLOWEST = 0.025
 """Longest interval (s) between rotor commands; pulse widths come at 50 Hz or more, and slower ones are samples of

@@ -33,7 +33,7 @@ from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unk
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import BLOCK, WindowFit, fit_windows
 from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
-from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
+from skyarm.vehicle import MountedDrive, Vehicle
 
 
 @immutable

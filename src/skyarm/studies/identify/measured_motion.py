@@ -9,7 +9,7 @@ import numpy as np
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import attitude_at, values_at
 from skyarm.log.motion import PoseSeries
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
 

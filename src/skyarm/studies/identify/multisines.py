@@ -19,8 +19,7 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 
 BASE_AXES = 4
 """Number of axes of the base: x, y, z and heading, before the joints."""

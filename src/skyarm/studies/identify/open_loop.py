@@ -29,7 +29,7 @@ from skyarm.studies.identify.measured_motion import measured_motion
 from skyarm.studies.identify.unknowns import THRUST, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
 from skyarm.studies.identify.windows import RUN_IN, Clocked, ClockedWindows, clock_step, on_clock
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SLOPE, FEWEST = 0.1, 5
 """Interval (s) and least number of samples over which a position is differentiated where no velocity is measured."""

@@ -11,7 +11,7 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Found, LogFault, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FAR_OFF, IMPOSSIBLE = 4.0, 8.0
 """Factors between an estimate and its start value above which it is doubted, and above which a firm one is refused.

@@ -29,8 +29,7 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
 from skyarm.studies.identify.unknowns import USUAL_DELAY
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 TURNS = 4
 """Number of iterations of attitude and centre of mass; the arm moves the centre by little of what gravity requires

@@ -13,15 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import pairwise
 
-from skyarm.algebra import Mat3, Sym3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Mat3, Scalar, Sym3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import must_be_one_of, number
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import Body, Link
-from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
+from skyarm.vehicle import Body, Link, MountedDrive, Rotor, Vehicle
 
 KNOTS = (0.25, 0.5, 0.75, 1.0)
 """Fractions of the full signal at which the thrust of a rotor with a curve of its own is identified."""

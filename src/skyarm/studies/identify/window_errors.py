@@ -13,8 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Quaternion, Scalar, Vec3
 from skyarm.compile.llvm.shared_steps import cores
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
@@ -24,7 +23,7 @@ from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
 from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
 from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
 """Prior standard deviations of a window's initial state in SI units: practically uninformative."""

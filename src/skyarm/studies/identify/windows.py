@@ -27,7 +27,7 @@ from skyarm.studies.identify.logged_commands import (
     smooth_commands,
     time_constants,
 )
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions", "joint_rates")
 """Measured quantities that a window can compare, if the log contains them."""

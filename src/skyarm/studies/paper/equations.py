@@ -12,14 +12,13 @@ Source: Barakou, Tzafestas, Valavanis 2026, sections 2 and 3, Appendices B and C
 
 from __future__ import annotations
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalars, Vec3
 from skyarm.dynamics import euler_coordinates
 from skyarm.dynamics.array_front import ArrayLike, components, leading_axes, one_number, stack_leaves
 from skyarm.dynamics.kinematics import Pose, frame_pose, link_poses
 from skyarm.records.arrays import Array
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def mass_matrix(vehicle: Vehicle, q: ArrayLike) -> Array:
@@ -83,7 +82,7 @@ def forward_kinematics(vehicle: Vehicle, q: ArrayLike) -> dict[str, Array]:
     }
 
 
-def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[tuple[Scalar, ...]]:
+def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[Scalars]:
     """Vectors of 6+n scalars from the NumPy arguments."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")

@@ -1,4 +1,4 @@
-"""HTML report of the reproduction of Barakou et al. 2026: an overview and a page per case."""
+"""HTML report of the reproduction of Barakou et al. 2026: its tables, an overview and a page per case."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from skyarm.log.flight_log import Log
 from skyarm.records.files import file_names
+from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.paper import report_text as prose
-from skyarm.studies.paper.counted_cells import RULE
+from skyarm.studies.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
 from skyarm.studies.paper.flights import first_plant
 from skyarm.studies.paper.inference_tables import (
     choices_table,
@@ -21,21 +22,241 @@ from skyarm.studies.paper.inference_tables import (
     settings_table,
 )
 from skyarm.studies.paper.inferred_settings import is_of_this_study
-from skyarm.studies.paper.published import Record
-from skyarm.studies.paper.report_tables import (
-    counts_table,
-    definitions_table,
-    experiment_table,
-    reversed_list,
-    sensitivity_tables,
-    title_of,
-    verdict_table,
+from skyarm.studies.paper.published import (
+    CONTINUOUS,
+    METRICS,
+    TITLES,
+    Experiments,
+    Number,
+    Record,
+    digits,
+    finite_or_none,
+    metric,
+    percent,
+    phrase,
+    printed_number,
+    published_number,
+    relative,
+    reversed_orders,
+    short_title,
 )
+from skyarm.studies.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
+from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.studies.paper.verdict_sentences import verdict
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import bullets, details, image, page, paragraph, table
+from skyarm.view.pages import Mark, bullets, details, grouped_table, image, markdown, page, paragraph, table
+
+Cells = Mapping[str, Record]
+Cell = str | Mark
+Variants = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Number]]]]
+"""Value of an assumption -> case -> law -> metric -> number."""
+
+DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
+CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
+TELLING = 0.02
+"""Spread of relative differences below which no variant is called the nearest."""
+
+
+def typographic(written: str) -> str:
+    """Replace the hyphen of a negative number by a typographic minus."""
+    return written.replace("-", MINUS)
+
+
+def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Cell:
+    """HTML table cell of a number with three digits and its full value as data; a dash if it is missing."""
+    finite = finite_or_none(value)
+    return DASH if finite is None else Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
+
+
+def difference_text(ours: Number, paper: Number) -> str:
+    """Text of the relative difference from a published number in percent; a dash if a number is missing."""
+    return typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}") or DASH
+
+
+def bound_text(ours: Number, paper: Number) -> str:
+    """Text on whether a number is below the published upper bound; a dash if it is missing."""
+    value, bound = finite_or_none(ours), finite_or_none(paper)
+    return DASH if value is None or bound is None else "below" if value <= bound else "above"
+
+
+def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
+    """HTML table cell of a published number with its printed digits."""
+    if paper is None and published_number(case, controller, name):
+        return typographic(published_number(case, controller, name))
+    written = printed_number(case, controller, name)
+    return number_cell(paper, written=written if written and float(written) == paper else "")
+
+
+def title_of(case: str) -> str:
+    """Title of a published case, such as "Case 1: hover, arm ramps"; other cases keep their name."""
+    return TITLES.get(case, case)
+
+
+def reversed_by_case(experiments: Experiments, plant: str) -> dict[str, list[str]]:
+    """Metrics in words whose better law is another one than in the paper, by case."""
+    found: dict[str, list[str]] = {}
+    for case, name in reversed_orders(experiments, plant):
+        found.setdefault(short_title(case), []).append(phrase(name))
+    return found
+
+
+REVERSED = "Metrics whose better law of the two is another one here than in the paper ({}):"
+
+
+def reversed_list(experiments: Experiments, plant: str) -> str:
+    """HTML list of the metrics whose better law is another one than in the paper, by case."""
+    found = [f"{case}: {', '.join(names)}." for case, names in reversed_by_case(experiments, plant).items()]
+    return paragraph(REVERSED.format(plant)) + bullets(found or ["none."])
+
+
+def verdict_table(experiments: Experiments, files: Mapping[str, str], plant: str) -> str:
+    """HTML table of how many published numbers each case reproduces within 25 %, with links to the cases' pages."""
+    columns = (stated_value(plant), inferred_value(plant))
+    rows = []
+    for case in experiments:
+        found = [counts(experiments, column, in_case(case)) for column in columns]
+        near = [str(each["within_25%"]) if each else DASH for each in found]
+        many = next((str(each["cells"]) for each in found if each), DASH)
+        rows.append([Mark(text=title_of(case), href=files[case]), many, *near])
+    caption = f"Numbers of the paper that agree within 25 % ({plant})"
+    return table(["Case", ">numbers", ">as stated", ">inferred"], rows, caption, "summary")
+
+
+def counts_table(experiments: Experiments) -> str:
+    """HTML table of how many published numbers each case reproduces within 25, 10 and 5 %, on every plant."""
+    columns = {
+        f">{title}, {plant}": column(plant)
+        for title, column in (("as stated", stated_value), ("inferred", inferred_value))
+        for plant in PLANTS
+    }
+    groups = []
+    for share in (25, 10, 5):
+        rows = []
+        for case in experiments:
+            found = [counts(experiments, column, in_case(case)) for column in columns.values()]
+            rows.append([title_of(case), *(str(each[f"within_{share}%"]) if each else DASH for each in found)])
+        groups.append((f"within {share} %", rows))
+    return grouped_table(["Case", *columns], groups, "Numbers of the paper that agree, on both plants", "summary")
+
+
+def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
+    """HTML table of the published and simulated numbers of one case."""
+    head = [
+        *("Metric", "Unit", ">Paper", ">as stated: rigid_body", ">mujoco", ">rigid_body - paper", ">mujoco - paper"),
+        *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper"),
+    ]
+    groups = [
+        (
+            CONTROLLERS.get(law, law),
+            [_metric_row(case, law, name, cell) for name, cell in cells.items() if not name.endswith(CONTINUOUS)],
+        )
+        for law, cells in controllers.items()
+    ]
+    return grouped_table(head, groups, f"{title_of(case)}: errors against the held 50 Hz reference", "wide")
+
+
+def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
+    meant, paper, inferred = metric(name), cell.get("paper"), cell.get("inferred", {})
+    compare = bound_text if meant.bound else difference_text
+    return [
+        Mark(text=meant.label, title=meant.definition or name),
+        meant.unit,
+        _paper_cell(case, controller, name, paper),
+        *(number_cell(cell.get(plant)) for plant in PLANTS),
+        *(compare(cell.get(plant), paper) for plant in PLANTS),
+        *(number_cell(inferred.get(plant)) for plant in PLANTS),
+        compare(inferred.get(PLANTS[0]), paper),
+    ]
+
+
+def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
+    """Collapsible HTML tables of metrics under varied assumptions, one table for each assumption."""
+    parts = []
+    assumed = {(each.group, each.value) for each in variations() if each.change is None}
+    for group, variants in sensitivity.items():
+        if not variants:
+            continue
+        title = GROUPS.get(group, group.replace("_", " "))
+        caption = f"{title}, {plant}; bold: nearest to the paper; dash: not measurable"
+        heads = [f">{value}{' (assumed)' if (group, value) in assumed else ''}" for value in variants]
+        groups = [
+            (
+                f"{title_of(case)}, {controller}",
+                [_variant_row(case, controller, name, variants, experiments) for name in names],
+            )
+            for (case, controller), names in _cells_of(variants).items()
+        ]
+        parts.append(details(title, grouped_table(["Metric", "Unit", ">Paper", *heads], groups, caption, "variants")))
+    return "".join(parts) or "<p>No variation was flown.</p>"
+
+
+def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
+    """Metrics of the flights in which one assumption was changed, all changes together, by case and controller."""
+    cells: dict[tuple[str, str], dict[str, None]] = {}
+    for cases in variants.values():
+        for case, controllers in cases.items():
+            for controller, values in controllers.items():
+                cells.setdefault((case, controller), {}).update(dict.fromkeys(values))
+    return cells
+
+
+def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> list[Cell]:
+    paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
+    values: list[Number] = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    sizes = [relative(value, paper) for value in values]
+    distances = [abs(size) for size in sizes if size is not None]
+    telling = max(distances, default=0.0) - min(distances, default=0.0) > TELLING
+    bold = [telling and size is not None and abs(size) == min(distances) for size in sizes]
+    cells = [number_cell(value, strong=strong) for value, strong in zip(values, bold, strict=True)]
+    return [metric(name).label, metric(name).unit, _paper_cell(case, controller, name, paper), *cells]
+
+
+def definitions_table() -> str:
+    """HTML table of the definitions of all published metrics."""
+    rows = [(m.label, name, m.unit, m.definition) for name, m in METRICS.items()]
+    return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
+
+
+def markdown_tables(results: Record) -> str:
+    """Markdown tables of the published and simulated numbers of all cases."""
+    plant = first_plant(results)
+    columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
+    head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper"]
+    blocks = [
+        "# Numbers of the paper and of the simulation",
+        "\n".join(f"- {words}" for words in verdict(results)),
+        f"{sentence(results)} {RULE}",
+        "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows, metrics, assumptions: see report.html.\n"
+        f"Metrics against the held 50 Hz reference. Differences: {plant} against the paper, a larger magnitude is +.",
+        ASSUMED,
+        INFERRED_SETTINGS,
+        f"{REVERSED.format(plant)} {_in_a_line(reversed_by_case(results['experiments'], plant))}.",
+    ]
+    for case, controllers in results["experiments"].items():
+        names = [n for n in dict.fromkeys(n for c in controllers.values() for n in c) if not n.endswith(CONTINUOUS)]
+        rows = [
+            _row(case, controller, name, cells[name], plant)
+            for name in names
+            for controller, cells in controllers.items()
+            if name in cells
+        ]
+        blocks += [f"## {title_of(case)}", markdown(head, rows)]
+    blocks += ["## What stays open", "\n".join(f"- {line}" for line in OPEN)]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _in_a_line(found: Mapping[str, Sequence[str]]) -> str:
+    return "; ".join(f"{case}, {', '.join(names)}" for case, names in found.items()) or "none"
+
+
+def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
+    paper, inferred = published_number(case, controller, name) or "-", cell.get("inferred", {})
+    ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
+    apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
+    return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
+
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,8 +22,7 @@ from skyarm.studies.paper.flights import STATED, STEADY, WINDOWS, Metrics, fligh
 from skyarm.studies.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.studies.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
 from skyarm.studies.paper.published import CASES, Record
-from skyarm.studies.paper.report_pages import MAIN, case_files, inferred_section, report_pages
-from skyarm.studies.paper.report_tables import markdown_tables
+from skyarm.studies.paper.report_pages import MAIN, case_files, inferred_section, markdown_tables, report_pages
 from skyarm.studies.paper.report_text import LOOK, OVERVIEW
 from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.compile import trace
 from skyarm.control.controller import autopilot_of, innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
@@ -16,7 +16,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.leaves import Dataclass, Tree, leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError, with_words
 from skyarm.simulate.loop_state import LoopState
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 from skyarm.world import Component, MovingAir
 
 LAGS = ("up", "down")

@@ -9,7 +9,7 @@ import numpy as np
 from skyarm.algebra import Quaternion
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 COMMANDS, MEASUREMENTS = "commands", "measurements"
 

@@ -20,8 +20,8 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import repeat
@@ -112,7 +112,7 @@ def _tangent(states: Array, still: Array) -> Array:
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
-Given: TypeAlias = tuple[tuple[Scalar, Scalar], tuple[Scalar, ...]]
+Given: TypeAlias = tuple[tuple[Scalar, Scalar], Scalars]
 """Arrival time of a command (s) and fraction of the rotors' lag; values of the parameter paths."""
 
 
@@ -181,7 +181,7 @@ class Differentiator:
 
         def step(
             point: OpenPoint, given: Given, fed: InputRow[Reference], _uniforms: Sequence[Scalar]
-        ) -> tuple[OpenPoint, tuple[Scalar, ...]]:
+        ) -> tuple[OpenPoint, Scalars]:
             return point, self._outputs(point, given, fed)
 
         given = ((0.0, 0.0), self._numbers)
@@ -190,7 +190,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: Given, row: InputRow[Reference]) -> tuple[Scalar, ...]:
+    def _outputs(self, point: OpenPoint, given: Given, row: InputRow[Reference]) -> Scalars:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario

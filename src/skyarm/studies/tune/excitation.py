@@ -28,8 +28,7 @@ from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rate
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 from skyarm.world import ForceWind
 from skyarm.world.gust import Gust
 

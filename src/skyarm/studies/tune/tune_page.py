@@ -14,7 +14,7 @@ from skyarm.studies.tune.front import RULE, LoopMargins, Point
 from skyarm.studies.tune.hover_margins import with_gains
 from skyarm.studies.tune.law_knobs import inner_place
 from skyarm.studies.tune.tuning import ASIDE, Aside, Tuning
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
 

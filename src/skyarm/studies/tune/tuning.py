@@ -40,8 +40,8 @@ from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins, with_gains
 from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, with_catalogue_gains
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
 
 LEADERS = 3

@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 

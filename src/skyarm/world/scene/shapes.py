@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
 from skyarm.records.immutable import immutable

@@ -9,19 +9,18 @@ from itertools import chain
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3, axis_rotation
 from skyarm.algebra.frames import unit_rows
-from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import Scalar, divide
+from skyarm.algebra.scalars import divide
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.description import quaternion_products
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Look, Vehicle
+from skyarm.vehicle.vehicle_records import Look
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
 
 LEAST_REACH = 0.1
@@ -144,7 +143,7 @@ def _program(vehicle: Vehicle) -> Program:
     """Compiled program that computes the world poses of all bodies and the tip position."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
-    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+    def poses(position: Vec3, quaternion: Quaternion, joints: Scalars) -> Scalars:
         q = quaternion
         length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()

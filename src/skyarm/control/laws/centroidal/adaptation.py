@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, clip, data, divide, minimum, mul, sub, where
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, clip, data, divide, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -38,7 +38,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SMALL = 1e-3
 """Squared joint effort under 1 kg at the tip ((N m)^2 or N^2) below which the mass is adapted slowly."""
@@ -176,11 +176,11 @@ class AdaptationGains(OptionalPart):
         Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint", bound=True),
     ]
     modelled: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("N m s/rad or N s/m", "most of the adapted damping that the joints of the model receive", bound=True),
     ]
     slow: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "(rad/s)^2 or (m/s)^2",
             "squared joint rate below which adaptation nearly stops",
@@ -314,7 +314,7 @@ def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
     return measurement.velocity + measurement.quaternion.rotation().apply(turning)
 
 
-def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> tuple[Scalar, ...]:
+def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> Scalars:
     """Joint efforts (N m or N) under 1 kg at the tip in the measured motion.
 
     ``proper`` is the measured acceleration of the tip plus g upwards, m/s^2, world axes.

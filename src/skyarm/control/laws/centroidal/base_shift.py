@@ -26,8 +26,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt
+from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.select import vector_data
@@ -36,7 +36,7 @@ from skyarm.dynamics.kinematics import chain
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 LEAST = 0.02
 """Height (m) of the centre of mass above the tip below which the shift falls in proportion to that height."""
@@ -62,9 +62,9 @@ class Shift:
     """
 
     place: Annotated[Vec3, Unit("m", "desired position of the shifted base, world axes, horizontal")]
-    sinking: Annotated[tuple[Scalar, ...], Unit("", "desired vertical acceleration with two derivatives")]
-    secants: Annotated[tuple[Scalar, ...], Unit("", "thrust over its vertical part at each instant of the preview")]
-    coming: Annotated[tuple[Scalar, ...], Unit("m/s^2", "desired vertical acceleration at each instant of the preview")]
+    sinking: Annotated[Scalars, Unit("", "desired vertical acceleration with two derivatives")]
+    secants: Annotated[Scalars, Unit("", "thrust over its vertical part at each instant of the preview")]
+    coming: Annotated[Scalars, Unit("m/s^2", "desired vertical acceleration at each instant of the preview")]
     first: Annotated[Scalar, Unit("s", "time to the first instant of the preview")]
 
 
@@ -217,9 +217,7 @@ def bounded_sweep(rows: Sequence[PreviewInstant], thrusts: Sequence[Scalar]) -> 
     return line[::-1]
 
 
-def coming_thrusts(
-    rows: Sequence[PreviewInstant], line: Sequence[PreviewInterval], y: Vec3
-) -> tuple[tuple[Scalar, ...], ...]:
+def coming_thrusts(rows: Sequence[PreviewInstant], line: Sequence[PreviewInterval], y: Vec3) -> tuple[Scalars, ...]:
     """Vertical accelerations (m/s^2) of the shifted centre of mass along the preview, and secants of the tilt.
 
     A lever l that is turned by y to the side is less high by about y^2 / 2 l.

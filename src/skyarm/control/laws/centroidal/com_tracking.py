@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, where
+from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, inverse_root
 from skyarm.control.blocks.attitude import DesiredAttitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     DesiredAttitude,
@@ -29,7 +29,7 @@ from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effe
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -181,7 +181,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMoti
     return DesiredMotion(base, still, level, turned, after, changes, rotors, planned, goal)
 
 
-def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
+def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> Scalars:
     """Desired joint accelerations qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
     gains = par.joint_gains
     return tuple(
@@ -231,7 +231,7 @@ def within_limits(
     state: State,
     references: Sequence[Taylor],
     accelerations: Sequence[Scalar],
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint accelerations limited by a control barrier function that keeps joints off their limits.
 
     A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way

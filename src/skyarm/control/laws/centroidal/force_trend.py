@@ -15,8 +15,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
+from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Vec3
+from skyarm.algebra.scalars import data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data

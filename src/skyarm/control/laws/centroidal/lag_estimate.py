@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import Annotated
 
-from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
+from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra.scalars import add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
@@ -216,7 +216,7 @@ class LagGains(OptionalPart):
 class Bank:
     """Residual statistics of the candidate lags for one group of axes."""
 
-    paid: Annotated[tuple[Scalar, ...], Unit("", "mean residual of each candidate lag with its penalty, 0 to 1")]
+    paid: Annotated[Scalars, Unit("", "mean residual of each candidate lag with its penalty, 0 to 1")]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "mean square of the residuals")]
 
 
@@ -225,31 +225,25 @@ class LagMemory:
     """State of the lag estimate: filtered accelerations of roll, pitch and joints, and residual statistics."""
 
     count: Annotated[Scalar, Unit("", "number of periods so far")]
-    rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "body and joint rates measured one period ago")]
-    disturbing: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "accelerations by the observer's disturbance")]
-    believed: Annotated[
-        tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "modelled accelerations, filtered three times")
-    ]
+    rates: Annotated[Scalars, Unit("rad/s or m/s", "body and joint rates measured one period ago")]
+    disturbing: Annotated[Scalars, Unit("rad/s^2 or m/s^2", "accelerations by the observer's disturbance")]
+    believed: Annotated[tuple[Scalars, ...], Unit("rad/s^2 or m/s^2", "modelled accelerations, filtered three times")]
     measured: Annotated[
-        tuple[tuple[Scalar, ...], ...],
+        tuple[Scalars, ...],
         Unit("rad/s^2 or m/s^2", "accelerations by differences of measured rates, filtered three times"),
     ]
     past: Annotated[
-        tuple[tuple[Scalar, ...], ...],
+        tuple[Scalars, ...],
         Unit("rad/s^2 or m/s^2", "modelled accelerations in the pass band, newest first"),
     ]
-    slow: Annotated[
-        tuple[Scalar, ...], Unit("rad/s^2", "low-passed roll and pitch accelerations: modelled at the lag, measured")
-    ]
+    slow: Annotated[Scalars, Unit("rad/s^2", "low-passed roll and pitch accelerations: modelled at the lag, measured")]
     base: Bank
     arm: Bank
     agreement: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit("", "mean product of measured and modelled accelerations at the estimated lag, each axis"),
     ]
-    size: Annotated[
-        tuple[Scalar, ...], Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")
-    ]
+    size: Annotated[Scalars, Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")]
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 
@@ -295,7 +289,7 @@ def _least(paid: Sequence[Scalar]) -> Scalar:
 
 def _in_row(
     before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
-) -> tuple[tuple[Scalar, ...], ...]:
+) -> tuple[Scalars, ...]:
     """States of three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
     states = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
@@ -305,7 +299,7 @@ def _in_row(
     return tuple(states)
 
 
-def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:
+def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
     """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
     return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
 

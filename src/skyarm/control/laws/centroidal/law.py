@@ -19,8 +19,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, same, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, divide, maximum, mul, same, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
@@ -39,6 +39,7 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -51,9 +52,9 @@ class PartMemories:
 
     lag: Any = ()
     noise: Any = ()
-    interaction: Any = ()
-    admittance: Any = ()
-    load: Any = ()
+    interaction: Tree = ()
+    admittance: Tree = ()
+    load: Tree = ()
     trend: Any = ()
     adaptation: Any = ()
 
@@ -74,10 +75,10 @@ class CentroidalMemory:
     observed: Observed
     sent: Command
     past: Past
-    applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
-    free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
+    applied: Annotated[Scalars, Unit("", "1 for rotors and joints whose last command was applied unchanged")]
+    free: Annotated[Scalars, Unit("", "1 for base and joints whose actuators are not at their limit")]
     slow_force: Annotated[Vec3, Unit("N", "slowly filtered disturbance force of the observer")]
-    trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "squared speeds added to those of the mixer")]
+    trim: Annotated[Scalars, Unit("(rad/s)^2", "squared speeds added to those of the mixer")]
     following: Following = Following()
     parts: PartMemories = PartMemories()
 
@@ -217,7 +218,7 @@ def present(par: CentroidalParameters, timing: Timing, seen: ObserverOutput, dt:
     return predict_across(par.model, state, done, seen.unknown, timing.age * dt, sideways)
 
 
-def learning(memory: CentroidalMemory, share: Scalar) -> tuple[Scalar, ...]:
+def learning(memory: CentroidalMemory, share: Scalar) -> Scalars:
     """Flags of base and joints that may be adapted: no actuator limit, no contact, command applied unchanged.
 
     A command that others changed moves the vehicle away from its plan: nothing of that is a load or friction.

@@ -48,7 +48,7 @@ from skyarm.control.laws.centroidal.tilting.options import sideways_part
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 ENTRIES = (*options.ENTRIES, *RETIRED)
 """Names of the options that are not in the signature of :func:`make_centroidal`."""

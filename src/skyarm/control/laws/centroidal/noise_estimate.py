@@ -18,14 +18,14 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
+from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
+from skyarm.algebra.scalars import clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
 from skyarm.control.laws.centroidal.step_records import ObserverOutput
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 RATE = 2.0
 """Filter rate (1/s) of the noise variances."""

@@ -20,8 +20,7 @@ from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
 from skyarm.records.files import errors_as, number, shown
 from skyarm.records.files.messages import present_names
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 GAINS: Mapping[str, tuple[float, ...]] = {
     "base": (22.0, 8.5, 205.0, 22.5),
@@ -199,12 +198,12 @@ def slide_room(vehicle: Vehicle) -> float:
     return max(min(rooms, default=math.inf), OPTIONS["reach"][1])
 
 
-def refuse(name: str, value: Any, words: str) -> NoReturn:
+def refuse(name: str, value: object, words: str) -> NoReturn:
     """Raise the one-line error for an option's value, with the allowed values."""
     raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
 
 
-def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
+def number_within(name: str, value: object, low: float, high: float = math.inf) -> float:
     """Finite number between ``low`` and ``high`` from an option's value."""
     with errors_as(ControllerError):
         numeric = number(value, f"controller.{name}", low=low)
@@ -224,7 +223,7 @@ def without_retired(changes: LawOptions) -> dict[str, Any]:
     return current
 
 
-def note_former(preset: Any) -> None:
+def note_former(preset: object) -> None:
     """Warn in one line that the option ``preset`` is obsolete, since only one preset remains.
 
     Raises:

@@ -10,8 +10,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, total
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.step_records import (
@@ -194,7 +194,7 @@ class CentroidalParameters:
     parts: Parts
 
     @property
-    def preview(self) -> tuple[Scalar, ...]:
+    def preview(self) -> Scalars:
         """Lead times (s) of the future reference samples that the law uses; empty without a preview."""
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
         horizon = self.tip.preview
@@ -222,7 +222,7 @@ class Step:
     state: State
 
     @property
-    def holds(self) -> tuple[Scalar, ...]:
+    def holds(self) -> Scalars:
         """Grasp flag of reference or gripper, above 0.5 while the tip holds a load; empty without a flag."""
         return self.reference.load or self.measurement.holds
 

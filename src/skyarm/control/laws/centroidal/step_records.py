@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Protocol
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, maximum, mul
+from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing
@@ -82,7 +82,7 @@ class Effect:
     isolated: Scalar = 1.0
     external: Scalar = 0
     pressing: Pressing | None = None
-    links: tuple[Scalar, ...] = ()
+    links: Scalars = ()
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
         """Changes of a control step, with adaptation also stopped where ``share`` is 0 because of an external force.
@@ -158,7 +158,7 @@ class AccelerationDemand:
 
     thrust: Scalar
     alpha: Vec3
-    joints: tuple[Scalar, ...]
+    joints: Scalars
     planned: Planned
     across: Vec3 = ZERO3
     force_rate: Vec3 = ZERO3

@@ -15,9 +15,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
+from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.control.blocks.attitude import DesiredAttitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.force_control import Pressing
@@ -25,8 +25,7 @@ from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, chain, jacobian_columns, link_poses
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 @immutable(kw_only=False)
@@ -47,7 +46,7 @@ class TipGoal:
 def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
     """Vector R_z(yaw) v as a Taylor series."""
     c, s = cos(yaw), sin(yaw)
-    x, y = (Taylor.constant(k, len(yaw.c) - 1) if not isinstance(k, Taylor) else k for k in (v.x, v.y))
+    x, y = (as_series(k, len(yaw.c) - 1) for k in (v.x, v.y))
     return Vec3(c * x - s * y, s * x + c * y, v.z)
 
 
@@ -135,7 +134,7 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
 
 def joints_of_turns(
     vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint motion that gives each link a desired rotation (base axes), by regularised least squares."""
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
@@ -158,9 +157,7 @@ def link_turning(
     return motions
 
 
-def level_joints(
-    vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]
-) -> tuple[Scalar, ...]:
+def level_joints(vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]) -> Scalars:
     """Joint correction, by one Newton step, that orients the links on a tilted base as planned for a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
@@ -174,7 +171,7 @@ def level_motion(
     still: DesiredAttitude,
     poses: Sequence[Pose],
     told: Sequence[Sequence[Scalar]],
-) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+) -> tuple[Scalars, Scalars]:
     """Joint rates and accelerations that keep the links moving as on a level base while the base turns.
 
     ``poses`` are of the links turned so; ``told`` rates and accelerations of the joints' references, for the rest.
@@ -243,8 +240,8 @@ class Now:
     R: Mat3
     rate: Vec3
     alpha: Vec3
-    joints: tuple[Scalar, ...]
-    joint_rates: tuple[Scalar, ...]
+    joints: Scalars
+    joint_rates: Scalars
     posture: Posture
     tip: Vec3
     tip_velocity: Vec3
@@ -258,7 +255,7 @@ def joint_accelerations(
     now: Now,
     preferred: Sequence[Scalar],
     links: Sequence[Scalar] = (),
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Joint accelerations for the tip and link tasks, regularised to those of the joint references.
 
     ``links`` are the bandwidths of the links' orientations over the tip's; () for 1.

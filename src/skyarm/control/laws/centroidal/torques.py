@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
+from skyarm.algebra import E_Z, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
@@ -25,9 +25,7 @@ TRIM = 0.1
 """Bound of the rotor trim as a fraction of a rotor's largest squared speed: more than the motor lag takes."""
 
 
-def needed(
-    model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance
-) -> tuple[Vec3, tuple[Scalar, ...]]:
+def needed(model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance) -> tuple[Vec3, Scalars]:
     """Body torque (N m, base axes) and joint torques for the desired accelerations under the desired thrust.
 
     The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
@@ -59,8 +57,8 @@ class Done:
     """
 
     command: Command
-    free: tuple[Scalar, ...]
-    trim: tuple[Scalar, ...]
+    free: Scalars
+    trim: Scalars
 
 
 def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Done:

@@ -24,8 +24,8 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add, clip, divide, mul, sub, tanh, where
+from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.select import choose_each
@@ -40,7 +40,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 SCHEMA = 1
 FILE = "hummingbird_arm2.json"
@@ -53,8 +53,8 @@ SEEN = 0.2
 class Layer:
     """Affine map: weights (outputs x inputs) and offsets (outputs)."""
 
-    weights: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "weights of a layer, one row for each output")]
-    offsets: Annotated[tuple[Scalar, ...], Unit("", "offsets of a layer, one for each output")]
+    weights: Annotated[tuple[Scalars, ...], Unit("", "weights of a layer, one row for each output")]
+    offsets: Annotated[Scalars, Unit("", "offsets of a layer, one for each output")]
 
 
 @immutable
@@ -67,13 +67,13 @@ class Network:
         scales: scale of each output. limits: largest magnitude of each output, in its unit.
     """
 
-    means: Annotated[tuple[Scalar, ...], Unit("", "means of the inputs, in their units")]
-    factors: Annotated[tuple[Scalar, ...], Unit("", "reciprocal standard deviation of each input")]
+    means: Annotated[Scalars, Unit("", "means of the inputs, in their units")]
+    factors: Annotated[Scalars, Unit("", "reciprocal standard deviation of each input")]
     layers: tuple[Layer, ...]
-    scales: Annotated[tuple[Scalar, ...], Unit("", "scale of the outputs: N and N m in base axes, then joint torques")]
-    limits: Annotated[tuple[Scalar, ...], Unit("", "largest magnitude of each output, in its unit")]
+    scales: Annotated[Scalars, Unit("", "scale of the outputs: N and N m in base axes, then joint torques")]
+    limits: Annotated[Scalars, Unit("", "largest magnitude of each output, in its unit")]
 
-    def __call__(self, inputs: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def __call__(self, inputs: Sequence[Scalar]) -> Scalars:
         """Network outputs, clipped to their limits."""
         values = [mul(sub(x, m), f) for x, m, f in zip(inputs, self.means, self.factors, strict=True)]
         for i, layer in enumerate(self.layers):
@@ -164,11 +164,9 @@ class History:
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
     commanded: Annotated[Scalar, Unit("", "0 before the first command")]
-    motion: Annotated[
-        tuple[Scalar, ...], Unit("m/s, rad/s", "filtered velocity in world axes, body rate and joint rates")
-    ]
+    motion: Annotated[Scalars, Unit("m/s, rad/s", "filtered velocity in world axes, body rate and joint rates")]
     commands: Annotated[
-        tuple[Scalar, ...], Unit("N, N m", "filtered wrench of the commanded rotors in still air, and joint efforts")
+        Scalars, Unit("N, N m", "filtered wrench of the commanded rotors in still air, and joint efforts")
     ]
 
 
@@ -195,7 +193,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
     return tuple(f"{group} {part}" for group, parts in groups.items() for part in parts)
 
 
-def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Scalar, ...]:
+def features(measurement: Measurement, reference: Reference, history: History) -> Scalars:
     """Input vector of the network from measurement, reference and filtered history."""
     m, R = measurement, measurement.quaternion.rotation()
     new = history.started < 0.5
@@ -217,7 +215,7 @@ def features(measurement: Measurement, reference: Reference, history: History) -
     )
 
 
-def _velocities(measurement: Measurement) -> tuple[Scalar, ...]:
+def _velocities(measurement: Measurement) -> Scalars:
     return (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
 
 
@@ -242,7 +240,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
     )
 
 
-def _filter_values(new: Scalar, filtered: Iterable[Scalar], values: Iterable[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+def _filter_values(new: Scalar, filtered: Iterable[Scalar], values: Iterable[Scalar], dt: Scalar) -> Scalars:
     """Low-pass filter step of several values; a new filter starts at its first input."""
     return tuple(where(new, x, low_pass(y, x, HISTORY, dt)) for y, x in zip(filtered, values, strict=True))
 
@@ -274,9 +272,7 @@ class LearnedMemory:
 
     history: History
     sent: Command
-    answer: Annotated[
-        tuple[Scalar, ...], Unit("", "filtered output: force and torque at the base, base axes, then joint torques")
-    ]
+    answer: Annotated[Scalars, Unit("", "filtered output: force and torque at the base, base axes, then joint torques")]
 
 
 def learned_compensator(
@@ -293,9 +289,7 @@ def learned_compensator(
     return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
 
 
-def compensate(
-    measurement: Measurement, reference: Reference, unknown: tuple[Scalar, ...], par: LearnedParameters
-) -> Command:
+def compensate(measurement: Measurement, reference: Reference, unknown: Scalars, par: LearnedParameters) -> Command:
     """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])

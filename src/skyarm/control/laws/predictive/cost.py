@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
@@ -30,8 +30,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 
 @immutable
@@ -50,7 +49,7 @@ class ContactGoal:
     damping: Scalar
 
 
-def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: tuple[Scalar, ...]) -> Vec3:
+def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: Scalars) -> Vec3:
     """Tip acceleration (m/s^2, world axes) from base accelerations (world and base axes) and joint accelerations."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
@@ -68,9 +67,9 @@ def tip_velocity(model: Model, state: State) -> Vec3:
 def under_contact(
     model: Model,
     state: State,
-    efforts: tuple[Scalar, ...],
+    efforts: Scalars,
     disturbance: Disturbance,
-    dry_rates: tuple[Scalar, ...] | None,
+    dry_rates: Scalars | None,
     contact: ContactGoal | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
     """Disturbance with the predicted contact force added, and that force (N), 0 without contact.
@@ -117,9 +116,9 @@ class StageGoal:
     position: Vec3
     velocity: Vec3
     yaw: Scalar
-    joints: tuple[Scalar, ...]
-    joint_rates: tuple[Scalar, ...]
-    joint_accelerations: tuple[Scalar, ...]
+    joints: Scalars
+    joint_rates: Scalars
+    joint_accelerations: Scalars
     shift: Vec3
     contact: ContactGoal | tuple[()] = ()
 
@@ -217,7 +216,7 @@ class Weights:
     ] = 2.5
 
 
-def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> tuple[Scalar, ...]:
+def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> Scalars:
     """Weighted errors of a predicted vehicle state against the reference, as least-squares residuals.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
@@ -251,7 +250,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     return tuple(residuals)
 
 
-def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
+def given_way(vehicle: Vehicle, joints: Scalars, tilt: Vec3) -> Scalars:
     """Joint positions at which the joints next to the base compensate a base tilt (sine of angle, body axes)."""
     return tuple(
         sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
@@ -261,7 +260,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 
 def input_residuals(
     model: Model, weights: Weights, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Weighted residuals of one stage's joint and rotor accelerations, and of the contact force if there is one.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
@@ -271,7 +270,7 @@ def input_residuals(
     pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
     _, _, qdd = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
     arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(qdd, goal.joint_accelerations, strict=True)]
-    pressed: tuple[Scalar, ...] = ()
+    pressed: Scalars = ()
     if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
     return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)

@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import Motion, Vec3
-from skyarm.algebra.scalars import Scalar, atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
+from skyarm.algebra import Motion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
@@ -142,7 +142,7 @@ class Stabiliser:
 
 def _computed_torque(
     par: Parameters, reading: Measurement, unknown: Disturbance, signals: Sequence[Sequence[Scalar]]
-) -> tuple[Scalar, ...]:
+) -> Scalars:
     """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()

@@ -16,8 +16,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, mul
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.predictive.prediction import StageInputs, advance, motors, speeds_under

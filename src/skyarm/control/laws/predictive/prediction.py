@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import divide, exp, maximum, minimum, where
 from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -23,24 +23,24 @@ from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Rotor
 
 
 @immutable
 class StageInputs:
     """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
 
-    rotor_accelerations: tuple[Scalar, ...]
-    efforts: tuple[Scalar, ...]
+    rotor_accelerations: Scalars
+    efforts: Scalars
 
 
 def accelerations(
     model: Model,
     state: State,
-    efforts: tuple[Scalar, ...],
+    efforts: Scalars,
     disturbance: Disturbance,
-    dry_rates: tuple[Scalar, ...] | None = None,
-) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+    dry_rates: Scalars | None = None,
+) -> tuple[Vec3, Vec3, Scalars]:
     """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a disturbance.
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
@@ -60,7 +60,7 @@ def accelerations(
 
 
 def base_accelerations(
-    model: Model, state: State, joint_accelerations: tuple[Scalar, ...], disturbance: Disturbance
+    model: Model, state: State, joint_accelerations: Scalars, disturbance: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
     vehicle, R = model.vehicle, state.quaternion.rotation()
@@ -83,9 +83,7 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
     return applied
 
 
-def slope_of(
-    state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
-) -> State:
+def slope_of(state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joint_accelerations: Scalars) -> State:
     """Time derivative of the vehicle state, from the state and the accelerations of base and joints."""
     return State(
         position=state.velocity,
@@ -116,7 +114,7 @@ def integrate_stage(
     inputs: StageInputs,
     disturbance: Disturbance,
     dt: Scalar,
-    dry_rates: tuple[Scalar, ...] | None = None,
+    dry_rates: Scalars | None = None,
 ) -> State:
     """State after ``dt`` seconds at constant joint accelerations, computed from the initial joint efforts.
 

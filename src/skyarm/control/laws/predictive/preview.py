@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, sin
+from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -24,7 +24,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 JUMP = 0.02
 """Difference (m or rad) between a reference sample and its prediction above which a new motion begins."""
@@ -136,7 +136,7 @@ def goals(motion: Array, shift: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> Vec3:
+def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
     """Base offset (m, world axes) that keeps the tip in place while the base tilts to a thrust direction.
 
     Args:

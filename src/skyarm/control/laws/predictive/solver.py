@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA
-from skyarm.algebra.scalars import Scalar, maximum, minimum
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars
+from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
@@ -104,7 +104,7 @@ class CompiledStages:
 
         def stage(
             x: State, par: tuple[StageInputs, tuple[Scalar], Disturbance, StageGoal], _row: Tree, _uniforms: Tree
-        ) -> tuple[State, tuple[Scalar, ...]]:
+        ) -> tuple[State, Scalars]:
             u, dt, d, target = par
             errors = state_residuals(model, weights, x, target, mode)
             return predict_stage(model, x, u, d, target, dt[0]), (
@@ -169,9 +169,7 @@ class Motions:
     cost: Array
 
 
-Row = tuple[
-    State, StageInputs, tuple[Scalar, ...], tuple[tuple[Scalar, ...], ...], tuple[Scalar, Scalar, Scalar], StageGoal
-]
+Row = tuple[State, StageInputs, Scalars, tuple[Scalars, ...], tuple[Scalar, Scalar, Scalar], StageGoal]
 """State and inputs of the guess, policy k and K, stage length and times for which errors count (s), and goal."""
 
 

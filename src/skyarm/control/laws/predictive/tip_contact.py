@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skyarm.algebra import E_Z, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, divide, logical_or, maximum, minimum, where
+from skyarm.algebra import E_Z, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import divide, logical_or, maximum, minimum, where
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
@@ -57,7 +57,7 @@ class ContactState:
         tip_force: (3,) of the surface on the tip, estimated, world axes.
     """
 
-    normal: tuple[Scalar, ...]
+    normal: Scalars
     asked: Scalar
     touching: Scalar
     rising: Scalar
@@ -68,9 +68,9 @@ class ContactState:
     shift_rate: Scalar
     gap: Scalar
     speed: Scalar
-    free: tuple[Scalar, ...]
-    pressed: tuple[Scalar, ...]
-    tip_force: tuple[Scalar, ...]
+    free: Scalars
+    pressed: Scalars
+    tip_force: Scalars
 
 
 class TipContact:

@@ -16,9 +16,9 @@ Source: Bulut, Turgut, Arikan, ICINCO 2019, as summarised in Barakou et al. 2026
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, Motion, Quaternion, Scalar, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, sin
+from skyarm.algebra.scalars import atan2, clip, cos, divide, maximum, sin
 from skyarm.control.blocks.common import coupled_forces, make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.controller import Memory

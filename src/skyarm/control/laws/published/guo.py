@@ -16,8 +16,7 @@ Source: Guo et al., Nonlinear Dynamics 111, 2023, as summarised in Barakou et al
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import E_Z, ZERO3, Scalar, Sym3, Vec3, axis_rotation
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
 from skyarm.control.controller import Memory
@@ -27,7 +26,7 @@ from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3, Vec3]:

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, minimum, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
     arm_alone,
@@ -87,9 +87,9 @@ class IndiMemory:
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
     taps: tuple[Taps, ...]
     rate: Annotated[Vec3, Unit("rad/s", "filtered angular velocity, base axes")]
-    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered joint rates")]
+    joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "filtered joint rates")]
     sent: Annotated[tuple[Command, ...], Unit("", "commands of past periods, oldest first")]
-    speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "speeds of the modelled rotors one period ago, unsigned")]
+    speeds: Annotated[Scalars, Unit("rad/s", "speeds of the modelled rotors one period ago, unsigned")]
 
 
 def indi(
@@ -135,9 +135,7 @@ def indi(
     ), command
 
 
-def _speeds(
-    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Scalar, dt: Scalar
-) -> tuple[Scalar, ...]:
+def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Scalar, dt: Scalar) -> Scalars:
     """Rotor speeds: measured, or modelled with the measurement's delay."""
     if par.measured_speeds:
         return measurement.rotor_speeds
@@ -149,8 +147,8 @@ def _filter_signals(
     memory: IndiMemory,
     measurement: Measurement,
     R: Mat3,
-    speeds: tuple[Scalar, ...],
-    hold: tuple[Scalar, ...],
+    speeds: Scalars,
+    hold: Scalars,
     dt: Scalar,
     par: IndiParameters,
     first: Scalar,

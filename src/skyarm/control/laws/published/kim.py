@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Scalar, Scalars, Sym3, Vec3, ldl_solve
+from skyarm.algebra.scalars import clip, divide, logical_and, maximum, sqrt, tanh, where
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.common import make_command, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
@@ -97,9 +97,9 @@ class SlidingMemory:
 
     position: Annotated[Vec3, Unit("m/s^2", "adapted linear acceleration, world axes")]
     attitude: Annotated[Vec3, Unit("rad/s^2", "adapted angular acceleration, base axes")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "adapted joint accelerations")]
+    joints: Annotated[Scalars, Unit("rad/s^2 or m/s^2", "adapted joint accelerations")]
     sent: Command
-    applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
+    applied: Annotated[Scalars, Unit("", "1 for rotors and joints whose last command was applied unchanged")]
 
 
 def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
@@ -184,7 +184,7 @@ def _rotation(
 
 def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
-) -> tuple[list[Scalar], tuple[Scalar, ...]]:
+) -> tuple[list[Scalar], Scalars]:
     """Sliding variables of the joints, and desired joint accelerations."""
     sliding, accelerations = [], []
     for i in range(par.model.vehicle.n):

@@ -31,8 +31,8 @@ from functools import partial
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, clip, divide, exp, minimum, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
     coupled_forces,
     inverse_mass,
@@ -132,21 +132,17 @@ class L1Memory:
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
     quaternion: Annotated[Quaternion, Unit("", "attitude w x y z measured one period ago, base to world")]
-    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "joint positions measured one period ago")]
-    measured: Annotated[
-        tuple[Scalar, ...], Unit("m/s, rad/s", "velocity, body rate and joint rates measured one period ago")
-    ]
-    error: Annotated[
-        tuple[Scalar, ...], Unit("m/s, rad/s", "prediction error one period ago: velocity, body rate, joint rates")
-    ]
-    sigma: Annotated[tuple[Scalar, ...], Unit("m/s^2, rad/s^2", "estimated disturbance one period ago")]
+    joints: Annotated[Scalars, Unit("rad or m", "joint positions measured one period ago")]
+    measured: Annotated[Scalars, Unit("m/s, rad/s", "velocity, body rate and joint rates measured one period ago")]
+    error: Annotated[Scalars, Unit("m/s, rad/s", "prediction error one period ago: velocity, body rate, joint rates")]
+    sigma: Annotated[Scalars, Unit("m/s^2, rad/s^2", "estimated disturbance one period ago")]
     sent: Command
     force: Annotated[Vec3, Unit("N", "filtered force estimate, world axes")]
     thrust: Annotated[Scalar, Unit("N", "filtered force estimate along body z")]
     torque: Annotated[Vec3, Unit("N m", "torque estimate, filtered once, base axes")]
     torque_twice: Annotated[Vec3, Unit("N m", "torque estimate, filtered twice, base axes")]
-    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "joint effort estimates, filtered once")]
-    efforts_twice: Annotated[tuple[Scalar, ...], Unit("N m or N", "joint effort estimates, filtered twice")]
+    efforts: Annotated[Scalars, Unit("N m or N", "joint effort estimates, filtered once")]
+    efforts_twice: Annotated[Scalars, Unit("N m or N", "joint effort estimates, filtered twice")]
 
 
 def l1_adaptive(
@@ -181,13 +177,13 @@ def l1_adaptive(
     return following, command
 
 
-def _predictor_rates(par: L1Parameters) -> tuple[Scalar, ...]:
+def _predictor_rates(par: L1Parameters) -> Scalars:
     """Decay rate a (1/s) of each velocity channel of the state predictor."""
     linear, angular, joints = par.predictor
     return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
 
 
-def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple[Scalar, ...]:
+def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> Scalars:
     """State predictor: velocities one period after the last measurement, by an Euler step."""
     vehicle, was, sent = par.model.vehicle, memory.measured, memory.sent
     speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
@@ -208,7 +204,7 @@ def _advance_filters(
 
     def filter_within(
         old: Iterable[Scalar], new: Iterable[Scalar], bandwidth: Scalar, limits: Iterable[Scalar]
-    ) -> tuple[Scalar, ...]:
+    ) -> Scalars:
         rows = zip(old, new, limits, strict=True)
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 

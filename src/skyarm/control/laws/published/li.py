@@ -18,7 +18,7 @@ Source: Li, Li, Xu, Yu, Basin, IEEE Trans. Cybernetics 55, 2024; Zhang et al. 20
 
 from __future__ import annotations
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
 from skyarm.control.blocks.common import (
     arm_alone,

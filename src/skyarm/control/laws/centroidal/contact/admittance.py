@@ -19,8 +19,8 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, logical_and, logical_or, maximum, mul, sqrt, where
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, divide, logical_and, logical_or, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
@@ -36,7 +36,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 LIGHTEST, HEAVIEST = 0.01, 1000.0
 """Least and largest mass (kg) of the admittance's virtual body."""
@@ -50,7 +50,7 @@ class Compliance:
     """Virtual mass, damping and stiffness of the admittance along three axes; an axis of mass int 0 is locked."""
 
     inertia: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "kg",
             "mass of the virtual body along each axis; 0 locks an axis",
@@ -59,7 +59,7 @@ class Compliance:
         ),
     ]
     damping: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "N s/m",
             "damping of the virtual body along each axis",
@@ -68,7 +68,7 @@ class Compliance:
         ),
     ]
     stiffness: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "N/m",
             "stiffness of the virtual body towards the reference along each axis",
@@ -86,12 +86,12 @@ class Compliance:
 class VirtualBody:
     """State of the admittance's virtual body: offset from the reference and its rate along three axes."""
 
-    offset: Annotated[tuple[Scalar, ...], Unit("m", "displacement from the reference along each axis")] = (
+    offset: Annotated[Scalars, Unit("m", "displacement from the reference along each axis")] = (
         0.0,
         0.0,
         0.0,
     )
-    rate: Annotated[tuple[Scalar, ...], Unit("m/s", "rate of the displacement along each axis, without the lead")] = (
+    rate: Annotated[Scalars, Unit("m/s", "rate of the displacement along each axis, without the lead")] = (
         0.0,
         0.0,
         0.0,
@@ -305,7 +305,7 @@ def admittance_gains(table: LawOptions, gains: LawOptions, leads: bool, lead: fl
 
 def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Compliance:
     """Virtual mass, damping and stiffness from an option table; axes of mass 0 become int zeros."""
-    rows: list[tuple[Scalar, ...]] = []
+    rows: list[Scalars] = []
     for each in ("mass", "damping", "stiffness"):
         rows.append(fields.vector(each))
         fields.numbers(each, low=0.0)

@@ -11,9 +11,8 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import (
-    Scalar,
     absolute,
     clip,
     divide,
@@ -46,7 +45,7 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Opti
 from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

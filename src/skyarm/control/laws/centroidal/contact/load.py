@@ -13,8 +13,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, clip, data, divide, logical_or, maximum, minimum, mul, neg, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra.scalars import clip, data, divide, logical_or, maximum, minimum, mul, neg, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_control import contact_cleared
@@ -28,8 +28,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE, Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Body, Vehicle
 
 UP = Vec3(0, 0, 1)
 
@@ -80,7 +79,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
     )
 
 
-def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
+def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> Scalars:
     """Unmodelled tip load that best explains a disturbance: mass (kg) and horizontal torque (N m)."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)

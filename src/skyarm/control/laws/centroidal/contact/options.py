@@ -12,7 +12,7 @@ from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
 from skyarm.control.laws.centroidal.parameters import OptionalPart
 from skyarm.records.files import shown
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "interaction": ((0.0, 0.0), 0.0, 1e3),

@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, cast
 
-from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
+from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import derivative, vector_series
 from skyarm.control.laws.centroidal.step_records import RotorForce
@@ -51,8 +51,8 @@ class RotorReach:
     """
 
     rows: tuple[Vec3, ...]
-    highest: tuple[Scalar, ...]
-    least: tuple[Scalar, ...]
+    highest: Scalars
+    least: Scalars
 
 
 @immutable(kw_only=False)
