@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from skyarm.compile.tracing import lower as room
 from skyarm.compile.tracing.lower import compiled_once, operations, repeat
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.simulate.engine import EpisodeCode
+from support.teams import TEAMS
 
 
 @pytest.fixture(autouse=True)
@@ -142,5 +144,18 @@ def test_equal_vehicles_share_the_code_of_their_law_and_their_dynamics():
         text = assembly(EpisodeCode(team).loop, Lanes(1), logging=True)
         sizes.append((text.count("define internal void @shared"), len(text)))
     assert [functions for functions, _ in sizes] == [0, 2, 2]
+    for safe in (False, True):
+        tables = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
+        tables["controller"] |= {"safety": True} if safe else {}
+        text = assembly(EpisodeCode(skyarm.scenario_from(tables, TEAMS)).loop, Lanes(1), logging=True)
+        assert text.count("define internal void @shared") == 2, "law with its safety layer, dynamics"
     assert sizes[1][1] < 1.7 * sizes[0][1]
     assert sizes[2][1] < 3.0 * sizes[0][1]
+
+
+def test_a_function_that_passes_on_a_symbol_of_another_trace_is_refused():
+    def step(carry, parameters, row, draws):
+        return (compiled_once("p", lambda x: (x[0] * 2.0, row[0]), (carry[0],))), ()
+
+    with pytest.raises(TypeError, match="pass it as an argument"):
+        traced(step)

@@ -284,10 +284,14 @@ def test_grasps_that_are_no_constraints_are_refused_in_one_line() -> None:
         vehicle.links, vehicle.frames, {vehicle.links[-1].joint.name: Mimic(vehicle.links[0].joint.name)}
     )
     coupled = dataclasses.replace(vehicle, links=links, followers=followers, frames=frames)
-    with pytest.raises(
-        RecordError, match=r"^world\.grasps\[0\]\.agent = '': must have no joints that follow others where"
+    words = r"vehicle = 'hummingbird_arm2_rotors': must have no joints that follow others where plant\.closure"
+    for name, vehicles, at in (
+        ("", {"": coupled}, "plant"),
+        ("one", {"one": vehicle, "apart": coupled}, r"agents\.apart\.plant"),
     ):
-        ClosedContact(objects=box.objects, grasps=box.grasps).require_vehicles({"": coupled}, 0.005, 9.81)
+        grasps = tuple(dataclasses.replace(each, agent=name) for each in box.grasps)
+        with pytest.raises(RecordError, match=rf"^{at}\.{words}"):
+            ClosedContact(objects=box.objects, grasps=grasps).require_vehicles(vehicles, 0.005, 9.81)
 
 
 def test_the_closure_stays_as_a_session_began() -> None:

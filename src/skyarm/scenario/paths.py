@@ -44,6 +44,8 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
         if name not in scenario.agents:
             known = must_be_one_of(scenario.agents, name)
             raise ScenarioError(f"path = {path!r}: agents.{name}: {known}")
+        if len(scenario.agents) > 1 and not is_of_agent(word):
+            raise ScenarioError(f"path = {path!r}: is of all agents, must be {word}")
         return scenario.of(name), word
     if len(scenario.agents) > 1 and is_of_agent(path):
         names = ", ".join(scenario.agents)

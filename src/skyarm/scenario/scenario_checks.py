@@ -256,7 +256,8 @@ def sensors_suffice(scenario: Scenario) -> None:
         _require_tip_sensor("controller", named_sensors, vehicle)
     _check_guards(scenario.agent.reference, named_sensors, vehicle)
     grippers = () if scenario.world is None else scenario.world.grippers
-    reported = any(each.frame in ("", vehicle.end_effector) for each in grippers)
+    names = ("", *scenario.agents)
+    reported = any(each.agent in names and each.frame in ("", vehicle.end_effector) for each in grippers)
     if learns_load(par) and scenario.agent.reference.load is None and not reported:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
         most = shown(part_of(scenario.agent.controller.par, "load").limit)

@@ -19,7 +19,7 @@ from skyarm.vehicle.linkage import Body
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
-from support.teams import GRAVITY, Constants, adrift, bodies_of, team, with_grasps, with_world
+from support.teams import GRAVITY, TEAMS, Constants, adrift, bodies_of, team, with_grasps, with_world
 
 STIFF = 5000.0
 
@@ -208,13 +208,13 @@ def test_the_step_of_a_grasp_is_that_of_its_fastest_pole(
     n = len(K)
     poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -D]]))
     undamped = np.sqrt(np.linalg.eigvals(K).real.max())
-    h = float(grasp.step_of(thing))
+    h = float(grasp.step_of(thing, [grasp]))
     z = h * poles
     assert np.abs(1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0).max() < 1.0 + 1e-6
     allowed = min(0.85 / undamped, 1.5 / np.abs(poles).max())
     # bounds of Gershgorin's: never longer, and not much shorter
     assert 0.25 * allowed < h < allowed * (1.0 + 1e-6)
-    h = float(grasp.step_of(thing, euler=True))
+    h = float(grasp.step_of(thing, [grasp], euler=True))
     step = np.block([[np.eye(n) - h * h * K, h * (np.eye(n) - h * D)], [-h * K, np.eye(n) - h * D]])
     assert np.abs(np.linalg.eigvals(step)).max() < 1.0 + 1e-6
     # of a semi-implicit step: stable within z^2 + 2 c z < 4, with z and c of the fastest mode
@@ -362,3 +362,47 @@ def test_a_bar_on_cables_hangs_below_its_vehicles() -> None:
     assert log.grasp_force[-1] == pytest.approx(0.5 * 0.104 * GRAVITY, abs=1e-5)
     below = np.array([each.position[-1, 2] for each in log.agents.values()]) - log.object_position[-1, 2]
     assert below == pytest.approx(0.5 + 0.0097 + 0.5 * 0.104 * GRAVITY / 2000.0, abs=1e-6)
+
+
+def test_many_grasps_of_a_light_body_fly_as_stably_as_one() -> None:
+    tables: dict[str, Any] = {
+        "schema": 1,
+        "name": "light",
+        "duration": 0.5,
+        "plant": {"vehicle": "dragonfly"},
+        "controller": {"preset": "centroidal_joint"},
+        "environment": {"ground": False},
+        "agents": {f"a{i}": {"reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}} for i in range(6)},
+        "world": {
+            "objects": [{"name": "cube", "shape": "box", "size": [0.1] * 3, "mass": 0.01, "position": [0.0, 0.0, 1.0]}],
+            "grasps": [{"agent": f"a{i}", "frame": "grip", "body": "cube"} for i in range(6)],
+        },
+    }
+    log = skyarm.run(skyarm.scenario_from(tables, TEAMS))
+    assert log.status == "completed"
+    assert log.grasp_force[-1] == pytest.approx(0.01 * GRAVITY / 6, abs=2e-3)
+
+
+def test_grasps_of_one_name_and_frames_lighter_than_the_steps_assume_are_refused() -> None:
+    bar = team("bar")
+    assert bar.world is not None
+    first, second = bar.world.grasps
+    with pytest.raises(ValueError, match=r"world\.grasps\[1\]\.name = 'left_bar': must be of one grasp only$"):
+        with_world(bar, grasps=(first, dataclasses.replace(second, agent="left")))
+    light = skyarm.load_vehicle("crazyflie_arm1")
+    with pytest.raises(
+        ValueError, match=r"^frame = '': its link of crazyflie_arm1 weighs 2\.5 g, must be 20 g or more$"
+    ):
+        Grasp(body="bar").require_heavy(light)
+    Grasp(body="bar").require_heavy(skyarm.load_vehicle("hummingbird_arm2"))
+
+
+def test_a_path_of_what_all_share_has_no_name_of_a_vehicle() -> None:
+    bar = team("bar")
+    with pytest.raises(
+        ValueError, match=r"world\.objects\.bar\.mass': is of all agents, must be world\.objects\.bar\.mass$"
+    ):
+        skyarm.with_numbers(bar, {"agents.left.world.objects.bar.mass": 0.2})
+    heavier = skyarm.with_numbers(bar, {"world.objects.bar.mass": 0.2})
+    assert heavier.world is not None
+    assert heavier.world.objects[0].mass == 0.2

@@ -182,7 +182,7 @@ class Graph:
             they are written out.
 
     Attributes:
-        functions: shared functions by their keys, as of :func:`skyarm.compile.tracing.lower.share`; None without.
+        functions: functions of :func:`skyarm.compile.tracing.lower.compiled_once` by their keys; None without.
     """
 
     def __init__(self, *, loops: bool = False) -> None:

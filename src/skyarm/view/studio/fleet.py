@@ -329,6 +329,7 @@ class Flight:
         """Surfaces, objects and forces around the vehicle at the current time."""
         session = self.session
         motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.agent.plant.gravity)
+        motion.task_time = session.time
         seen = instant_of(motion, session.time, around)
         return scene_now(session.scenario.components, session.now.memories, seen, motion)
 

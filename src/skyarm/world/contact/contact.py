@@ -141,7 +141,7 @@ class Contact(Force[ContactMemory]):
         self._require_distinct_names()
 
     def _require_distinct_names(self) -> None:
-        """Refuse duplicate names of surfaces, points, objects, mechanisms and grippers."""
+        """Refuse duplicate names of surfaces, points, objects, mechanisms and grippers, and of grasps in a log."""
         taken: list[str] = []
         for what in ("surfaces", "points", "objects", "grippers", "mechanisms"):
             names = [each.name for each in getattr(self, what)]
@@ -151,6 +151,10 @@ class Contact(Force[ContactMemory]):
                 if names.count(name) > 1 or (what not in ("surfaces", "points") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
+        labels = [each.label for each in self.grasps]
+        for i, label in enumerate(labels):
+            if label in labels[:i]:
+                raise RecordError(f"world.grasps[{i}].name = {shown(label)}: must be of one grasp only")
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
@@ -209,8 +213,12 @@ class Contact(Force[ContactMemory]):
     def _steps_of_grasps(self, *, euler: bool = False) -> list[tuple[str, Scalar]]:
         """Longest stable integration step (s) of each grasp of a body that exists."""
         bodies = {each.name: each for each in self.carriers}
-        held = [each for each in self.grasps if each.body in bodies]
-        return [(f"grasp {each.label!r}", each.step_of(bodies[each.body], euler=euler)) for each in held]
+        rows = []
+        for each in self.grasps:
+            if each.body in bodies:
+                together = [other for other in self.grasps if other.body == each.body]
+                rows.append((f"grasp {each.label!r}", each.step_of(bodies[each.body], together, euler=euler)))
+        return rows
 
     def on(self, vehicles: Mapping[str, Vehicle]) -> Contact:
         """Contact model in which the tips of the vehicles are the contact points if no contact point was given.
@@ -287,6 +295,9 @@ class Contact(Force[ContactMemory]):
             vehicle = _vehicle_of(holder.agent, vehicles, f"world.{at}")
             with errors_as(RecordError, f"world.{at}.frame = {shown(holder.frame)}: ", VehicleError):
                 vehicle.frame(holder.frame or None)
+            if isinstance(holder, Grasp):
+                with errors_as(RecordError, f"world.{at}."):
+                    holder.require_heavy(vehicle)
         if self.grippers and not carriers:
             raise RecordError("world.grippers: must be left out of a world without objects")
         self.require_steps(period / MOST_STEPS)
@@ -578,14 +589,17 @@ class ClosedContact(Contact):
         """Refuse what a contact model refuses, and grasps that a plant cannot close by constraints."""
         Contact.require_vehicles(self, vehicles, period, gravity)
         objects = [each.name for each in self.objects]
+        for name, vehicle in vehicles.items():
+            if vehicle.followers:
+                of = f"agents.{name}.plant.vehicle" if len(vehicles) > 1 else "plant.vehicle"
+                words = "must have no joints that follow others where plant.closure is 'weld'"
+                raise RecordError(f"{of} = {shown(vehicle.name)}: {words}")
         for i, grasp in enumerate(self.grasps):
             at, words = f"world.grasps[{i}]", ""
             if grasp.kind == "cable":
                 words = "kind = 'cable': must be 'ball' or 'fixed'"
             elif grasp.body not in objects:
                 words = f"body = {shown(grasp.body)}: must be an object"
-            elif _vehicle_of(grasp.agent, vehicles, at).followers:
-                words = f"agent = {shown(grasp.agent)}: must have no joints that follow others"
             if words:
                 raise RecordError(f"{at}.{words} where plant.closure is 'weld'")
 

@@ -13,6 +13,7 @@ A gripper (:mod:`skyarm.world.contact.gripper`) is a grasp that takes hold and g
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated
 
@@ -20,11 +21,12 @@ from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError
+from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
@@ -109,18 +111,43 @@ class Grasp:
         pull = (Column("grasp_pull", f"{self.label}/{axis}", "N", "of a grasp on the body") for axis in "xyz")
         return (Column("grasp_force", self.label, "N", "of a grasp"), *pull)
 
-    def step_of(self, carrier: AnyCarrier, *, euler: bool = False) -> Scalar:
-        """Longest stable integration step (s) of the spring and damper between the lightest tip and a body."""
-        mobility = carrier.mobility_of(self.place) + 1.0 / LIGHTEST
-        if self.kind == "fixed":  # over the patch, on the body's smallest moment of inertia and on that of the tip
-            inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
-            mobility = mobility + divide(self.radius * self.radius, inertia) + 1.0 / LIGHTEST
-        square, decay = self.stiffness * mobility, self.damping * mobility
+    def step_of(self, carrier: AnyCarrier, together: Sequence[Grasp], *, euler: bool = False) -> Scalar:
+        """Longest stable integration step (s) between the lightest tip and a body, which several grasps hold.
+
+        Args:
+            carrier: the body.
+            together: all grasps of it, this one among them.
+            euler: of semi-implicit Euler steps.
+        """
+        tip = 1.0 / LIGHTEST * (2.0 if self.kind == "fixed" else 1.0)
+        square, decay = self.stiffness * tip, self.damping * tip
+        for each in together:
+            mobility = carrier.mobility_of(each.place)
+            if each.kind == "fixed":  # over the patch, on the body's smallest moment of inertia
+                inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
+                mobility = mobility + divide(each.radius * each.radius, inertia)
+            square, decay = square + each.stiffness * mobility, decay + each.damping * mobility
         if euler:
             return minimum(NORMAL_STEP / sqrt(square), euler_step_of(square, decay))
         half = 0.5 * decay
         fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
         return minimum(NORMAL_STEP / sqrt(square), BRISTLE_STEP / fastest)
+
+    def require_heavy(self, vehicle: Vehicle) -> None:
+        """Refuse a frame that is lighter than the steps of the integration are chosen for.
+
+        Raises:
+            RecordError: field, value and what is allowed.
+        """
+        link, mass = vehicle.frame(self.frame or None).link, vehicle.base.mass
+        if link != BASE:
+            carried = {link}
+            for i, each in enumerate(vehicle.moving):
+                carried |= {i} if each.parent in carried else set()
+            mass = sum((vehicle.moving[i].body.mass for i in carried), 0.0)
+        if concrete(mass) and mass < LIGHTEST:
+            words = f"its link of {vehicle.name} weighs {1e3 * mass:.3g} g, must be {1e3 * LIGHTEST:g} g or more"
+            raise RecordError(f"frame = {self.frame!r}: {words}")
 
     def frame_of(self, motion: PointMotion) -> CarriedFrame:
         """World pose and velocity of the vehicle's frame."""
