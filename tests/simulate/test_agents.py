@@ -20,7 +20,7 @@ from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.component import Component, Wrench
 from support.flights import document, estimated
-from support.teams import team
+from support.teams import TEAMS, team, with_world
 
 ARRAYS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "efforts")
 
@@ -325,3 +325,36 @@ def test_what_a_session_of_several_vehicles_has_not_is_one_line() -> None:
     with pytest.raises(ScenarioError, match=r"^command = 3: must be a Command$"):
         session.step({"left": 3})
     assert session.tick == 0
+
+
+def test_a_team_of_one_keeps_its_name_in_the_log(tmp_path: Path) -> None:
+    both = team("bar", duration=0.1)
+    one = dataclasses.replace(with_world(both, objects=(), grasps=()), agents={"left": both.agents["left"]})
+    log = skyarm.run(dataclasses.replace(one, environment=dataclasses.replace(one.environment, world=None)))
+    assert [*log.agents] == ["left"]
+    skyarm.save_log(log, tmp_path / "one.npz")
+    assert [*skyarm.load_log(tmp_path / "one.npz").agents] == ["left"]
+
+
+def test_agents_that_are_not_there_are_named_with_those_that_are() -> None:
+    log = skyarm.run(team("bar", duration=0.05))
+    for agents in (log.agents, team("bar").agents):
+        with pytest.raises(KeyError, match="lft: must be one of left, right"):
+            agents["lft"]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"), [(("left", "Left"), "must differ from other names"), (("left", "\u00e9"), "a to z")]
+)
+def test_names_of_agents_that_files_cannot_tell_apart_are_refused(names: tuple[str, str], words: str) -> None:
+    both = team("bar")
+    with pytest.raises(ValueError, match=words):
+        dataclasses.replace(both, agents=dict(zip(names, both.agents.values(), strict=True)))
+
+
+def test_a_file_whose_vehicles_stand_below_agents_alone_is_a_scenario(tmp_path: Path) -> None:
+    from skyarm.scenario.scenario_file import kind_of_file
+
+    text = (TEAMS / "bar.toml").read_text("utf-8").replace("[plant]", "[agents.left.plant]")
+    (tmp_path / "apart.toml").write_text(text.replace("[controller]", "[agents.left.controller]"), "utf-8")
+    assert kind_of_file(str(tmp_path / "apart.toml")) == "scenario"

@@ -151,7 +151,8 @@ class Log:
     @property
     def agents(self) -> Mapping[str, Log]:
         """Log of each vehicle of the flight by name; of one vehicle it is this log."""
-        return {SOLE: self}
+        named = (self.info.get("scenario_record") or {}).get("agents") or {SOLE: None}
+        return {next(iter(named)): self}
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:

@@ -11,6 +11,7 @@ from skyarm.log.flown_scenario import Info
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import LONGEST
+from skyarm.records.members import Members
 
 SHARED = "shared"
 """Key of a description with the names of the arrays of what all vehicles share."""
@@ -37,7 +38,7 @@ class TeamLog(Log):
     """
 
     def __init__(self, agents: Mapping[str, Log], info: Info) -> None:
-        object.__setattr__(self, "_agents", dict(agents))
+        object.__setattr__(self, "_agents", Members(tuple(agents), tuple(agents.values())))
         object.__setattr__(self, "info", info)
         object.__setattr__(self, "time", next(iter(agents.values())).time)
 

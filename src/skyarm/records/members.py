@@ -37,7 +37,7 @@ class Members(Mapping[str, T]):
 
     def __getitem__(self, name: str) -> T:
         if name not in self.names:
-            raise KeyError(name)
+            raise KeyError(f"{name}: must be one of {', '.join(self.names)}")
         return self.records[self.names.index(name)]
 
     def __iter__(self) -> Iterator[str]:
@@ -57,9 +57,12 @@ def members_of(kind: str) -> Callable[[str, object], Members[Any]]:
     def check(field: str, value: object) -> Members[Any]:
         if not isinstance(value, Mapping) or not value:
             coerce.refuse(field, value, f"must be a mapping from names to {kind}, at least one")
+        plain = [str(name).lower() for name in value]
         for name, each in value.items():
-            if not isinstance(name, str) or not name.isidentifier():
-                coerce.refuse(field, name, "must be names that are words: letters, digits and underscores")
+            if not isinstance(name, str) or not (name.isidentifier() and name.isascii()):
+                coerce.refuse(field, name, "must be names of letters (a to z), digits and underscores, no digit first")
+            if plain.count(name.lower()) > 1:
+                coerce.refuse(field, name, "must differ from other names by more than upper and lower case")
             if type(each).__name__ != kind:
                 coerce.refuse(f"{field}.{name}", each, f"must be a {kind}")
         return value if isinstance(value, Members) else Members(tuple(value), tuple(value.values()))

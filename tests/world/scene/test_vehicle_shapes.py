@@ -16,7 +16,14 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.world.scene.shapes import ROLES, Shape, shape_between, turn_onto
-from skyarm.world.scene.vehicle_shapes import PAYLOAD_DENSITY, body_poses, payload_shape, rotor_radius, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import (
+    PAYLOAD_DENSITY,
+    body_poses,
+    payload_shape,
+    place,
+    rotor_radius,
+    vehicle_shapes,
+)
 
 NAMES = list_vehicles()
 
@@ -118,3 +125,13 @@ def test_a_payload_is_a_ball_of_its_mass_at_the_tip() -> None:
     assert 4.0 / 3.0 * math.pi * ball.size[0] ** 3 * PAYLOAD_DENSITY == pytest.approx(0.05)
     assert ball.position == tuple(float(c) for c in vehicle.frame().position)
     assert ball.body == vehicle.frame().link
+
+
+@pytest.mark.parametrize("arm", [True, False])
+def test_a_tip_on_the_base_moves_with_the_base(arm: bool) -> None:
+    vehicle = load_vehicle("hummingbird_arm2_rotors" if arm else "dragonfly")
+    hook = Frame(name="hook", link=BASE, position=Vec3(0.0, 0.1, -0.06))
+    vehicle = dataclasses.replace(vehicle, frames=(*vehicle.frames, hook), end_effector="hook")
+    half = math.sqrt(0.5)  # a quarter turn about x: y goes up
+    placed = place(vehicle, (1.0, 2.0, 3.0), (half, half, 0.0, 0.0), (0.3, -0.7) if arm else ())
+    assert [float(c) for c in placed.tip] == pytest.approx([1.0, 2.06, 3.1], abs=1e-12)

@@ -121,7 +121,7 @@ def kind_of(document: Mapping[str, object]) -> str:
         return "study"
     if "gains" in document and "law" in document:
         return "gains"
-    if "plant" in document or "controller" in document:
+    if any(word in document for word in ("plant", "controller", "agents")):
         return "scenario"
     return "vehicle" if any(word in document for word in VEHICLES) else ""
 

@@ -100,6 +100,9 @@ class Grasp:
                 f"grasp.length = {self.length!r}: must be left out of a {self.kind} grasp; cables have one"
             )
 
+        if any(letter in self.name for letter in "/,"):
+            coerce.refuse("grasp.name", self.name, "must be without / and ,")
+
     @property
     def label(self) -> str:
         """Name of the grasp in a log."""

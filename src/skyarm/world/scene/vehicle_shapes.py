@@ -148,8 +148,10 @@ def _program(vehicle: Vehicle) -> Program:
         length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
         links = [(R_WB @ pose.R, position + R_WB.apply(pose.p)) for pose in link_poses(vehicle, joints)]
-        tip = position if frame is None else links[frame.link][1] + links[frame.link][0].apply(frame.position)
-        rows = [(*chain.from_iterable(R.rows), *p) for R, p in [(R_WB, position), *links]]
+        bodies = [(R_WB, position), *links]
+        R_tip, tip = bodies[0 if frame is None else frame.link + 1]  # the base's link is -1
+        tip = tip if frame is None else tip + R_tip.apply(frame.position)
+        rows = [(*chain.from_iterable(R.rows), *p) for R, p in bodies]
         return (*chain.from_iterable(rows), *tip)
 
     return trace(poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n)
