@@ -131,6 +131,14 @@ def checked_law(controller: Controller) -> Law:
     return partial(_check_step, law=law, name=controller.name, compiled=controller.compiled, counts=counts)
 
 
+def bound_by(law: object) -> tuple[tuple[int, ...], tuple[object, ...]]:
+    """Identities of a law's functions, which functools.partial may bind together, and the constants that they bind."""
+    if not isinstance(law, partial):
+        return ((id(law),), ()) if callable(law) else ((), (law,))
+    bound = [bound_by(each) for each in (law.func, *law.args, *(law.keywords[name] for name in sorted(law.keywords)))]
+    return tuple(i for functions, _ in bound for i in functions), tuple(c for _, many in bound for c in many)
+
+
 def _counts(controller: Controller) -> dict[str, int]:
     """Required number of rotor speeds, joint efforts and tilt angles in a command."""
     vehicle = controller.par.model.vehicle

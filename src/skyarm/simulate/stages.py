@@ -16,7 +16,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load
-from skyarm.control.law_checks import checked_law
+from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
@@ -190,14 +190,6 @@ class Stages:
         return motions
 
 
-def _parts_of(law: object) -> tuple[tuple[int, ...], tuple[object, ...]]:
-    """Identities of a law's functions, which functools.partial may bind together, and the constants that they bind."""
-    if not isinstance(law, functools.partial):
-        return ((id(law),), ()) if callable(law) else ((), (law,))
-    bound = [_parts_of(each) for each in (law.func, *law.args, *(law.keywords[name] for name in sorted(law.keywords)))]
-    return tuple(i for functions, _ in bound for i in functions), tuple(c for _, many in bound for c in many)
-
-
 def _acts(component: Component[Tree]) -> bool:
     """True if an environment model has discrete events at control instants, such as a grasp."""
     return type(component).act is not Component.act
@@ -321,7 +313,7 @@ class AgentStages:
         loads_change = self.waits.with_task_loads(controller.par, path_time) is not controller.par
         if not self.scenario.others or not controller.compiled or loads_change:
             return choose(given)
-        functions, constants = _parts_of(controller.law)
+        functions, constants = bound_by(controller.law)
         constants = (controller.par, controller.name, vehicle, *constants)
         return compiled_once((functions, self.period), choose, given, constants)
 

@@ -30,7 +30,7 @@ def study(**fields: Any) -> dict[str, Any]:
     return {
         "schema": 1, "name": "bars", "scenario": str(TEAMS / "bar.toml"), "duration": 0.3, "episodes": 6, "chunk": 4,
         "precision": "bit_exact", "metrics": METRICS,
-        "vary": {STIFFNESS: {"uniform": [4900.0, 5000.0]}, MASS: {"uniform": [0.24, 0.26]}},
+        "vary": {STIFFNESS: {"uniform": [5000.0, 5400.0]}, MASS: {"uniform": [0.24, 0.26]}},
         "success": {"left/tilt_max": 1.0},
     } | fields  # fmt: skip
 

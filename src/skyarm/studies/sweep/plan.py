@@ -200,8 +200,14 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
             best, best_rate = together, single_rate
     for each in (*singles, *derived):
         if word_of(each.path).startswith(STATED):
-            best = min((best, each.of(best)), key=lambda changed: stated_step(changed) or math.inf)
+            best = min((best, each.of(best)), key=_shortest_step)
     return best
+
+
+def _shortest_step(scenario: Scenario) -> float:
+    """Longest integration step (s) that is stable with any integrator of the plant; inf for no limit."""
+    steps = (stated_step(scenario), *(each.largest_verlet_step for each in scenario.worlds))
+    return min((float(step) for step in steps if step is not None), default=math.inf)
 
 
 def _rate(where: str, scenario: Scenario) -> float:
