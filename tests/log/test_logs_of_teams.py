@@ -130,6 +130,7 @@ def test_some_instants_of_a_team_are_a_log_of_it(bar):
     np.testing.assert_array_equal(some.object_position, bar.object_position[3:9])
 
 
+@pytest.mark.thorough
 def test_two_logs_of_a_team_are_compared_vehicle_by_vehicle(bar, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     heavy = skyarm.with_numbers(team("bar", duration=0.2), {"agents.left.plant.vehicle.base.mass": 0.26})

@@ -231,6 +231,7 @@ def test_a_flight_goes_on_from_where_it_was_to_the_bit() -> None:
         np.testing.assert_array_equal(log.component(array), again.component(array), err_msg=array)
 
 
+@pytest.mark.thorough
 def test_a_changed_stiffness_is_that_of_the_constraint_too() -> None:
     def changed(scenario: Scenario) -> Any:
         session = skyarm.Session(scenario)

@@ -173,6 +173,7 @@ def test_a_rotor_of_one_vehicle_that_is_built_too_low_touches_the_ground() -> No
     assert outcome.status.tolist() == ["completed", "ground"]
 
 
+@pytest.mark.thorough
 def test_a_varied_reference_is_that_of_its_vehicle() -> None:
     scenario = team("bar", duration=0.2)
     columns = {"agents.left.reference.base.position.2": [1.0, 1.001], "agents.right.reference.yaw.value": [0.0, 0.1]}

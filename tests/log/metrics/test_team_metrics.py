@@ -79,6 +79,7 @@ def test_axes_name_the_vehicle() -> None:
     assert metric_words("tilt_max") == ("largest tilt", "rad")
 
 
+@pytest.mark.thorough
 def test_contact_counts_at_the_vehicles_own_points() -> None:
     """Two vehicles that press the same wall, which nothing joins: each feels its own force, not the sum."""
     one = skyarm.load_scenario("press_and_hold", duration=2.5)

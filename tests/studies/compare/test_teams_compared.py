@@ -44,6 +44,7 @@ def test_a_success_is_one_of_all_vehicles() -> None:
     assert successes(cell).tolist() == [True, False, False, False]
 
 
+@pytest.mark.thorough
 def test_usual_laws_that_do_not_fit_are_named_with_the_reason(tmp_path: Path) -> None:
     found = skyarm.compare(team("bar", duration=0.2), None, tmp_path)
     assert {*found.document["not_flown"]} == {*LAWS}
