@@ -159,3 +159,30 @@ def test_a_function_that_passes_on_a_symbol_of_another_trace_is_refused():
 
     with pytest.raises(TypeError, match="pass it as an argument"):
         traced(step)
+
+
+def test_a_function_may_return_more_than_it_takes():
+    def many(x):
+        return tuple(x[0] * float(k) for k in range(2, 40))
+
+    def step(carry, parameters, row, draws):
+        first, second = compiled_once("m", many, (carry[0],)), compiled_once("m", many, (carry[1],))
+        return (first[0], second[0]), (*first, *second)
+
+    loop = traced(step)
+    carry = np.random.default_rng(1).normal(size=(2, 8))
+    _, log = Kernel(loop, Lanes(8), logging=True).run(carry, np.zeros((1, 8)), np.zeros((1, 1)))
+    expected = np.concatenate([np.outer(np.arange(2.0, 40.0), carry[i]) for i in range(2)])
+    np.testing.assert_array_equal(log[0], expected)
+    assert "alloca [38 x" in assembly(loop, Lanes(1), logging=True)
+
+
+def test_a_condition_among_the_arguments_is_written_out():
+    def step(carry, parameters, row, draws):
+        larger = compiled_once("w", lambda x: (where(x[0], x[1], 2.0 * x[1]),), (carry[0] < carry[1], carry[0]))[0]
+        return (larger, carry[1]), ()
+
+    loop = traced(step)
+    assert functions(loop) == 0
+    assert loop.stepper()((3.0, 2.0, 0.0, 0.0))[0] == 6.0
+    assert Kernel(loop, Lanes(1)).run(np.array([[3.0], [2.0]]), np.zeros((1, 1)), np.zeros((1, 1)))[0][0, 0] == 6.0

@@ -358,3 +358,13 @@ def test_a_file_whose_vehicles_stand_below_agents_alone_is_a_scenario(tmp_path: 
     text = (TEAMS / "bar.toml").read_text("utf-8").replace("[plant]", "[agents.left.plant]")
     (tmp_path / "apart.toml").write_text(text.replace("[controller]", "[agents.left.controller]"), "utf-8")
     assert kind_of_file(str(tmp_path / "apart.toml")) == "scenario"
+
+
+def test_a_gripper_tells_its_own_vehicle_alone_that_it_holds() -> None:
+    scenario = skyarm.load_scenario("pick_and_carry")
+    assert scenario.world is not None
+    (magnet,) = scenario.world.grippers
+    world = dataclasses.replace(scenario.world, grippers=(dataclasses.replace(magnet, agent="right"),))
+    memory = world.start(0.0, ())
+    tip = scenario.agent.plant.vehicle.end_effector
+    assert [len(list(world.holds(memory, tip, name))) for name in ("left", "right")] == [0, 1]
