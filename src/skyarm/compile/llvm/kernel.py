@@ -80,7 +80,9 @@ class Kernel:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        size, written = (operations(loop.program.nodes, written=each) for each in (False, True))
+        size = written = operations(loop.program.nodes)
+        if size > LARGE:  # code that is called many times is compiled once
+            written = operations(loop.program.nodes, written=True)
         text = assembly(loop, self.lanes, logging=logging)
         self.engine = _make_engine(text, effort if written <= LARGE else 0)
         address = self.engine.get_function_address(CALL)

@@ -220,16 +220,18 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
         nodes: operations of the program.
         written: count code that is compiled once once, not as often as it is called.
     """
-    quiet = ("input", "const", "item", "result")
-    arranged = arrange(nodes)
-    called = {id(each.value): each.value for node, body in arranged for each in (node, *body) if each.op == "apply"}
-    sizes = {key: operations(function.nodes, written=written) for key, function in called.items()}
+    quiet, sizes, count = ("input", "const", "item", "result"), dict[int, int](), 0
 
     def of(node: Node) -> int:
-        return sizes[id(node.value)] * (not written) if node.op == "apply" else 1
+        if node.op != "apply":
+            return 1
+        if id(node.value) not in sizes:
+            sizes[id(node.value)] = operations(node.value.nodes, written=written)
+        return 0 if written else sizes[id(node.value)]
 
-    calls = (
-        sum(map(of, body)) * node.value[0] if node.op == "repeat" else of(node) * (node.op not in quiet)
-        for node, body in arranged
-    )
-    return sum(calls) + sum(sizes.values()) * written
+    for node, body in arrange(nodes):
+        if node.op == "repeat":
+            count += sum(map(of, body)) * node.value[0]
+        elif node.op not in quiet:
+            count += of(node)
+    return count + (sum(sizes.values()) if written else 0)
