@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -368,3 +369,17 @@ def test_a_gripper_tells_its_own_vehicle_alone_that_it_holds() -> None:
     memory = world.start(0.0, ())
     tip = scenario.agent.plant.vehicle.end_effector
     assert [len(list(world.holds(memory, tip, name))) for name in ("left", "right")] == [0, 1]
+
+
+def test_the_gripper_of_another_vehicle_tells_a_law_of_no_load() -> None:
+    tables = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8"))
+    tables |= {"plant": {"vehicle": "pelican_arm2"}, "controller": {"law": "centroidal", "mode": "joint", "load": 0.1}}
+    for name, y in (("left", 1.0), ("right", -1.0)):
+        tables["agents"][name] = {"reference": {"base": {"kind": "hover", "position": [0.0, y, 2.0]}}}
+    del tables["world"]["grasps"]
+    tables["world"]["objects"][0]["position"] = [3.0, 0.0, 0.5]
+    tables["world"]["grippers"] = [{"name": "hand", "agent": "left"}]
+    with pytest.raises(ScenarioError, match=r"agents\.right\.controller\.load = 0\.1: must be 0 without"):
+        skyarm.scenario_from(tables, TEAMS)
+    tables["world"]["grippers"].append({"name": "other", "agent": "right"})
+    skyarm.scenario_from(tables, TEAMS)

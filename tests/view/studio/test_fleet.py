@@ -1,6 +1,7 @@
 """The studio's loop without a page: time, the way back, laws beside each other, pushes, and what is saved."""
 
 import dataclasses
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +22,7 @@ from skyarm.view.studio.knobs import knobs_of
 from skyarm.view.studio.page import cases
 from skyarm.world import TimedPayload
 from support.cases import sampled, toml_text
+from support.teams import TEAMS
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -383,3 +385,22 @@ def test_the_slider_of_time_goes_back_and_no_further_than_was_flown(seconds: flo
     fleet = SimpleNamespace(rate=200, furthest=120, playing=True, go=gone.append)
     Clock.go_to_time(fleet, seconds)  # type: ignore[arg-type]
     assert (gone, fleet.playing) == ([tick], False)
+
+
+def test_a_grasp_that_has_opened_pulls_with_no_arrow() -> None:
+    tables = tomllib.loads((TEAMS / "bar.toml").read_text("utf-8")) | {"duration": 0.3}
+    (grasp, _), _ = tables["world"]["grasps"], tables.pop("agents")
+    del grasp["agent"]
+    grasp |= {"place": [0.0, 0.0, 0.0097], "release": 0.05}
+    tables["world"]["grasps"] = [grasp]
+    tables["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}
+    scenario = skyarm.scenario_from(tables, TEAMS)
+    session = skyarm.Session(scenario, machine_code=False)
+    flight = Flight.__new__(Flight)
+    flight.session, flight.first = session, scenario
+    arrows = {}
+    for k in range(1, 41):
+        session.step()
+        arrows[k] = sum(float(np.abs(each.force).max()) for each in flight.scene(np.zeros(3)).arrows)
+    assert 0.1 < arrows[8] < 2.0
+    assert arrows[40] == 0.0

@@ -5,7 +5,7 @@ twenty integration steps of a stiff joint cost the code of one. Its body may use
 change inside is computed once. Loops do not nest: a repetition inside one is written out.
 
 A function that many records of one structure pass through, such as the law of several vehicles, is shared: its machine
-code is written once and called, so that eight equal vehicles compile about as fast as one, and stay in the cache.
+code is written once and called, so that equal vehicles compile in less time and stay in the processor's cache.
 """
 
 from __future__ import annotations
