@@ -183,6 +183,9 @@ FLIGHTS = {
     "opened": lambda: with_grasps(team("bar", duration=0.3), release=0.1),
 }
 
+QUICK = ("bar", "arm, fixed", "a load taken up", "opened")
+"""Flights of every run of the tests: one of each kind, of a load and of an opened grasp."""
+
 
 def assert_as_stiff(scenario: Scenario, steady: int = 0) -> None:
     """Flights of springs on our own plant and of constraints on MuJoCo's, pose by pose and pull by pull."""
@@ -201,7 +204,9 @@ def assert_as_stiff(scenario: Scenario, steady: int = 0) -> None:
         assert np.abs(ours.grasp_pull - theirs.grasp_pull)[-steady:].max() < 1e-3 * largest
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize(
+    "name", [each if each in QUICK else pytest.param(each, marks=pytest.mark.thorough) for each in FLIGHTS]
+)
 def test_a_constraint_flies_as_a_spring_of_its_stiffness(name: str) -> None:
     assert_as_stiff(FLIGHTS[name](), 0 if "circle" in name else 10)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import sys
 from pathlib import Path
@@ -13,10 +14,18 @@ from lowest import project
 SOURCES = sorted(Path(skyarm.__file__).parent.rglob("*.py"))
 
 
+@functools.cache
+def imports_of(path: Path) -> list[ast.AST]:
+    """Imports of a file, anywhere in it."""
+    return [
+        node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+
+
 def private_imports(path: Path) -> list[str]:
     """Underscored names that a file imports from another module."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in imports_of(path):
         if isinstance(node, ast.ImportFrom):
             module = node.module or ""
             names = [alias.name for alias in node.names] + module.split(".")
@@ -46,7 +55,7 @@ PEERS = {"crazyflow", "rotorpy", "PyFlyt", "gym_pybullet_drones"}
 def imported(path: Path) -> set[str]:
     """Top names that a file imports, anywhere in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in imports_of(path):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and not node.level:

@@ -44,11 +44,22 @@ def alone(scenario: Scenario, name: str) -> Scenario:
     return dataclasses.replace(scenario.of(name), agents={name: scenario.agents[name]})
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+NIGHTLY = pytest.mark.thorough
+
+ON_TIME, LATE = Delays(), Delays(measurement=0.005, command=0.003)
+APART = Delays(command=0.002, rotors=0.004, joints=0.001)
+
+
 @pytest.mark.parametrize(
-    "delays",
-    [Delays(), Delays(measurement=0.005, command=0.003), Delays(command=0.002, rotors=0.004, joints=0.001)],
-    ids=["none", "late", "apart"],
+    ("plant", "delays"),
+    [
+        pytest.param("rigid_body", ON_TIME, id="rigid_body-none"),
+        pytest.param("rigid_body", LATE, id="rigid_body-late", marks=NIGHTLY),
+        pytest.param("rigid_body", APART, id="rigid_body-apart"),
+        pytest.param("mujoco", ON_TIME, id="mujoco-none", marks=NIGHTLY),
+        pytest.param("mujoco", LATE, id="mujoco-late"),
+        pytest.param("mujoco", APART, id="mujoco-apart", marks=NIGHTLY),
+    ],
 )
 def test_agents_that_nothing_joins_fly_as_if_alone(plant: str, delays: Delays) -> None:
     both = two(delays=delays).with_kind(plant)
@@ -108,7 +119,7 @@ def rich() -> Scenario:
 RICH = (*ARRAYS, "wind_force", "air_velocity", "measured_position", "measured_joints")
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize("plant", ["rigid_body", pytest.param("mujoco", marks=NIGHTLY)])
 def test_loads_faults_wind_sensors_and_estimators_are_of_each_agent_alone(plant: str) -> None:
     both = rich().with_kind(plant)
     log = skyarm.run(both)
@@ -173,11 +184,12 @@ def test_a_changed_number_of_one_agent_is_of_that_one_alone() -> None:
     session.change({"agents.right.plant.payload.mass": 0.1})
     log = session.run()
     assert_same(log.agents["left"], skyarm.run(alone(both, "left")))
-    assert np.abs(log.agents["right"].position - skyarm.run(both).agents["right"].position).max() > 1e-3
+    unchanged = skyarm.run(both).agents["right"]
+    assert np.abs(log.agents["right"].position - unchanged.position).max() > 1e-3
     again = skyarm.run(session.plan)
     assert_same(again.agents["right"], log.agents["right"])
     session.restore(before)
-    assert_same(session.run().agents["right"], skyarm.run(both).agents["right"])
+    assert_same(session.run().agents["right"], unchanged)
     with pytest.raises(ScenarioError, match=r"^path = 'plant.gravity': is of one agent, must be agents.NAME.plant"):
         skyarm.Session(both).change({"plant.gravity": 9.0})
 
@@ -241,7 +253,7 @@ class Rubber(Component[tuple[()]]):
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_a_force_of_ones_own_sees_all_agents_and_acts_on_each_by_name(plant: str) -> None:
-    both = team("bar", duration=4.0).with_kind(plant)
+    both = team("bar", duration=1.0).with_kind(plant)
     joined = dataclasses.replace(both.environment, world=None, forces=(Rubber(),))
     log = skyarm.run(dataclasses.replace(both, environment=joined))
     pulls = {name: each.wind_force[0] for name, each in log.agents.items()}
@@ -272,6 +284,7 @@ class Wrong(Rubber):
         return [Wrench(force_W=Vec3(1.0, 0.0, 0.0), agent="middle")]
 
 
+@pytest.mark.thorough
 def test_sensors_of_two_agents_are_read_by_their_own_names() -> None:
     both = two()
     imu = skyarm.load_scenario("hover_swing").agent.sensors[0].sensor
@@ -285,7 +298,7 @@ def test_sensors_of_two_agents_are_read_by_their_own_names() -> None:
     assert any(not np.array_equal(left[key], right[key]) for key in left)
 
 
-@pytest.mark.parametrize("machine_code", [True, False])
+@pytest.mark.parametrize("machine_code", [True, pytest.param(False, marks=NIGHTLY)])
 def test_commands_of_one_vehicle_leave_the_others_under_their_laws(machine_code: bool) -> None:
     scenario = team("bar", duration=0.05)
     by_laws = skyarm.run(scenario)

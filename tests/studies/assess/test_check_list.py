@@ -66,7 +66,9 @@ def test_findings_of_a_vehicle_are_listed(what: str, payload: float) -> None:
         assert each.level in levels[listed(each.question)], each
 
 
-@pytest.mark.parametrize("what", ["case3", str(EXAMPLES / "servo_swing.toml")])
+@pytest.mark.parametrize(
+    "what", ["case3", pytest.param(str(EXAMPLES / "servo_swing.toml"), id="servo_swing", marks=pytest.mark.thorough)]
+)
 def test_findings_of_a_scenario_are_listed(what: str) -> None:
     levels = {check.question: check.levels.split(", ") for check in CHECKS}
     for each in skyarm.check(what, poses=16).findings:

@@ -62,7 +62,7 @@ def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
 def test_bits_of_windows_do_not_depend_on_the_compiler_s_effort_or_on_threads(tmp_path, monkeypatch):
     """A design decides by them: contractions, which LLVM makes by its effort, led to another one."""
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-    log = run(load_scenario("hover_swing", duration=6.0))
+    log = run(load_scenario("hover_swing", duration=3.0))
     search = search_of([measured_flight(log, Path("hover.npz"))], load_vehicle("hummingbird_arm2_rotors"))
     found = []
     for effort, threads in (("0", 1), ("1", 1), ("1", 3)):

@@ -65,7 +65,7 @@ def measured(log, seed=0):
 
 @pytest.fixture(scope="module")
 def flight():
-    """Fourteen seconds of sines along and about all axes."""
+    """Ten seconds of sines along and about all axes."""
     base = of_vehicle(START)
     path = Trajectory(
         x=swings((0.3, 0.4, 0.0), (0.1, 0.9, 1.0)),
@@ -80,7 +80,7 @@ def flight():
                 base,
                 plant=dataclasses.replace(base.plant, vehicle=TRUTH),
                 reference=path,
-                duration=14.0,
+                duration=10.0,
                 delays=Delays(measurement=0.005, command=DELAY),
                 sensors=(ideal,),
             )

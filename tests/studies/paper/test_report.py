@@ -11,7 +11,6 @@ from html.parser import HTMLParser
 from typing import Any
 
 import pytest
-from small_reports import draw_small
 
 from skyarm.studies.paper import report_pages as page_maker
 from skyarm.studies.paper.published import TITLES
@@ -120,7 +119,7 @@ def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
     with pytest.MonkeyPatch.context() as patch:
-        draw_small(patch, page_maker)
+        patch.setattr(page_maker, "image_bytes", lambda _figure: b"\x89PNG")
         return report_pages(some_results(), some_sensitivity(), logs, figures, opening=PICTURE)
 
 

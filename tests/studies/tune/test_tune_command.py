@@ -17,7 +17,7 @@ from skyarm.studies.tune.excitation import draw_plants
 from skyarm.studies.tune.tuning import ASIDE, FURTHER, POOL, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
+SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--seed", "2")
 
 
 def tune(*words, folder):

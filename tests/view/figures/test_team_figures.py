@@ -58,8 +58,8 @@ def test_error_force_and_thrust_are_those_of_each_vehicle() -> None:
 
 def test_all_has_every_panel_once_and_one_vehicle_has_its_own() -> None:
     log = flown("bar")
-    drawn = panels(plot(log))
-    labels = [words(ax) for ax in plot(log).axes]
+    figure = plot(log)
+    drawn, labels = panels(figure), [words(ax) for ax in figure.axes]
     assert len(labels) == len(set(labels)) == 13
     assert {"Base x [m]", "Yaw [deg]", "Force on bar [N]", "Tip error [mm]", "Thrust [N]"} < set(labels)
     for name, own in log.agents.items():

@@ -281,7 +281,7 @@ OTHERS = {"arm_length": "study", "press_in_four_worlds": "study", "carrier": "ve
 EVERY = [*cases(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
 
 
-@pytest.mark.parametrize("source", sampled(EVERY, 8))
+@pytest.mark.parametrize("source", sampled(EVERY, 8), ids=lambda source: Path(source).stem)
 def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
     if (stem := Path(source).stem) in OTHERS:
         with pytest.raises(skyarm.ScenarioError, match=rf"{stem}.toml: .* is a {OTHERS[stem]} file"):

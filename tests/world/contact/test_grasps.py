@@ -47,7 +47,12 @@ def level(scenario: Scenario) -> Scenario:
     return with_world(scenario, grasps=held, objects=things)
 
 
-@pytest.mark.parametrize(("a", "b"), [(0.19, 0.19), (0.1, 0.3), (0.3, 0.05)])
+NIGHTLY = pytest.mark.thorough
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [pytest.param(0.19, 0.19, marks=NIGHTLY), (0.1, 0.3), pytest.param(0.3, 0.05, marks=NIGHTLY)]
+)
 def test_two_ball_grasps_share_a_bar_by_their_distances(a: float, b: float) -> None:
     log = skyarm.run(placed(team("bar", duration=20.0), {"left": a, "right": -b}))
     weight, pulls = 0.104 * GRAVITY, log.grasp_pull[-1].reshape(2, 3)
@@ -107,7 +112,7 @@ def test_a_squeezed_bar_is_pressed_by_two_springs_in_series() -> None:
 @pytest.mark.parametrize("kind", ["ball", "fixed"])
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_momentum_of_all_bodies_stays(kind: str, plant: str) -> None:
-    flown = adrift(with_grasps(team("bar", duration=5.0), kind=kind), 3).with_kind(plant)
+    flown = adrift(with_grasps(team("bar", duration=2.0), kind=kind), 3).with_kind(plant)
     linear, angular = bodies_of(flown, skyarm.run(flown)).momentum
     assert np.abs(linear - linear[0]).max() < 1e-12 * np.abs(linear[0]).max()
     assert np.abs(angular - angular[0]).max() < 2e-3 * np.abs(angular[0]).max()
@@ -342,14 +347,15 @@ def test_a_cable_pulls_and_never_pushes_and_gains_no_energy() -> None:
             return moving + mass * GRAVITY * position[2] + 0.5 * float(cable.stiffness) * stretch**2
 
         start, most, slack = energy(position, velocity), np.full(drops, -np.inf), np.zeros(drops, dtype=bool)
-        for _ in range(10_000):
+        for k in range(6_000):
             position = position + 0.5 * dt * velocity
             force = pulled(position, velocity)
             assert ((force * position).sum(axis=0) <= 1e-12).all()
             slack |= (force == 0.0).all(axis=0)
             velocity = velocity + dt * (force / mass - np.array([[0.0], [0.0], [GRAVITY]]))
             position = position + 0.5 * dt * velocity
-            most = np.maximum(most, energy(position, velocity))
+            if k % 5 == 0:  # a swing of the cable takes 700 steps
+                most = np.maximum(most, energy(position, velocity))
         # of second order in the step, beside the energy above the lowest place at which a drop hangs
         assert (most - start).max() < 1e-4 * (start + mass * GRAVITY * 0.5).max()
         assert slack.mean() > 0.9
