@@ -18,11 +18,10 @@ from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.arrays import Array
-from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
+from skyarm.records.files import PathLike, must_be_one_of, shown, taken_back, unreadable, write_atomically
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import require_result
-from skyarm.records.files.writing import taken_back
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake, refuse_mistake

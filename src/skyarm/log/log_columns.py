@@ -19,8 +19,7 @@ from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit, units
-from skyarm.vehicle.linkage import Link
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Link, Rotor
 
 Part = TypeVar("Part", Link, Rotor)
 

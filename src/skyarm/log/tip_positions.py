@@ -7,7 +7,7 @@ import numpy as np
 from skyarm.algebra.frames import unit_rows
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.records.arrays import Array
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:

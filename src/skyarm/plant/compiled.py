@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data, floor, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -30,7 +30,8 @@ from skyarm.plant.largest_step import (
 )
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impacts, far_step
 from skyarm.plant.surroundings import Surroundings, Together, several
-from skyarm.vehicle.vehicle_records import Vehicle, require_plant
+from skyarm.vehicle import Vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 
 
 class Steps(NamedTuple):
@@ -170,7 +171,7 @@ class RigidBodyPlant:
                 _: tuple[()],
                 __: tuple[()],
                 inputs: tuple[tuple[State, ...], tuple[Command, ...], Together],
-                ___: tuple[Scalar, ...],
+                ___: Scalars,
             ) -> tuple[tuple[()], Moved]:
                 states, commands, around = inputs
                 now, count = (states, around.coupled_memories()), self.substeps(seconds)

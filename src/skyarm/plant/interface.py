@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Protocol
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
@@ -15,9 +15,8 @@ from skyarm.records.leaves import leaves
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.registry import find
 from skyarm.records.units import Unit
-from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.vehicle.linkage import JOINT_NUMBERS
-from skyarm.vehicle.vehicle_records import Vehicle
 
 Flat = Sequence[float]
 """Leaves of a record (:func:`skyarm.records.leaves.leaves`): State, Command or Surroundings."""

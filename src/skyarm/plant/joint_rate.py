@@ -15,9 +15,7 @@ from skyarm.plant.largest_step import FRICTION_STEP
 from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle, VehicleError
 
 SAMPLES = 64
 """Number of arm configurations that are evaluated; the effective inertia of a joint changes with the others' angles."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
 from skyarm.records import coerce

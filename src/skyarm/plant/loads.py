@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TypeGuard
 
-from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.algebra.scalars import Scalar, add, data, mul
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after
@@ -17,8 +17,7 @@ from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
 from skyarm.records.leaves import Tree
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
 LOCKED = 1e12
@@ -61,7 +60,7 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     return dataclasses.replace(vehicle, links=tuple(links))
 
 
-def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, tuple[Scalar, ...]]:
+def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, Scalars]:
     """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
 
     Args:

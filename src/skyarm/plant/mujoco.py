@@ -15,7 +15,8 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import Scalars
+from skyarm.algebra.scalars import data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
@@ -35,8 +36,8 @@ from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.mujoco_welds import Welds, closed_contacts
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.leaves import leaves
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle, require_plant
+from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 
 LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 """Integrator -> largest product of friction's decay rate and a step."""
@@ -180,9 +181,7 @@ class MujocoPlant:
             solver = self._forward, self._welds
             self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, *solver)
 
-    def _forces_and_speeds(
-        self, x: tuple[Scalar, ...], commands: tuple[Command, ...], around: Together
-    ) -> tuple[Scalar, ...]:
+    def _forces_and_speeds(self, x: Scalars, commands: tuple[Command, ...], around: Together) -> Scalars:
         """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step."""
         states, dt = self._layout.states(x), self._physics_step
         if self._euler:

@@ -23,7 +23,8 @@ from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor, unused_name
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle, require_plant
+from skyarm.vehicle import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 
 HEADER = "Written by skyarm export as MJCF; control of a rotor is its thrust in N, of a joint its effort in N m or N."
 

@@ -7,8 +7,7 @@ from itertools import islice
 from operator import itemgetter
 from typing import Any, Protocol, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State, example_state
@@ -84,7 +83,7 @@ class Layout:
         """Vehicle states in this library's order, from state variables in MuJoCo's order."""
         return rebuild(tuple(example_state(*each.sizes) for each in self.vehicles), iter(self.to_ours(x)))
 
-    def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, tuple[Scalar, ...]]]:
+    def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, Scalars]]:
         """Accelerations of each base (world axes) and of its joints, from MuJoCo's generalised accelerations."""
         rows = zip(self.vehicles, self.bases, self.dofs, strict=True)
         return [

@@ -17,7 +17,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat
 from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
@@ -150,7 +151,7 @@ class Loads:
         return self._G.T @ whole[: len(self._G), : len(self._G)] @ self._G
 
 
-def _numbers(around: Together) -> tuple[Scalar, ...]:
+def _numbers(around: Together) -> Scalars:
     """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of the joints."""
     numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
     for load, memory in (pair for own in beside for pair in rigid_loads(own)):

@@ -9,8 +9,7 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE, Body, Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Body, Joint, Vehicle
 from skyarm.world import TimedPayload
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 

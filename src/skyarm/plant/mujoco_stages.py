@@ -14,8 +14,8 @@ from itertools import accumulate, pairwise
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, data, mul
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
@@ -38,7 +38,7 @@ STAGES = (
 next state; time of the next state. The state after the last stage is that after the step."""
 
 
-Numbers = tuple[Scalar, ...]
+Numbers = Scalars
 """Numbers of a record in a row, over any scalar type."""
 
 
@@ -190,7 +190,7 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     """Vehicle state after increments of position, rotation, joint positions and velocities."""
     n = len(first.joints)
 
-    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:
         return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
 
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))

@@ -31,12 +31,12 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Together, coupled_places
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.contact.contact import ClosedContact, ContactMemory

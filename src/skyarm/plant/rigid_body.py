@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul, sub
+from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, mul, sub
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -31,7 +31,7 @@ from skyarm.plant.loads import (
 )
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.component import moved_by
 
 
@@ -43,13 +43,13 @@ class Rate:
     quaternion: Quaternion
     velocity: Vec3
     rate: Vec3
-    joints: tuple[Scalar, ...]
-    joint_rates: tuple[Scalar, ...]
+    joints: Scalars
+    joint_rates: Scalars
 
 
 def accelerate(
     worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
-) -> list[tuple[Motion, tuple[Scalar, ...]]]:
+) -> list[tuple[Motion, Scalars]]:
     """Proper acceleration of the base (base axes) and joint accelerations of each vehicle."""
     return [
         _accelerate(motion, command, around.of(i))
@@ -57,19 +57,17 @@ def accelerate(
     ]
 
 
-def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, tuple[Scalar, ...]]:
+def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
     """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
     return _solve(motion, loaded_vehicle(motion.vehicle, around), applied_force(motion, command, around))
 
 
-def _solve(
-    motion: PointMotion, moving: Vehicle, applied: tuple[Force, tuple[Scalar, ...]]
-) -> tuple[Motion, tuple[Scalar, ...]]:
+def _solve(motion: PointMotion, moving: Vehicle, applied: tuple[Force, Scalars]) -> tuple[Motion, Scalars]:
     """Forward dynamics of one vehicle; several of equal bodies share the code."""
     state, (force, torques) = motion.state, applied
-    Given = tuple[tuple[Scalar, ...], Vec3, tuple[Scalar, ...], Force, tuple[Scalar, ...]]
+    Given = tuple[Scalars, Vec3, Scalars, Force, Scalars]
 
-    def solve(given: Given) -> tuple[Motion, tuple[Scalar, ...]]:
+    def solve(given: Given) -> tuple[Motion, Scalars]:
         return dynamics.forward_dynamics(moving, *given)
 
     given = state.joints, state.rate, state.joint_rates, force, torques
@@ -131,7 +129,7 @@ def _move(states: Sequence[State], rates: Sequence[Rate], dt: Scalar) -> tuple[S
     return tuple(_move_state(state, rate, dt) for state, rate in zip(states, rates, strict=True))
 
 
-def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> Scalars:
     """Values after an explicit Euler step: each plus ``dt`` times its time derivative."""
     return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, maximum
+from skyarm.algebra import ZERO3, Scalar, Vec3
+from skyarm.algebra.scalars import logical_and, maximum
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
@@ -17,7 +17,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.members import SOLE
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
 
 AnyComponent = Component[Any]

@@ -15,10 +15,18 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
-from skyarm.records.files import Fields, PathLike, errors_as, file_name, output_file, shown, taken_back
+from skyarm.records.files import (
+    Fields,
+    PathLike,
+    errors_as,
+    file_name,
+    output_file,
+    shown,
+    taken_back,
+    write_atomically,
+)
 from skyarm.records.files.names import read_named
 from skyarm.records.files.toml import Entry, toml_key, toml_value
-from skyarm.records.files.writing import write_atomically
 from skyarm.records.identity import DRAWN, identity
 from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
 from skyarm.records.members import SOLE

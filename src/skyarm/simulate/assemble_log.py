@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
@@ -28,7 +28,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world import WindSample
 from skyarm.world.component import Column, by_array
 

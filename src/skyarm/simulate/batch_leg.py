@@ -9,7 +9,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, logical_and, where
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -55,7 +56,7 @@ Tallies: TypeAlias = tuple[Totals, ...]
 Goals: TypeAlias = tuple[MetricGoal, ...]
 """Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
 
-FeedRow: TypeAlias = tuple[GivenRows, tuple[Scalar, ...], tuple[Goals, ...]]
+FeedRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Goals, ...]]
 """Inputs of one control period of a batch: of the loop, open metric windows, desired positions of each vehicle."""
 
 
@@ -184,7 +185,7 @@ def _path_time(row: InputRow[Reference]) -> Scalar:
 
 def _contact_inputs(
     scenario: Scenario, row: InputRow[Reference], sample: AgentSample
-) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
+) -> tuple[Scalars, tuple[tuple[str, Scalars], ...]]:
     """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
@@ -292,7 +293,7 @@ class Leg:
         options, substeps = self._options, self._loop.substeps
 
         def step(
-            both: tuple[LoopState, Tallies], values: tuple[Scalar, ...], fed: FeedRow, uniforms: Uniforms
+            both: tuple[LoopState, Tallies], values: Scalars, fed: FeedRow, uniforms: Uniforms
         ) -> tuple[tuple[LoopState, Tallies], tuple[Logged, ...]]:
             varied = self._lane_scenario(values)
             stages, (loop, tallies) = Stages(varied), both

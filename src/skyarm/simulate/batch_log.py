@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, logical_and
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import logical_and
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state

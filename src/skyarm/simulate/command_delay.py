@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
 
-from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum, same
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import add, floor, maximum, minimum, same
 from skyarm.dynamics.actuators import Command
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
@@ -66,7 +67,7 @@ Parts = list[tuple[Scalar, tuple[Command, ...]]]
 """Intervals of a control period: duration (s) and the commands of all vehicles that are in force."""
 
 
-def arrivals(late: Sequence[tuple[Scalar, ...]], before: Sequence[Command], after: Sequence[Command]) -> Parts:
+def arrivals(late: Sequence[Scalars], before: Sequence[Command], after: Sequence[Command]) -> Parts:
     """Split a control period where delayed commands arrive; after the last interval those of ``after`` are in force.
 
     Args:
@@ -120,7 +121,7 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
     return in_force
 
 
-def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> tuple[Scalar, ...]:
+def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> Scalars:
     """Joint setpoints averaged over a control period in which a new command arrives after ``late`` seconds.
 
     A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.

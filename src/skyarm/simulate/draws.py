@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
@@ -29,9 +29,9 @@ STARTS = (2**32 - 1, 2**32 - 2)
 class Shares(NamedTuple):
     """Random numbers of a control period by vehicle and sensor, by vehicle and model, and by shared model."""
 
-    sensors: list[list[tuple[Scalar, ...]]]
-    components: list[list[tuple[Scalar, ...]]]
-    shared: list[tuple[Scalar, ...]]
+    sensors: list[list[Scalars]]
+    components: list[list[Scalars]]
+    shared: list[Scalars]
 
 
 @immutable(kw_only=False)
@@ -60,7 +60,7 @@ class Draws:
         """Split the random numbers of a control period among the sensors and the wind, force and contact models."""
         left = iter(row)
 
-        def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[tuple[Scalar, ...]]:
+        def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[Scalars]:
             return [tuple(islice(left, count)) for _, count in pairs]
 
         sensors, components = ([shares_of(pairs) for pairs in each] for each in (self.sensors, self.components))

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
@@ -69,7 +69,7 @@ ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
 """Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
 values."""
 
-EngineRow: TypeAlias = tuple[GivenRows, tuple[Scalar, ...], tuple[Command, ...]]
+EngineRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Command, ...]]
 """Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
 
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import data
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.state import State, example_state

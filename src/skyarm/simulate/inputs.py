@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, floor
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import floor
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
@@ -54,7 +55,7 @@ class LaneLoop:
         counts = [2 * count for _, count in draw_plan(scenario).models]
         self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
 
-    def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Scalar, ...]) -> LoopState:
+    def _starting(self, numbers: Sequence[Scalar], *draws: Scalars) -> LoopState:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Generic, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.surroundings import Memories
@@ -157,8 +156,8 @@ class AgentSample:
     measurement: Measurement
     readings: tuple[tuple[str, Tree], ...]
     wind: WindSample
-    found: tuple[Scalar, ...] = ()
-    led: tuple[Scalar, ...] = ()
+    found: Scalars = ()
+    led: Scalars = ()
 
 
 @immutable

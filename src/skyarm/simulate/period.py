@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -67,7 +66,7 @@ class FirstHalf(NamedTuple):
     agents: tuple[AgentHalf, ...]
 
 
-Uniforms = tuple[Scalar, ...]
+Uniforms = Scalars
 """Random numbers of a period, uniform in (0, 1)."""
 
 Period = Callable[[LoopState, GivenRows, Uniforms], tuple[LoopState, Sample]]

@@ -13,19 +13,8 @@ import dataclasses
 from collections.abc import Collection, Sequence
 from typing import Any, TypeVar, cast
 
-from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import (
-    Scalar,
-    absolute,
-    data,
-    floor,
-    logical_and,
-    logical_not,
-    logical_or,
-    minimum,
-    sqrt,
-    where,
-)
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, data, floor, logical_and, logical_not, logical_or, minimum, sqrt, where
 from skyarm.control.controller import preview_leads
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
@@ -61,10 +50,10 @@ class Seen:
 
     tip: Vec3
     goal: Vec3
-    push: tuple[Scalar, ...]
+    push: Scalars
     force: Vec3 | None
     felt: Vec3 | None = None
-    switches: tuple[Scalar, ...] = ()
+    switches: Scalars = ()
 
 
 @immutable
@@ -178,7 +167,7 @@ class Waits:
         """True while no mandatory task phase has timed out."""
         return clock.failed < 0.5 if clock else True
 
-    def log_values(self, clock: Clock, ticks: Scalar) -> tuple[Scalar, ...]:
+    def log_values(self, clock: Clock, ticks: Scalar) -> Scalars:
         """Logged values of the reference clock; () for a task without guards."""
         return self.times(clock, ticks) if clock else ()
 
@@ -199,7 +188,7 @@ class Waits:
         offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
         return dataclasses.replace(clock, held=sampled, held_offset=offset, held_since=since)
 
-    def times(self, clock: PathClock, ticks: Scalar) -> tuple[Scalar, ...]:
+    def times(self, clock: PathClock, ticks: Scalar) -> Scalars:
         """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.

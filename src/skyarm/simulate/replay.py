@@ -12,8 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -30,7 +29,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
 from skyarm.simulate.command_delay import mean_efforts, switches
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
 Numbers: TypeAlias = Mapping[str, Scalar]
@@ -61,7 +60,7 @@ class Inputs:
         late: instants within the step at which the rotors switch, and the joints, s.
     """
 
-    numbers: tuple[Scalar, ...]
+    numbers: Scalars
     thrust: Scalar
     force: Vec3
     torque: Vec3
@@ -125,7 +124,7 @@ class CommandReplay:
 
         def fly(
             carry: tuple[State, Memories], given: Inputs, _row: Tree, _uniforms: Tree
-        ) -> tuple[tuple[State, Memories], tuple[Scalar, ...]]:
+        ) -> tuple[tuple[State, Memories], Scalars]:
             before, memories = carry
             numbers = dict(zip(self.names, given.numbers, strict=True))
             vehicle = vehicle_of(numbers)

@@ -12,8 +12,8 @@ from collections.abc import Collection, Sequence
 from itertools import zip_longest
 from typing import cast
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, same, where
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load
 from skyarm.control.law_checks import bound_by, checked_law
@@ -44,8 +44,7 @@ from skyarm.simulate.command_delay import (
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState, SensorState
 from skyarm.simulate.reference_clock import Waits, due
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 from skyarm.world import Component, effectiveness_at
 
 Given = tuple[Tree, Measurement, Reference, Command | None, Scalar | None]
@@ -109,7 +108,7 @@ class Stages:
         return where(fine, 1.0, 0.0)
 
     def surround(
-        self, now: LoopState, rows: Sequence[InputRow[Reference]], uniforms: tuple[Scalar, ...]
+        self, now: LoopState, rows: Sequence[InputRow[Reference]], uniforms: Scalars
     ) -> tuple[list[Memories], Memories, Together]:
         """Advance wind, force, payload and contact models.
 
@@ -138,7 +137,7 @@ class Stages:
         memories: Memories,
         time: Scalar,
         state: State,
-        draws: Sequence[tuple[Scalar, ...]],
+        draws: Sequence[Scalars],
     ) -> list[Tree]:
         """Internal states of environment models in the control period that begins."""
         rows = zip(models, memories, draws, strict=True)
@@ -225,7 +224,7 @@ class AgentStages:
         self._models = scenario.components
 
     @property
-    def arrival(self) -> tuple[Scalar, ...]:
+    def arrival(self) -> Scalars:
         """Time (s) in the period at which commands take effect, of all actuators or of rotors and joints."""
         return (self.late,) if self.apart is None else (self.apart[0][1], self.apart[1][1])
 
@@ -247,7 +246,7 @@ class AgentStages:
 
     def sense(
         self, own: AgentLoop, ticks: Scalar, force: Vec3, acting: Command, time: Scalar,
-        draws: Sequence[tuple[Scalar, ...]], pushes: Sequence[Push] = (),
+        draws: Sequence[Scalars], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
         """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
 

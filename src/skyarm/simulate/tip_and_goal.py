@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, cos, sin
+from skyarm.algebra import Quaternion, Scalars, Vec3
+from skyarm.algebra.scalars import cos, sin
 from skyarm.dynamics import State, frame_pose
 from skyarm.log.metrics.metric import MetricGoal
 from skyarm.reference import Reference
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 def tool_of(vehicle: Vehicle, state: State) -> Vec3:
@@ -15,7 +15,7 @@ def tool_of(vehicle: Vehicle, state: State) -> Vec3:
     return tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
-def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> Vec3:
+def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Scalars) -> Vec3:
     """Tip position (m), world axes, from base position, attitude and joint positions."""
     if not vehicle.end_effector:
         return position

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, changed_argument, contents, fingerprint, in_floats
 from skyarm.control.controller import Controller, preview_leads
 from skyarm.control.law_checks import (
@@ -58,14 +58,14 @@ from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
-from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
 
 Call = Callable[..., Any]
 """Function (method, arguments) -> result of the user's method, of any type."""
 
-Step = Callable[[Call, Tree, Scalar, State, tuple[Scalar, ...]], Tree]
+Step = Callable[[Call, Tree, Scalar, State, Scalars], Tree]
 """Function (call, memory, time, state, draws) -> next memory; raises ScenarioError for a result of the wrong shape."""
 
 
@@ -146,9 +146,7 @@ class UserPart:
         if words:
             raise self.refusal(words)
 
-        def check_step(
-            moving: Tree, time: tuple[Scalar, ...], state: State, given: tuple[Scalar, ...]
-        ) -> Mapping[str, Any]:
+        def check_step(moving: Tree, time: Scalars, state: State, given: Scalars) -> Mapping[str, Any]:
             self.results.clear()
             following = step(self.call, moving, time[0], state, given)
             different = difference(moving, following, "memory")
@@ -317,7 +315,7 @@ def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, component, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
     whole = part.whole
 
-    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
         following: Tree = call("advance", memory, time, period, state, draws)
         air = call("velocity", following, time, state.position)
         if not isinstance(air, Vec3):
@@ -383,7 +381,7 @@ def _check_value(
         given: arguments of the call, from time and state; the time if left out.
     """
 
-    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         result = call(part.method, *given(time, state))
         if label:
             part.require_numbers(part.method, label, result, example, also)
@@ -411,7 +409,7 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
     joint, drive = joints.index(part.place.rpartition("plant.drives.")[2]), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 
-    def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: Scalars) -> Tree:
         position, rate = state.joints[joint], state.joint_rates[joint]
         following: Tree = call("advance", memory, 0.1 + position, position, rate, period)
         effort = data(call("effort", following, 0.1 + position, position, rate))
@@ -426,7 +424,7 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, sensor = scenario.agent.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
-    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
         seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
         result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
         following, reading = part.pair(result, "reading")
@@ -439,7 +437,7 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
 def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, estimator, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         readings = readings_at(scenario, state, time)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
         try:
@@ -465,7 +463,7 @@ def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
     leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.agent.reference
 
-    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         sample = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
         following: Tree = call("law", memory, measurement_of(state, WEIGHT), sample, period)[0]
         return following

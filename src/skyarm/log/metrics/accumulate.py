@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, asin, atan2, clip, maximum, minimum, sqrt, where
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric, MetricInstant
 from skyarm.records import coerce
@@ -27,7 +27,7 @@ CONTINUOUS = "_continuous"
 """Suffix of metrics against the continuous reference; without it, against the held samples."""
 
 
-def joint_norm(joints: tuple[Scalar, ...], desired: tuple[Scalar, ...]) -> Scalar:
+def joint_norm(joints: Scalars, desired: Scalars) -> Scalar:
     """Euclidean norm of the joint position errors."""
     total: Scalar = 0.0
     for q, q_d in zip(joints, desired, strict=True):

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, atan2, cos, logical_and, maximum, sin, where
 from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.log.metrics.metric import Metric, MetricGoal, MetricInstant
 from skyarm.records.arrays import AnyArray
@@ -99,7 +99,7 @@ class PushTotals(Metric):
         )
 
 
-def _tangential_error(now: MetricInstant, normal: tuple[Scalar, ...]) -> Scalar:
+def _tangential_error(now: MetricInstant, normal: Scalars) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]

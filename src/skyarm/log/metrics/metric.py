@@ -9,12 +9,12 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, where
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import where
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 
 @immutable
@@ -22,7 +22,7 @@ class MetricGoal:
     """Reference for the metrics: base position (m), joint positions, and tip position (m) at a level base."""
 
     position: Vec3
-    joints: tuple[Scalar, ...]
+    joints: Scalars
     tool: Vec3
 
 
@@ -35,8 +35,8 @@ class ActuatorLimits:
             joint that is passive or takes setpoints.
     """
 
-    speeds: tuple[Scalar, ...]
-    efforts: tuple[Scalar, ...]
+    speeds: Scalars
+    efforts: Scalars
 
     @classmethod
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
@@ -68,17 +68,17 @@ class MetricInstant:
     state: State
     tool: Vec3
     command: Command
-    before: tuple[Scalar, ...]
+    before: Scalars
     held: MetricGoal
     continuous: MetricGoal
     lag: Scalar = 0.0
     phase: Scalar = 0.0
     time: Scalar = 0.0
-    push: tuple[Scalar, ...] = ()
-    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
+    push: Scalars = ()
+    parts: tuple[tuple[str, Scalars], ...] = ()
     limits: ActuatorLimits | None = None
 
-    def part(self, name: str) -> tuple[Scalar, ...]:
+    def part(self, name: str) -> Scalars:
         """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
         return next((numbers for each, numbers in self.parts if each == name), ())
 

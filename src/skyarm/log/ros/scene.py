@@ -7,14 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.message_bytes import NANO, Values
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
 

@@ -37,7 +37,7 @@ from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 FAST, SLOW = 200.0, 50.0
 """Rates (Hz) of messages of base and joints, and of the others; a slower control writes each of its instants."""

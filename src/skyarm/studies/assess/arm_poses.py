@@ -15,8 +15,8 @@ from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
+from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle.vehicle_records import undriven_joints
 
 WRENCH = 4
 """Number of rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z

@@ -36,8 +36,8 @@ from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
 from skyarm.world.payload import Payload
 

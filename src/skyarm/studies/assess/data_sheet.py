@@ -13,8 +13,7 @@ from skyarm.records.leaves import Dataclass, Tree, field_names, walk
 from skyarm.records.plain import Plain
 from skyarm.records.text_tables import NOTHING, shown_number
 from skyarm.records.units import units
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.view.pages import Facts, Table, table_of
 
 

@@ -6,8 +6,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import immutable
 from skyarm.studies.assess.finding import FAULT, NOTE, Finding, at_least
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 
 SHORTEST = 120.0
 """Flight time (s) that hardly allows take-off and landing."""

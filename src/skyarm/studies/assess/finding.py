@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from typing import TypedDict, Unpack
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Scalar
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.view.pages import Facts

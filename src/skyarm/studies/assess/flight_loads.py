@@ -18,8 +18,7 @@ from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Body, Vehicle
 
 AT_ONCE = 1 << 14
 """Number of control periods whose frames are computed at once, which bounds the memory of a long flight."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.controller import FormerNameWarning
-from skyarm.records.files import read_toml, unreadable
-from skyarm.records.files.messages import errors_as, one_line, present_names, shown
+from skyarm.records.files import errors_as, one_line, read_toml, shown, unreadable
+from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import kind_of
 from skyarm.records.files.toml_edits import (
     TomlPath,

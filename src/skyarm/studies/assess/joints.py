@@ -12,8 +12,7 @@ from skyarm.records.arrays import Array, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 NOTHING = 1e-12
 """Effort (N m or N) below which a value is rounding."""

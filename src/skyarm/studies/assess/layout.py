@@ -11,7 +11,7 @@ from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.arrays import Array
 from skyarm.studies.assess.arm_poses import Allocation, hover_efforts
 from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 DISC_LOADING = 2.0, 1000.0
 """Plausible disc loading (N/m^2): indoor models have 5, multirotors 20 to 200, helicopters up to 500."""

@@ -30,8 +30,7 @@ from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
 from skyarm.studies.assess.push_limits import FORCE, HALF, largest_push, push_on_level_base, yaw_room, yaw_torques
 from skyarm.studies.flights import Work
 from skyarm.studies.flights.fly import fly
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 QUESTION, STEPS = "force in flight", "steps of the contact"
 

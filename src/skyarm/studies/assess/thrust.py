@@ -13,7 +13,7 @@ from skyarm.records.arrays import Array
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 ENOUGH = 1.2
 """Least ratio of the busiest rotor's largest thrust to its hover thrust; below it attitude control saturates often."""

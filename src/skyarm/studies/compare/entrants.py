@@ -23,8 +23,9 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import Model, Terms
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
+from skyarm.records.registry import registrations
 from skyarm.records.registry.plugins import law_of_file_name
-from skyarm.records.registry.registrations import SHIPPED, registrations
+from skyarm.records.registry.registrations import SHIPPED
 from skyarm.studies.compare.suite import DELAY, library_rows
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}

@@ -24,7 +24,7 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
-from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.vehicle import BodyDrag
 from skyarm.world import AirSignals, Disturbance, ForceWind, MovingAir
 from skyarm.world.dryden import Dryden
 from skyarm.world.signal_vector import SignalVector

@@ -23,9 +23,8 @@ from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
 
 PAPER = "hummingbird_arm2_rotors"
 """Vehicle for which the amplitudes are stated, as RotorS simulates it; the laws' model is the paper's Table 1."""

@@ -14,7 +14,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 
 CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANNEL_WIND = range(16, 22)
 """Channels of the random generator for perturbed plants, separate from those of a flight's noise."""

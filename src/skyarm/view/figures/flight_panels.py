@@ -18,8 +18,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Joint, Vehicle
 from skyarm.view.figures.flight_facts import desired_push, grasp_pulls, parts_of_others, scenario_of
 
 Read = Callable[[Log], Array | None]

@@ -12,8 +12,7 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape

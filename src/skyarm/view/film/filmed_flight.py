@@ -14,7 +14,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels, vehicle_logs
 from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log

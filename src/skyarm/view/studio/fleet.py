@@ -20,7 +20,7 @@ from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.simulate.session import Session, Snapshot, open_session
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, AdjustableNumber, knobs_of
 from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, sight

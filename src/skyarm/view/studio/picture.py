@@ -12,7 +12,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
 from skyarm.view.studio.sights import goal_of, poses_of

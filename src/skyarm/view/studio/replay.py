@@ -9,7 +9,7 @@ import numpy as np
 from skyarm.log.motion import PoseSeries, PredictedMotion, distance_between
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.scene_nodes import segments
 

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes

@@ -19,7 +19,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
-from skyarm.records.files.packages import needs_extra
+from skyarm.records.files import needs_extra
 from skyarm.records.immutable import immutable
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.component import Component
 from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place

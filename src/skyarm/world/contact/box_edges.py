@@ -22,8 +22,8 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import product
 
-from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, clip, divide, maximum, minimum, sqrt, where
+from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import absolute, clip, divide, maximum, minimum, sqrt, where
 from skyarm.records.immutable import immutable
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame
 from skyarm.world.contact.surface import Surface

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, divide
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import divide
 from skyarm.records.immutable import immutable
 from skyarm.world.component import Column, Memory, moved_by
 from skyarm.world.contact.surface import Surface
@@ -161,7 +161,7 @@ class Carrier(Generic[Memory]):
     columns: tuple[Column, ...] = ()
     """Columns of a log, as in :attr:`skyarm.world.component.Component.columns`."""
 
-    def logged(self, memory: Memory) -> tuple[Scalar, ...]:
+    def logged(self, memory: Memory) -> Scalars:
         """Values of the movable body that the flight log records in every control period."""
         return ()
 

@@ -13,9 +13,9 @@ from functools import reduce
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra import Force as Wrench6
-from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, sqrt, where
+from skyarm.algebra.scalars import clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
@@ -25,8 +25,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, untouched_after
@@ -91,8 +90,8 @@ class ContactMemory:
         constraints: force and torque on the body of each grasp that the plant closes; empty where grasps are springs.
     """
 
-    finer: tuple[Scalar, ...]
-    clock: tuple[Scalar, ...]
+    finer: Scalars
+    clock: Scalars
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
@@ -481,7 +480,7 @@ class Contact(Force[ContactMemory]):
             return memory
         return replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
 
-    def holds(self, memory: ContactMemory, frame: str, agent: str = "") -> tuple[Scalar, ...]:
+    def holds(self, memory: ContactMemory, frame: str, agent: str = "") -> Scalars:
         """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper holds a body, else 0."""
         grips = zip(self.grippers, memory.grips, strict=True)
         ours = [grip for own, grip in grips if own.frame in ("", frame) and own.agent in ("", agent)]
@@ -538,11 +537,11 @@ class Contact(Force[ContactMemory]):
         return (*columns, *(column for grasp in self.grasps for column in grasp.columns))
 
     @property
-    def constants(self) -> Mapping[str, tuple[Scalar, ...]]:
+    def constants(self) -> Mapping[str, Scalars]:
         """Hinge axis of the first mechanism, for metrics: a point (m) and a unit vector; empty for a slide."""
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
-    def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: ContactMemory, motion: PointMotion) -> Scalars:
         """Logged contact forces (N) and penetrations (m), states of movable bodies, and gripper forces."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, body in zip(self.carriers, memory.carried, strict=True):

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, maximum, sqrt
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
@@ -17,8 +17,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Wrench
 from skyarm.world.contact.material import LIGHTEST, Material
 
@@ -133,7 +132,7 @@ class Touch:
         return self.spot.cross(self.force)
 
     @property
-    def logged(self) -> tuple[Scalar, ...]:
+    def logged(self) -> Scalars:
         """Normal force (N), friction (N) and penetration (m, at least 0) of the contact, for the log."""
         return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
 

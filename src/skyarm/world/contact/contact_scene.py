@@ -14,8 +14,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.contact.carrier import AnyCarrier
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.free_object import FreeObject

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 
-from skyarm.algebra.scalars import Scalar, minimum
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import minimum
 from skyarm.world.contact.carrier import AnyCarrier, both
 from skyarm.world.contact.material import LIGHTEST
 from skyarm.world.contact.surface import Surface

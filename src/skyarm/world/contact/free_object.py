@@ -12,8 +12,8 @@ from functools import reduce
 from itertools import product
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, maximum, minimum, mul, sqrt
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, data, divide, maximum, minimum, mul, sqrt
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
@@ -82,7 +82,7 @@ class FreeObject(Carrier[ObjectMotion]):
     name: Annotated[str, Unit("", "name of the object, for messages, logs and paths", rule=coerce.name)]
     mass: Annotated[Scalar, Unit("kg", "mass of the object", low=0.0, strict=True)]
     shape: Annotated[str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))] = "box"
-    size: Annotated[tuple[Scalar, ...], Unit("m", "lengths of the shape, as of a surface", low=0.0, strict=True)]
+    size: Annotated[Scalars, Unit("m", "lengths of the shape, as of a surface", low=0.0, strict=True)]
     inertia: Annotated[
         Vec3,
         Unit(
@@ -257,7 +257,7 @@ class FreeObject(Carrier[ObjectMotion]):
             for axis in axes
         )
 
-    def logged(self, memory: ObjectMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: ObjectMotion) -> Scalars:
         """Position, attitude, velocity and angular velocity of the free object, for the log."""
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Force, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt, where
+from skyarm.algebra import ZERO3, Force, Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import divide, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete

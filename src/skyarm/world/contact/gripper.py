@@ -23,8 +23,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Vec3
+from skyarm.algebra.scalars import asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent

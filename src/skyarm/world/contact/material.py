@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import absolute, divide, exp, maximum, minimum, same, sqrt, where
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit

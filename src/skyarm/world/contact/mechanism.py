@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
-from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
+from skyarm.algebra import E_X, E_Z, ZERO3, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra.scalars import absolute, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
@@ -31,7 +30,7 @@ class MechanismMotion:
 
     coordinate: Scalar
     rate: Scalar
-    bristle: tuple[Scalar, ...]
+    bristle: Scalars
 
 
 @immutable
@@ -48,7 +47,7 @@ class Mechanism(Carrier[MechanismMotion]):
 
     name: Annotated[str, Unit("", "name of the mechanism, for messages, logs and paths", rule=coerce.name)]
     kind: Annotated[str, Unit("", "kind of the mechanism", rule=coerce.word_of(KINDS))]
-    size: Annotated[tuple[Scalar, ...], Unit("m", "lengths of the kind's body", low=0.0, strict=True)] = ()
+    size: Annotated[Scalars, Unit("m", "lengths of the kind's body", low=0.0, strict=True)] = ()
     axis: Annotated[Vec3, Unit("", "axis of a hinge or slide, mechanism axes, of any length", folds=True)] = ZERO3
     position: Annotated[Vec3, Unit("m", "origin of the mechanism's axes, world axes", folds=True)] = ZERO3
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
@@ -181,7 +180,7 @@ class Mechanism(Carrier[MechanismMotion]):
         return self.com if said or self.solid is None else self.solid.middle
 
     @property
-    def hinge(self) -> tuple[Scalar, ...]:
+    def hinge(self) -> Scalars:
         """Point on the hinge axis (m) and unit vector along it, world axes; () for a slide."""
         return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
 
@@ -269,7 +268,7 @@ class Mechanism(Carrier[MechanismMotion]):
         unit = "rad" if self.turns else "m"
         return Column("mechanism_position", self.name, unit), Column("mechanism_rate", self.name, f"{unit}/s")
 
-    def logged(self, memory: MechanismMotion) -> tuple[Scalar, ...]:
+    def logged(self, memory: MechanismMotion) -> Scalars:
         """Coordinate (rad or m) and rate of the mechanism, for the log."""
         return (memory.coordinate, memory.rate)
 
@@ -305,7 +304,7 @@ class Detent:
         return (16.0 * self.force) * (hump * hump)
 
 
-def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, tuple[Scalar, ...]]:
+def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, Scalars]:
     """Force or torque (N or N m) of a mechanism's spring, damper, detent, stops and friction, and its bristle rate."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
@@ -410,7 +409,7 @@ class MechanismBody:
     """
 
     shape: str
-    size: tuple[Scalar, ...]
+    size: Scalars
     middle: Vec3
     gyration: Scalar
 

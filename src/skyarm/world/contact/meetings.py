@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, maximum, neg, sqrt
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import maximum, neg, sqrt
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from skyarm.algebra import E_Z, ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt
+from skyarm.algebra import E_Z, ZERO3, Scalar, Vec3
+from skyarm.algebra.scalars import divide, maximum, minimum, sqrt
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.meetings import Meeting
 

@@ -22,7 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import Tree
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion

@@ -7,10 +7,8 @@ from dataclasses import field
 from functools import reduce
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.matrix import axis_rotation
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3, axis_rotation
 from skyarm.algebra.scalars import (
-    Scalar,
     absolute,
     add,
     clip,
@@ -72,7 +70,7 @@ class Surface:
     name: Annotated[str, Unit("", "name of the surface, for messages, logs and pictures", rule=coerce.name)]
     shape: Annotated[str, Unit("", "shape of the surface", rule=coerce.word_of(SHAPES))] = "plane"
     size: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "m",
             "lengths of the shape: edges of a box, radius and length of a cylinder, radius of a ball",
@@ -305,7 +303,7 @@ def _outside(size: Sequence[Scalar], away: Scalar, z: Scalar) -> Scalar:
     return logical_not(logical_and(logical_not(beyond), logical_not(hollow)))
 
 
-def _to_edge(away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]) -> tuple[Scalar, ...]:
+def _to_edge(away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]) -> Scalars:
     """Squared distance and offset of a point from an edge of a plate's cross-section, and outward normal of the edge.
 
     The material is on the right of an edge, seen along it.
