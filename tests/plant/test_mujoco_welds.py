@@ -22,7 +22,8 @@ from skyarm.scenario.in_flight import require_continuous
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, Solver
 from skyarm.simulate.first_state import first_loop_state, first_state, first_surroundings
 from skyarm.vehicle.attach import Mimic, couple
-from skyarm.world.contact.contact import ClosedContact, Contact
+from skyarm.world.contact.closed_contact import ClosedContact
+from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.surface import Surface, rotation_of

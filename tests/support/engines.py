@@ -25,6 +25,7 @@ import numpy.typing as npt
 import pytest
 from scipy.differentiate import jacobian
 
+from skyarm.algebra import Scalar
 from skyarm.compile.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statements
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
@@ -36,7 +37,7 @@ from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.lane_loop import LaneLoop, lane_statuses, own_row
+from skyarm.simulate.lane_loop import LaneLoop, held_row, lane_statuses
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     checked_array,
@@ -48,7 +49,7 @@ from skyarm.simulate.lane_numbers import (
     require_values,
     require_within_queue,
 )
-from skyarm.simulate.loop_state import LoopState, structure_of
+from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
@@ -266,6 +267,13 @@ def lane_numbers(field: str, values: Any, lanes: int) -> Array:
 def _beyond() -> np.errstate:
     """Round to 32 bits: values out of range become infinite, without a warning."""
     return np.errstate(over="ignore")
+
+
+def own_row(scenario: Scenario, ticks: Scalar) -> Any:
+    """Closed-loop inputs after a number of control periods: time, and the reference unless its task phases wait."""
+    if scenario.agent.reference.guards:
+        return InputRow(time=ticks / float(scenario.rates.control), reference=())
+    return held_row(scenario, ticks)
 
 
 class BatchSession:

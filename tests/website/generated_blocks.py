@@ -19,6 +19,8 @@ from typing import Any
 
 import typer
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
+
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.cli.arguments import EVERY, OLDER
@@ -42,11 +44,11 @@ from skyarm.records.words import words_of_fields
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.grammar import SIGNAL, GrammarRow, default_in_words, entry_in_words, grammar
-from skyarm.studies.assess.check_list import CHECKS
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
+from support.check_list import CHECKS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

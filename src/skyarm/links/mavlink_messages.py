@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import binascii
 import struct
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -30,73 +32,7 @@ _TYPES = {
     "i8": ("b", "int8_t"),
     "text": ("s", "char"),
 }
-"""Type in the table below -> letter of ``struct``, and name in the definition."""
-
-_TABLE = {
-    "HEARTBEAT": (0, "u32 custom_mode; u8 type autopilot base_mode system_status mavlink_version"),
-    "PARAM_REQUEST_READ": (20, "i16 param_index; u8 target_system target_component; text param_id[16]"),
-    "PARAM_VALUE": (22, "f32 param_value; u16 param_count param_index; text param_id[16]; u8 param_type"),
-    "PARAM_SET": (23, "f32 param_value; u8 target_system target_component; text param_id[16]; u8 param_type"),
-    "ATTITUDE_QUATERNION": (
-        31,
-        "u32 time_boot_ms; f32 q1 q2 q3 q4 rollspeed pitchspeed yawspeed + f32 repr_offset_q[4]",
-    ),
-    "LOCAL_POSITION_NED": (32, "u32 time_boot_ms; f32 x y z vx vy vz"),
-    "COMMAND_LONG": (
-        76,
-        "f32 param1 param2 param3 param4 param5 param6 param7; u16 command;"
-        "u8 target_system target_component confirmation",
-    ),
-    "COMMAND_ACK": (
-        77,
-        "u16 command; u8 result + u8 progress; i32 result_param2; u8 target_system target_component",
-    ),
-    "SET_ATTITUDE_TARGET": (
-        82,
-        "u32 time_boot_ms; f32 q[4] body_roll_rate body_pitch_rate body_yaw_rate thrust;"
-        "u8 target_system target_component type_mask + f32 thrust_body[3]",
-    ),
-    "SET_POSITION_TARGET_LOCAL_NED": (
-        84,
-        "u32 time_boot_ms; f32 x y z vx vy vz afx afy afz yaw yaw_rate; u16 type_mask;"
-        "u8 target_system target_component coordinate_frame",
-    ),
-    "HIL_ACTUATOR_CONTROLS": (93, "u64 time_usec flags; f32 controls[16]; u8 mode"),
-    "HIGHRES_IMU": (
-        105,
-        "u64 time_usec; f32 xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"
-        " abs_pressure diff_pressure pressure_alt temperature; u16 fields_updated + u8 id",
-    ),
-    "HIL_SENSOR": (
-        107,
-        "u64 time_usec; f32 xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"
-        " abs_pressure diff_pressure pressure_alt temperature; u32 fields_updated + u8 id",
-    ),
-    "TIMESYNC": (111, "i64 tc1 ts1 + u8 target_system target_component"),
-    "HIL_GPS": (
-        113,
-        "u64 time_usec; i32 lat lon alt; u16 eph epv vel; i16 vn ve vd; u16 cog; u8 fix_type satellites_visible"
-        "+ u8 id; u16 yaw",
-    ),
-    "EKF_STATUS_REPORT": (
-        193,
-        "f32 velocity_variance pos_horiz_variance pos_vert_variance compass_variance terrain_alt_variance; u16 flags"
-        "+ f32 airspeed_variance",
-    ),
-    "ESTIMATOR_STATUS": (
-        230,
-        "u64 time_usec; f32 vel_ratio pos_horiz_ratio pos_vert_ratio mag_ratio hagl_ratio tas_ratio"
-        " pos_horiz_accuracy pos_vert_accuracy; u16 flags",
-    ),
-    "EXTENDED_SYS_STATE": (245, "u8 vtol_state landed_state"),
-    "STATUSTEXT": (253, "u8 severity; text text[50] + u16 id; u8 chunk_seq"),
-    "ODOMETRY": (
-        331,
-        "u64 time_usec; f32 x y z q[4] vx vy vz rollspeed pitchspeed yawspeed"
-        " pose_covariance[21] velocity_covariance[21]; u8 frame_id child_frame_id"
-        "+ u8 reset_counter estimator_type; i8 quality",
-    ),
-}
+"""Type in ``mavlink_messages.toml`` -> letter of ``struct``, and name in the definition."""
 
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Every byte with its bits in reverse order."""
@@ -218,6 +154,8 @@ def _definition(name: str, number: int, text: str) -> Definition:
         places=tuple(places),
     )
 
+
+_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 
 DEFINITIONS: Mapping[str, Definition] = MappingProxyType(
     {name: _definition(name, number, text) for name, (number, text) in _TABLE.items()}

@@ -39,7 +39,8 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from skyarm.world.contact.contact import ClosedContact, ContactMemory
+    from skyarm.world.contact.closed_contact import ClosedContact
+    from skyarm.world.contact.contact import ContactMemory
 
 IMPEDANCE = 1e-4
 """Impedance d of the constraints, the least that MuJoCo takes."""

@@ -843,7 +843,7 @@ class Scenario:
         """The contact model (surfaces, grippers) as a tuple of one; empty if there is nothing to touch."""
         if self.world is None or self.closure == "spring":
             return () if self.world is None else (self.world,)
-        from skyarm.world.contact.contact import ClosedContact
+        from skyarm.world.contact.closed_contact import ClosedContact
 
         return (ClosedContact(**parts(self.world)),)
 

@@ -25,7 +25,7 @@ from skyarm.simulate.check_endings import LaneEnd, statuses
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import table_of
-from skyarm.simulate.loop_state import AgentLoop, GivenRow, InputRow, LoopState, structure_of
+from skyarm.simulate.loop_state import AgentLoop, InputRow, LoopState, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
 
@@ -75,13 +75,6 @@ class LaneLoop:
         """Trace one control period of a batch into a program for machine code, from placeholder arguments."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
-
-
-def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
-    """Closed-loop inputs after a number of control periods: time, and the reference unless its task phases wait."""
-    if scenario.agent.reference.guards:
-        return InputRow(time=ticks / float(scenario.rates.control), reference=())
-    return held_row(scenario, ticks)
 
 
 def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:

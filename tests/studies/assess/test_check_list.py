@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import skyarm
-from skyarm.studies.assess.check_list import CHECKS, SCENARIO, VEHICLE
 from skyarm.studies.assess.finding import LEVELS
+from support.check_list import CHECKS, SCENARIO, VEHICLE
 
 ASSESS = Path(skyarm.__file__).parent / "studies/assess"
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

@@ -8,7 +8,9 @@ number whose interval a flight hardly narrows is not excited.
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.immutable import immutable
@@ -20,36 +22,7 @@ from skyarm.vehicle import Vehicle
 NOT_EXCITED = "not in this flight"
 """Text for a parameter on which a flight gives less than half of the information."""
 
-TITLES: Mapping[str, str] = {
-    "rotors.thrust_coefficient": "thrust coefficient",
-    "rotors.moment_coefficient": "torque over thrust of a rotor",
-    "rotors.time_constant_up": "time constant of a rotor, rising",
-    "rotors.time_constant_down": "time constant of a rotor, falling",
-    "rotors.inertia": "inertia of a rotor",
-    "rotors.drag_coefficient": "rotor drag",
-    "drag.area.x": "body drag along x",
-    "drag.area.y": "body drag along y",
-    "drag.area.z": "body drag along z",
-    "base.inertia.xx": "roll inertia",
-    "base.inertia.yy": "pitch inertia",
-    "base.inertia.zz": "yaw inertia",
-    "base.inertia.xy": "product of inertia xy",
-    "base.inertia.xz": "product of inertia xz",
-    "base.inertia.yz": "product of inertia yz",
-    "base.com.x": "centre of mass along x",
-    "base.com.y": "centre of mass along y",
-    "base.com.z": "centre of mass along z",
-    "delay": "dead time of the rotor commands",
-    "joint_delay": "dead time of the joint torques",
-    "accelerometer_delay": "delay of the accelerometer behind the gyro",
-    "sag": "exponent of the thrust over the voltage",
-    "drift": "drift of the thrust",
-    "pose_delay": "delay of the pose behind the gyro",
-    **{f"gyro_bias.{axis}": f"bias of the gyro about {axis}" for axis in "xyz"},
-    **{f"place.{axis}": f"place of the IMU along {axis}" for axis in "xyz"},
-    **{f"offset.{axis}": f"offset of the accelerometer along {axis}" for axis in "xyz"},
-    **{f"torque.{axis}": f"constant torque about {axis}" for axis in "xyz"},
-}
+TITLES: Mapping[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 """Parameter -> its readable name."""
 
 
