@@ -16,6 +16,7 @@ from skyarm.control.controller import FormerNameWarning
 from skyarm.records.files.messages import present_names
 from skyarm.studies.assess.former_words import upgrade_file
 from skyarm.studies.sweep.study_file import load_study
+from support.commands import skyarm as command
 
 FORMER = Path(__file__).resolve().parents[2] / "data" / "former"
 FILES = sorted(FORMER.rglob("*.toml"))
@@ -178,32 +179,22 @@ def test_names_that_skyarm_exports_no_more_are_renamed_or_told(tmp_path):
     assert found.notes == ("line 4: skyarm.BatchSession is now skyarm.envs, for lanes that are stepped",)
 
 
-def command(*words, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "skyarm", "check", *words],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-
-
-def test_the_command_writes_the_file_anew_and_keeps_the_one_before(tmp_path):
+def test_the_command_writes_the_file_anew_and_keeps_the_one_before(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     text = f'{HEAD}[controller]\npreset = "exact_ee"   # mine\n{HOVER}'
     (tmp_path / "old.toml").write_text(text)
-    refused = command("old.toml", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "1 word of an earlier version; 'skyarm check old.toml --upgrade'" in refused.stdout
+    refused = command("check", "old.toml")
+    assert refused.code == 2
+    assert "1 word of an earlier version; 'skyarm check old.toml --upgrade'" in refused.out
     assert (tmp_path / "old.toml").read_text() == text
-    done = command("old.toml", "--upgrade", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "controller.preset: 'exact_ee' -> 'centroidal_tip'" in done.stdout
+    done = command("check", "old.toml", "--upgrade")
+    assert done.code == 0
+    assert "controller.preset: 'exact_ee' -> 'centroidal_tip'" in done.out
     assert 'preset = "centroidal_tip"   # mine' in (tmp_path / "old.toml").read_text()
     assert (tmp_path / "old.toml.before").read_text() == text
     (tmp_path / "old.toml").write_text(text)
-    again = command("old.toml", "--upgrade", cwd=tmp_path)
-    assert again.returncode == 2
+    again = command("check", "old.toml", "--upgrade")
+    assert again.code == 2
     assert (tmp_path / "old.toml.before").read_text() == text
 
 

@@ -151,7 +151,7 @@ def test_a_sound_flight_of_good_sensors_raises_no_alarm():
 def test_rotors_that_tilt_are_flown_as_if_they_did_not():
     """No log that is read holds their angles; the vehicle that is found has them."""
     tilting = skyarm.load_vehicle("voliro_like")
-    time = np.arange(0.0, 3.0, 0.004)
+    time = np.arange(0.0, 2.4, 0.004)
     hover = np.sqrt(9.81 * tilting.mass / sum(float(r.thrust_coefficient) for r in tilting.rotors))
     rows = {
         "gyro": np.random.default_rng(1).normal(scale=1e-3, size=(len(time), 3)),
