@@ -8,14 +8,18 @@ Settling time is not among them. It asks when the error entered a band around it
 after the steady window only: the error's whole past would have to be kept. Two flights give it, or a log
 (:func:`skyarm.log.metrics.score.settling_time`).
 
+The definitions are rows of ``metric_catalogue.toml``.
+
 Source: Barakou et al. 2026, Table 2 and section 5.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -84,62 +88,20 @@ def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
     return measures
 
 
-TRACKING = _tracking("", "steady") | {
-    "position_min": _measure("min", "steady", "position", "smallest position error", "m"),
-    "position_max": _measure("max", "steady", "position", "largest position error", "m"),
-    "position_ripple": _measure("half_range", "steady", "position", "ripple of the position error", "m"),
-    "peak_position": _measure("max", "transient", "position", "largest position error in the transient", "m"),
-    "iae_position": _measure("integral", "whole", "position", "integral of the position error", "m s"),
-    "iae_joint": _measure("integral", "whole", "joint", "integral of the joint error", "rad s"),
-    "altitude_error_max": _measure("max", "whole", "altitude", "largest height error", "m"),
-    "x_error_max": _measure("max", "steady", "x", "actual minus desired x of the base, largest value", "m"),
-    "ee_time_outside": _measure(
-        "integral", "steady", "ee_outside", "time with the tip over 5 cm from its reference", "s"
-    ),
-}
+_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 
-GUST = _tracking("gust_", "gust", " in the gust") | {
-    "gust_peak_x": _measure("peak", "gust", "x", "x error of the base in the gust, value of largest size", "m"),
-    "gust_ee_peak_x": _measure("peak", "gust", "ee_x", "x error of the tip in the gust, value of largest size", "m"),
-    "gust_iae_position": _measure("integral", "gust", "position", "integral of the position error in the gust", "m s"),
-    "gust_iae_joint": _measure("integral", "gust", "joint", "integral of the joint error in the gust", "rad s"),
-}
 
-PAPER = {
-    "held_position_error": _measure("mean", "holds", "position", "mean position error while the arm is held", "m"),
-    "ee_error_last_mean": _measure("mean", "last", "ee", "mean tip error at the end", "m"),
-    "ee_error_last_max": _measure("max", "last", "ee", "largest tip error at the end", "m"),
-}
+def _rows(table: str) -> dict[str, Measure]:
+    return {name: _measure(*row) for name, row in _TABLES[table].items()}
 
-FREE = {
-    "pitch_mean": _measure("mean", "steady", "pitch", "mean pitch", "rad"),
-    "pitch_rms": _measure("rms", "steady", "pitch", "RMS pitch", "rad"),
-    "pitch_ripple": _measure("half_range", "steady", "pitch", "ripple of pitch", "rad"),
-    "roll_rms": _measure("rms", "steady", "roll", "RMS roll", "rad"),
-    "peak_pitch": _measure("max", "transient", "pitch_size", "largest pitch in the transient, without sign", "rad"),
-    "gust_pitch_rms": _measure("rms", "gust", "pitch", "RMS pitch in the gust", "rad"),
-    "gust_peak_pitch": _measure("peak", "gust", "pitch", "pitch in the gust, value of largest size", "rad"),
-    "tilt_rms": _measure("rms", "steady", "tilt", "RMS tilt", "rad"),
-    "tilt_max": _measure("max", "whole", "tilt", "largest tilt", "rad"),
-    "rate_rms": _measure("root", "steady", "rate_square", "RMS body rate", "rad/s"),
-    "rotor_jitter": _measure(
-        "root", "steady", "jitter_square", "RMS change of a rotor command between periods", "rad/s"
-    ),
-    "rotor_jitter_mean": _measure(
-        "mean", "steady", "jitter_size", "mean size of the change of a rotor command between periods", "rad/s"
-    ),
-    "rotor_saturation": _measure(
-        "mean", "steady", "rotor_limited", "fraction of periods with a rotor at its limit", ""
-    ),
-    "joint_saturation": _measure(
-        "mean", "steady", "joint_limited", "fraction of periods with a joint at its limit", ""
-    ),
-    "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the reference", "s"),
-    "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the reference", "s"),
-    "phases_done": _measure("max", "whole", "phase", "number of completed phases", "phases"),
-    # against the continuous reference always, as a mean height before the motion
-    "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "mean desired minus actual height in hover", "m"),
-}
+
+TRACKING = _tracking("", "steady") | _rows("tracking")
+
+GUST = _tracking("gust_", "gust", " in the gust") | _rows("gust")
+
+PAPER = _rows("paper")
+
+FREE = _rows("free")
 """Metrics without a counterpart for the continuous reference."""
 
 INTERACTION = {
@@ -148,7 +110,7 @@ INTERACTION = {
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of contact with the world, which a flight without contact lacks."""
 
-GRASPS = {"grasp_largest": _measure("largest", "whole", "grasp", "largest force at a grasp", "N")}
+GRASPS = _rows("grasps")
 """Metrics of the joints by which vehicles hold a body."""
 
 REFERRED = TRACKING | GUST | PAPER

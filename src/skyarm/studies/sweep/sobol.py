@@ -7,31 +7,32 @@ import numpy.typing as npt
 
 BITS = 32
 
-# (degree, inner coefficients of the primitive polynomial as bits, first odd numbers), from the second dimension on
-_JOE_KUO: tuple[tuple[int, int, tuple[int, ...]], ...] = (
-    (1, 0, (1,)),
-    (2, 1, (1, 3)),
-    (3, 1, (1, 3, 1)),
-    (3, 2, (1, 1, 1)),
-    (4, 1, (1, 1, 3, 3)),
-    (4, 4, (1, 3, 5, 13)),
-    (5, 2, (1, 1, 5, 5, 17)),
-    (5, 4, (1, 1, 5, 5, 5)),
-    (5, 7, (1, 1, 7, 11, 19)),
-    (5, 11, (1, 1, 5, 1, 1)),
-    (5, 13, (1, 1, 1, 3, 11)),
-    (5, 14, (1, 3, 5, 5, 31)),
-    (6, 1, (1, 3, 3, 9, 7, 49)),
-    (6, 13, (1, 1, 1, 15, 21, 21)),
-    (6, 16, (1, 3, 1, 13, 27, 49)),
-    (6, 19, (1, 1, 1, 15, 7, 5)),
-    (6, 22, (1, 3, 1, 15, 13, 25)),
-    (6, 25, (1, 1, 5, 5, 19, 61)),
-    (7, 1, (1, 3, 7, 11, 23, 15, 103)),
-    (7, 4, (1, 3, 7, 13, 13, 15, 69)),
-)
+# degree, inner coefficients of the primitive polynomial as bits, first odd numbers; from the second dimension on
+_JOE_KUO = """\
+1 0 1
+2 1 1 3
+3 1 1 3 1
+3 2 1 1 1
+4 1 1 1 3 3
+4 4 1 3 5 13
+5 2 1 1 5 5 17
+5 4 1 1 5 5 5
+5 7 1 1 7 11 19
+5 11 1 1 5 1 1
+5 13 1 1 1 3 11
+5 14 1 3 5 5 31
+6 1 1 3 3 9 7 49
+6 13 1 1 1 15 21 21
+6 16 1 3 1 13 27 49
+6 19 1 1 1 15 7 5
+6 22 1 3 1 15 13 25
+6 25 1 1 5 5 19 61
+7 1 1 3 7 11 23 15 103
+7 4 1 3 7 13 13 15 69
+"""
+_ROWS = [[*map(int, line.split())] for line in _JOE_KUO.splitlines()]
 
-DIMENSIONS = 1 + len(_JOE_KUO)
+DIMENSIONS = 1 + len(_ROWS)
 """Largest number of dimensions for which there are direction numbers."""
 
 
@@ -44,8 +45,7 @@ def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
     if dimension == 0:
         m = [1] * BITS
     else:
-        degree, inner, first = _JOE_KUO[dimension - 1]
-        m = list(first)
+        degree, inner, *m = _ROWS[dimension - 1]
         for k in range(degree, BITS):
             value = m[k - degree] ^ (m[k - degree] << degree)
             for i in range(1, degree):
