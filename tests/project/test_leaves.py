@@ -140,7 +140,18 @@ def test_the_library_and_a_free_flight_load_no_leaf() -> None:
     assert "skyarm.links.autopilots.px4" in loaded("from skyarm.records.registry import find; find('autopilot', 'px4')")
 
 
-@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["show", "hummingbird"], ["studio", "--help"]])
+NIGHTLY = pytest.mark.thorough
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        pytest.param(["run", "--help"], marks=NIGHTLY),
+        ["show", "hummingbird"],
+        pytest.param(["studio", "--help"], marks=NIGHTLY),
+    ],
+)
 def test_commands_of_the_house_load_no_leaf(words: list[str]) -> None:
     program = f"import sys; sys.argv = ['skyarm', *{words}]; from skyarm.cli.commands import perform; perform()"
     assert loaded(program) == set()

@@ -157,6 +157,7 @@ def test_other_vehicles_fly_their_axes_with_gains_for_them():
         fly_suite(alone, None)
 
 
+@pytest.mark.thorough
 def test_commands_that_become_late_are_on_time_before():
     """A lane is the flight with a change at 8 s; until then all lanes are the flight without delay, to the bit."""
     axis = dataclasses.replace(AXES["delay_in_flight"], values=(0.0, 0.02))
