@@ -102,12 +102,13 @@ def write_csv(log: Log, path: PathLike) -> Path:
 
 
 def _texts(column: Array, written: dict[bytes, list[str]]) -> list[str]:
-    """Format the numbers of a column as the shortest texts that are read back exactly."""
+    """Format the numbers of a column as the shortest texts that are read back exactly; equal neighbours once."""
     bits = column.tobytes()
     if bits not in written:
-        same = bits == bits[:8] * column.size
-        texts = list(map(repr, (column[:1] if same else column).tolist()))
-        written[bits] = texts * column.size if same else texts
+        numbers = np.frombuffer(bits, dtype=np.int64)
+        first = np.flatnonzero(np.diff(numbers, prepend=~numbers[:1]))
+        texts = np.array(list(map(repr, column[first].tolist())), dtype=object)
+        written[bits] = np.repeat(texts, np.diff(first, append=column.size)).tolist()
     return written[bits]
 
 
