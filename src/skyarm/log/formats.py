@@ -97,8 +97,7 @@ def write_csv(log: Log, path: PathLike) -> Path:
     every = columns(log)
     heads = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in every]
     rows = zip(*(_texts(each.of(log), written) for each in every), strict=True)
-    lines = "".join(f"{','.join(row)}\n" for row in rows)
-    return write_atomically(path, f"{','.join(heads)}\n{lines}".encode())
+    return write_atomically(path, "\n".join([*map(",".join, (heads, *rows)), ""]).encode())
 
 
 def _texts(column: Array, written: dict[bytes, list[str]]) -> list[str]:

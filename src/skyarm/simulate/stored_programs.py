@@ -50,7 +50,8 @@ def program_name(scenario: Scenario, *details: object) -> str:
     """Text that identifies a flight's program; empty for one that is not stored.
 
     Args:
-        scenario: scenario with concrete numbers. details: whatever else the program depends on.
+        scenario: scenario with concrete numbers.
+        *details: whatever else the program depends on.
     """
     sources = sources_digest()
     if not sources or all_files(scenario):
