@@ -20,7 +20,6 @@ from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import Assembly, Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.controller import Controller
 from skyarm.control.law_estimates import PushAlone
@@ -142,9 +141,10 @@ class EpisodeCode:
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
         loop = self._trace(self._step)
+        written = Assembly.of(loop, Lanes(1), logging=True)
         if effort is None:
-            effort = 0 if self.scenario.steps * operations(loop.program.nodes) < SHORT else 2
-        written = Assembly.of(loop, Lanes(1), logging=True, effort=effort)
+            effort = 0 if self.scenario.steps * written.size < SHORT else 2
+        written = replace(written, effort=min(effort, written.effort))
         program = FlightProgram(loop, written, tuple(self.substeps.traced.items()))
         store_program(name, program)
         return program
