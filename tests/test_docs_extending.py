@@ -168,7 +168,8 @@ def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest
     monkeypatch.syspath_prepend(package.parent)
     entry = metadata.EntryPoint(name, module, plugins.GROUP)
     made = types.SimpleNamespace(name=table["project"]["name"], version=table["project"]["version"])
-    monkeypatch.setattr(plugins.metadata, "entry_points", lambda *, group: [entry._for(made)])  # type: ignore[attr-defined]
+    monkeypatch.setattr(plugins, "may_extend", lambda group: True)
+    monkeypatch.setattr(metadata, "entry_points", lambda *, group: [entry._for(made)])  # type: ignore[attr-defined]
     with registry_kept():
         plugins.load_installed()
         assert plugins.identities()[made.name] == f"version {made.version}"

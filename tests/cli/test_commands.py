@@ -34,6 +34,15 @@ def shell(*arguments: str, cwd: Path | None = None) -> Outcome:
     return Outcome(done.returncode, done.stdout, done.stderr)
 
 
+def test_values_that_need_no_conversion_load_no_library_that_converts() -> None:
+    program = "import sys; from skyarm.cli.main import main; main()"
+    watched = program.replace("main()", "sys.exit = lambda code: print(code, 'pydantic' in sys.modules); main()")
+    done = subprocess.run(
+        [sys.executable, "-c", watched, "check", "case1", "--quiet"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["0", "False"]
+
+
 def test_the_version_is_printed() -> None:
     assert succeeded(shell("--version")).strip() == skyarm.__version__
 

@@ -55,6 +55,14 @@ def test_csv_round_trips_every_number_exactly(log: Log, tmp_path: Path) -> None:
         assert np.array_equal(read[:, header.index(name)], wanted), name
 
 
+def test_csv_tells_equal_neighbours_from_zeros_of_either_sign(log: Log, tmp_path: Path) -> None:
+    values = np.resize([0.0, 0.0, -0.0, 1.5, 1.5, 1.5, np.nan, np.inf, 0.1], log.time.size)
+    with dataclasses.replace(log, yaw_held=values).save_csv(tmp_path / "flight.csv").open(newline="") as stream:
+        heads, *rows = list(csv.reader(stream))
+    place = [head.split(" [")[0] for head in heads].index("yaw_held")
+    assert [row[place] for row in rows] == [repr(float(value)) for value in values]
+
+
 def test_every_array_says_its_unit_and_csv_heads_name_it(log: Log, tmp_path: Path) -> None:
     assert set(log.units) == set(log.arrays())
     assert log.units["rate"] is units(State)["rate"]

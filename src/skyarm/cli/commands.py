@@ -13,8 +13,10 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
-from typing import Annotated, Any
+from types import SimpleNamespace
+from typing import Annotated, Any, TypeAlias
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -32,6 +34,9 @@ from skyarm.records.registry.shipped import SECTIONS
 
 COMMANDS = {name: title for section in SECTIONS.values() for name, (_, title) in section.items()}
 """Shipped command -> its line of the help."""
+
+Parsed: TypeAlias = Any
+"""Context or parameter of a parsed command: an object of click, or of the copy that some versions of typer contain."""
 
 PLUGIN = "--plugin"
 
@@ -58,7 +63,33 @@ def top(
         console.print(context.get_help(), soft_wrap=True)
 
 
-class Spelled(TyperCommand):
+class LateConversion:
+    """Command whose parameters convert only values that are not what they shall be yet.
+
+    Newer versions of typer convert by pydantic, whose import takes as long as half of NumPy's.
+    """
+
+    def get_params(self, ctx: Parsed) -> list[Parsed]:
+        """Parameters of the command, ``--help`` included."""
+        parameters: list[Parsed] = super().get_params(ctx)  # type: ignore[misc]
+        for each in parameters:
+            kind = getattr(each, "type_descriptor", None)
+            if kind is not None and not kind.is_ranged and kind.parameter_info.parser is None:
+                each.get_runtime_param = partial(SimpleNamespace, coerce=partial(_converted, kind.annotation))
+        return parameters
+
+
+def _converted(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
+    """Value of a parameter as its kind; a text that is not printable may be of bytes that are none."""
+    several = param.multiple or param.nargs == -1
+    if value is None:
+        return () if several else None
+    if type(value) is kind and not several and (kind is not str or value.isprintable()):
+        return value
+    return type(param).get_runtime_param(param).coerce(value, param=param, ctx=ctx)
+
+
+class Spelled(LateConversion, TyperCommand):
     """Typer command that accepts older spellings of its options with a note, and hides them from the help."""
 
     def __init__(self, *words: Any, **more: Any) -> None:
@@ -67,7 +98,7 @@ class Spelled(TyperCommand):
         for each in self.params:  # a short name that a plugin's command has for something else stays its own
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
+    def format_options(self, ctx: Parsed, formatter: Any) -> None:
         """Write the help of a command: its subcommands, its own options and shared options, each spelled once."""
         begin, every = f"{ctx.info_name} ", ctx.parent.command.commands
         parts = {name.removeprefix(begin): each for name, each in every.items() if name.startswith(begin)}
@@ -75,14 +106,14 @@ class Spelled(TyperCommand):
             with formatter.section("Commands"):
                 formatter.write_dl([(name, each.get_short_help_str(60)) for name, each in parts.items()])
         shared = [{each.name for each in part.params} for part in parts.values()]
-        options: list[Any] = self.params
+        options: list[Parsed] = self.params
         for each in options:
             each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
             has = [each.name in names for names in shared]  # its own options, of no part, are those of older spellings
             each.hidden = each.hidden or (any(has) and not all(has))
         super().format_options(ctx, formatter)
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Parsed, args: list[str]) -> list[str]:
         """Parse the arguments of a command, and print a note for each option in an older spelling."""
         words = dict.fromkeys(word.partition("=")[0] for word in args)
         left = super().parse_args(ctx, args)
@@ -93,10 +124,10 @@ class Spelled(TyperCommand):
         return left
 
 
-class Grouped(TyperGroup):
+class Grouped(LateConversion, TyperGroup):
     """Typer group whose help lists commands in sections, and whose errors give a renamed command's present name."""
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+    def resolve_command(self, ctx: Parsed, args: list[str]) -> Any:
         """Find the command named by the first argument, or by the first two."""
         if " ".join(args[:2]) in self.commands:
             args = [" ".join(args[:2]), *args[2:]]
@@ -104,7 +135,7 @@ class Grouped(TyperGroup):
             ctx.fail(f"command {args[0]!r}: is now {now}")
         return super().resolve_command(ctx, args)
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: Parsed, formatter: Any) -> None:
         """Write the commands of the help, section by section."""
         others = [name for name, each in self.commands.items() if name not in COMMANDS and not each.hidden]
         for title, names in {**SECTIONS, "Plugins": others}.items():

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from types import FrameType
 
-PATIENCE = 50_000
+PATIENCE = 200_000
 """Number of new objects before the first garbage collection; imported libraries and traced programs are many lasting
 objects."""
 
@@ -40,8 +40,10 @@ def main() -> None:
     with endings() as came:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
+            from skyarm.records.files.own_sources import begin_command
             from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
 
+            begin_command()
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
             short = below_floor(installed_versions(name for name in FLOORS if name != REPLACEABLE))
             if short:

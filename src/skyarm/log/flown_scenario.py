@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, TypeAlias
 
 from skyarm.records.files import must_be_one_of, shown
@@ -59,9 +60,15 @@ def restored_at(info: Info, path: str) -> Any:
 def restore_written(info: Info, written: Plain) -> Any:
     """Restore a dataclass from plain data in a log; None if that fails."""
     try:
-        return restore(written, info.get("plugins"))
+        return _restored(json.dumps((written, info.get("plugins"))))
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
+
+
+@lru_cache(maxsize=16)
+def _restored(text: str) -> Any:
+    """Restore a dataclass from JSON text of its plain data and of the plugins of then; most are read repeatedly."""
+    return restore(*json.loads(text))
 
 
 def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:

@@ -96,17 +96,17 @@ def write_csv(log: Log, path: PathLike) -> Path:
     every = columns(log)
     heads = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in every]
     rows = zip(*(_texts(each.of(log), written) for each in every), strict=True)
-    lines = "".join(f"{','.join(row)}\n" for row in rows)
-    return write_atomically(path, f"{','.join(heads)}\n{lines}".encode())
+    return write_atomically(path, "\n".join([*map(",".join, (heads, *rows)), ""]).encode())
 
 
 def _texts(column: Array, written: dict[bytes, list[str]]) -> list[str]:
-    """Format the numbers of a column as the shortest texts that are read back exactly."""
+    """Format the numbers of a column as the shortest texts that are read back exactly; equal neighbours once."""
     bits = column.tobytes()
     if bits not in written:
-        same = bits == bits[:8] * column.size
-        texts = list(map(repr, (column[:1] if same else column).tolist()))
-        written[bits] = texts * column.size if same else texts
+        numbers = np.frombuffer(bits, dtype=np.int64)
+        first = np.flatnonzero(np.diff(numbers, prepend=~numbers[:1]))
+        texts = np.array(list(map(repr, column[first].tolist())), dtype=object)
+        written[bits] = np.repeat(texts, np.diff(first, append=column.size)).tolist()
     return written[bits]
 
 

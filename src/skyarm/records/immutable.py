@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import cache
+from operator import attrgetter
 from typing import TypeVar, cast, dataclass_transform, overload
 
 T = TypeVar("T")
@@ -45,6 +46,27 @@ def short_repr(record: object) -> str:
     return line[: LONGEST - 4] + "...)"
 
 
+def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
+    """Give a dataclass equality and hash by its fields, unless they are among its own methods.
+
+    Python compiles these methods anew for every class, which for all classes of a command takes 40 ms.
+    """
+    names = [each.name for each in fields(kind) if each.compare]
+    # of no field and of one an attrgetter makes no tuple
+    values = attrgetter(*names, *["__class__"] * (2 - len(names)))
+
+    def equal(self: object, other: object) -> bool:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    def number(self: object) -> int:
+        return hash(values(self))
+
+    if "__eq__" not in own:
+        kind.__eq__ = equal  # type: ignore[method-assign,assignment]
+    if own.get("__hash__") is None:
+        kind.__hash__ = number  # type: ignore[method-assign,assignment]
+
+
 @overload
 def immutable(kind: type[T], /) -> type[T]: ...
 
@@ -67,9 +89,12 @@ def immutable(
     """
 
     def make(kind: type[T]) -> type[T]:
-        made = dataclass(**{"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options})(kind)
+        usual = {"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options}
+        made = dataclass(**usual | {"eq": False})(kind)
         if made.__repr__ is object.__repr__:
             made.__repr__ = short_repr  # type: ignore[method-assign]
+        if usual.get("eq", True):
+            _compare_fields(made, vars(kind))
         return made
 
     return make if kind is None else make(kind)

@@ -103,7 +103,9 @@ def declared_units(of: object) -> dict[str, tuple[object, Unit]]:
     Empty if an annotation cannot be evaluated: a name that only type checkers import.
     """
     try:
-        kinds, full = typing.get_type_hints(of), typing.get_type_hints(of, include_extras=True)
+        full = typing.get_type_hints(of, include_extras=True)
+        # evaluated already, which takes the time
+        kinds = typing.get_type_hints(types.SimpleNamespace(__annotations__=full))
     except (NameError, TypeError):
         return {}
     return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}

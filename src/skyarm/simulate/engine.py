@@ -17,10 +17,9 @@ import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.kernel import Assembly, Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.controller import Controller
 from skyarm.control.law_estimates import PushAlone
@@ -52,6 +51,7 @@ from skyarm.simulate.plant_steps import (
 )
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
+from skyarm.simulate.stored_programs import FlightProgram, load_program, program_name, store_program
 from skyarm.simulate.user_code import require_shapes
 
 SHORT = 500_000_000
@@ -121,18 +121,33 @@ class EpisodeCode:
         else:
             around = first_surroundings(scenario, self.first)
             self._plant = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
-        self.loop = self._trace(self._step)
-        self.sample: Sample = self.loop.result[1]
         self.kernel: Kernel | None = None
         if machine_code:
-            if effort is None:
-                effort = 0 if scenario.steps * operations(self.loop.program.nodes) < SHORT else 2
-            self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
+            # of a program with numbers the scenario that it is traced from is not the one that flies
+            name = "" if any(key or ()) else program_name(scenario, commands, effort)
+            program = load_program(name) or self._write_program(name, effort)
+            self.loop = program.loop
+            self.substeps.traced.update(program.substeps)
+            self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
+        else:
+            self.loop = self._trace(self._step)
+        self.sample: Sample = self.loop.result[1]
 
     @cached_property
     def inputs(self) -> FlightInputs:
         """Times and references of the scenario that the program was traced from."""
         return FlightInputs(self.scenario)
+
+    def _write_program(self, name: str, effort: int | None) -> FlightProgram:
+        """Trace a control period and write it in LLVM's language; store it under its name."""
+        loop = self._trace(self._step)
+        written = Assembly.of(loop, Lanes(1), logging=True)
+        if effort is None:
+            effort = 0 if self.scenario.steps * written.size < SHORT else 2
+        written = replace(written, effort=min(effort, written.effort))
+        program = FlightProgram(loop, written, tuple(self.substeps.traced.items()))
+        store_program(name, program)
+        return program
 
     def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []

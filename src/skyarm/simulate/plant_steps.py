@@ -42,19 +42,23 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 
 
 class Substeps:
-    """Number of integration steps in an interval (s); records the intervals that are compiled into a program."""
+    """Number of integration steps in an interval (s).
+
+    Attributes:
+        traced: intervals that are compiled into a program, with their numbers.
+    """
 
     def __init__(self, plant: RigidBodyPlant) -> None:
-        self._plant, self._traced = plant, dict[float, Steps]()
+        self._plant, self.traced = plant, dict[float, Steps]()
 
     def __call__(self, seconds: float) -> Steps:
         """Return the number of integration steps in an interval of ``seconds``, and record both."""
-        self._traced[seconds] = self._plant.substeps(seconds)
-        return self._traced[seconds]
+        self.traced[seconds] = self._plant.substeps(seconds)
+        return self.traced[seconds]
 
     def fit(self, plant: RigidBodyPlant) -> bool:
         """True if another plant needs the same number of integration steps in all compiled intervals."""
-        return all(plant.substeps(seconds) == count for seconds, count in self._traced.items())
+        return all(plant.substeps(seconds) == count for seconds, count in self.traced.items())
 
 
 class RigidBodySteps:

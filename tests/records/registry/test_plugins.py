@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
+import sys
 import types
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 from skyarm import Force
+from skyarm.records.files import packages
 from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.records.registry.plugins import (
     Plugin,
@@ -180,7 +184,8 @@ def installed(monkeypatch, *entries):
     def entry_points(*, group):
         return [entry for entry in entries if entry.group == group]
 
-    monkeypatch.setattr(plugins.metadata, "entry_points", entry_points)
+    monkeypatch.setattr(plugins, "may_extend", lambda group: True)
+    monkeypatch.setattr(metadata, "entry_points", entry_points)
     load_installed()
 
 
@@ -188,6 +193,27 @@ def test_installed_packages_register_under_their_distribution(monkeypatch):
     installed(monkeypatch, Entry("pack", registering("from_pack"), "3.4"))
     assert registrations("force")["from_pack"].source == "dist-pack 3.4"
     assert identities()["dist-pack"] == "version 3.4"
+
+
+@pytest.mark.parametrize("folder", ["from_disk-2.0.dist-info", "from_disk.egg-info", "from_disk.egg/EGG-INFO"])
+def test_a_package_on_disk_is_found_by_its_entry_points(tmp_path, monkeypatch, folder):
+    monkeypatch.setattr(sys, "path", [each for each in sys.path if not os.path.isfile(each)])
+    assert not packages.may_extend(plugins.GROUP), "none is installed here"
+    about, name = tmp_path / folder, f"from_disk_{len(folder)}"
+    about.mkdir(parents=True)
+    (about.parent / f"{name}.py").write_text(f"import skyarm\n\nskyarm.register.force({name!r})(skyarm.Force)\n")
+    (about / "entry_points.txt").write_text(f"[{plugins.GROUP}]\nown = {name}\n")
+    for each in ("METADATA", "PKG-INFO"):
+        (about / each).write_text("Metadata-Version: 2.1\nName: from-disk\nVersion: 2.0\n")
+    monkeypatch.syspath_prepend(about.parent)
+    load_installed()
+    assert registrations("force")[name].source == "from-disk 2.0"
+
+
+def test_a_zip_file_on_the_path_may_have_entry_points(tmp_path, monkeypatch):
+    (tmp_path / "packages.zip").write_bytes(b"")
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "packages.zip")])
+    assert packages.may_extend(plugins.GROUP)
 
 
 def test_a_broken_package_costs_only_its_own_names(monkeypatch):

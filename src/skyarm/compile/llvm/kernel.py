@@ -20,6 +20,7 @@ from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.immutable import immutable
 
 if TYPE_CHECKING:
     import llvmlite.binding as llvm
@@ -66,6 +67,27 @@ def host_width(*, single: bool = False) -> int:
     return bits // (32 if single else 64)
 
 
+@immutable(kw_only=False)
+class Assembly:
+    """Program in LLVM's language, from which machine code is made.
+
+    Attributes:
+        text: assembly. size: number of operations of a step. effort: effort of the compiler.
+    """
+
+    text: str
+    size: int
+    effort: int
+
+    @staticmethod
+    def of(loop: Loop, lanes: Lanes, *, logging: bool = False, effort: int = 2) -> Assembly:
+        """Write a program in LLVM's language; the arguments are those of :class:`Kernel`."""
+        size = written = operations(loop.program.nodes)
+        if size > LARGE:  # code that is called many times is compiled once
+            written = operations(loop.program.nodes, written=True)
+        return Assembly(assembly(loop, lanes, logging=logging), size, effort if written <= LARGE else 0)
+
+
 class Kernel:
     """Machine code of a traced loop that advances many simulations (SIMD lanes) at once.
 
@@ -74,20 +96,26 @@ class Kernel:
         logging: compile in the writing of the log.
         effort: 1 and above, or 0 for code that is made four times as fast and runs a third as fast; the same numbers.
             0 for programs of more than ``LARGE`` operations.
+        written: the program in LLVM's language, if it is written already.
     """
 
-    def __init__(self, loop: Loop, lanes: Lanes | None = None, *, logging: bool = False, effort: int = 2) -> None:
+    def __init__(
+        self,
+        loop: Loop,
+        lanes: Lanes | None = None,
+        *,
+        logging: bool = False,
+        effort: int = 2,
+        written: Assembly | None = None,
+    ) -> None:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        size = written = operations(loop.program.nodes)
-        if size > LARGE:  # code that is called many times is compiled once
-            written = operations(loop.program.nodes, written=True)
-        text = assembly(loop, self.lanes, logging=logging)
-        self.engine = _make_engine(text, effort if written <= LARGE else 0)
+        text = written or Assembly.of(loop, self.lanes, logging=logging, effort=effort)
+        self.engine = _make_engine(text.text, text.effort)
         address = self.engine.get_function_address(CALL)
         self.quick = QUICK(address)
-        self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, size))
+        self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, text.size))
 
     @property
     def dtype(self) -> Any:
@@ -178,14 +206,19 @@ def _make_engine(text: str, effort: int) -> llvm.ExecutionEngine:
     return _load_engine(content)
 
 
-@llvm_needed()
 def _identity(text: str, effort: int) -> str:
     """Text that identifies object code in the cache: assembly, versions, processor, optimisation level."""
+    return f"{text}\n{processor()}\n{effort}"
+
+
+@llvm_needed()
+def processor() -> str:
+    """Text that identifies this processor and the version of LLVM."""
     import llvmlite
     import llvmlite.binding as llvm
 
     triple, cpu = llvm.get_default_triple(), llvm.get_host_cpu_name()
-    return "\n".join((text, llvmlite.__version__, triple, cpu, _features(), str(effort)))
+    return "\n".join((llvmlite.__version__, triple, cpu, _features()))
 
 
 @llvm_needed()

@@ -222,16 +222,15 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
     """
     quiet, sizes, count = ("input", "const", "item", "result"), dict[int, int](), 0
 
-    def of(node: Node) -> int:
-        if node.op != "apply":
-            return 1
-        if id(node.value) not in sizes:
-            sizes[id(node.value)] = operations(node.value.nodes, written=written)
-        return 0 if written else sizes[id(node.value)]
+    def of(block: Node) -> int:
+        """Number of operations of a call beyond the one that it is."""
+        if id(block.value) not in sizes:
+            sizes[id(block.value)] = operations(block.value.nodes, written=written)
+        return -1 if written else sizes[id(block.value)] - 1
 
     for node, body in arrange(nodes):
         if node.op == "repeat":
-            count += sum(map(of, body)) * node.value[0]
+            count += (len(body) + sum(of(each) for each in body if each.op == "apply")) * node.value[0]
         elif node.op not in quiet:
-            count += of(node)
+            count += of(node) + 1 if node.op == "apply" else 1
     return count + (sum(sizes.values()) if written else 0)

@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -46,6 +47,19 @@ def installed_versions(packages: Iterable[str], path: Iterable[str] | None = Non
                     here[name] = version
         versions = here | versions
     return versions
+
+
+def may_extend(group: str) -> bool:
+    """True if an installed package, or what lies in a zip file on the path, may have an entry point of a group."""
+    for folder in sys.path:
+        if os.path.isfile(folder):
+            return True
+        for entry in _entries(folder):
+            if entry.endswith((METADATA, ".egg-info", "EGG-INFO")):
+                with suppress(OSError), open(os.path.join(folder, entry, "entry_points.txt"), "rb") as file:
+                    if group.encode() in file.read():
+                        return True
+    return False
 
 
 def below_floor(versions: dict[str, str]) -> str | None:

@@ -12,7 +12,7 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Mapping
-from importlib import import_module, metadata
+from importlib import import_module
 from importlib.abc import SourceLoader
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec, spec_from_file_location, spec_from_loader
@@ -21,6 +21,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from skyarm.records.files import shown, unreadable
+from skyarm.records.files.packages import may_extend
 from skyarm.records.files.user_code import (
     INSTALLED,
     MISSING,
@@ -316,6 +317,11 @@ def register_loaded_law(text: str) -> bool:
 
 def load_installed() -> None:
     """Load the plugins of installed packages; a broken one is skipped with a warning."""
+    if not may_extend(GROUP):
+        return
+    # its import takes a fifth of NumPy's
+    from importlib import metadata
+
     for entry in metadata.entry_points(group=GROUP):
         distribution = entry.dist
         name = distribution.name if distribution is not None else entry.value

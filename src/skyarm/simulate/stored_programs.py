@@ -1,0 +1,78 @@
+"""Programs of flights on disk, beside their machine code, so that a command that is repeated traces nothing.
+
+A program is found by all that it was traced from: scenario, source files of the library, versions and processor. Where
+code of the user's could take part, in the scenario or by a plugin, nothing is stored.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import zlib
+from dataclasses import replace
+
+import numpy as np
+
+from skyarm.compile.llvm import object_cache
+from skyarm.compile.llvm.kernel import Assembly, processor
+from skyarm.compile.llvm.shared_steps import cores
+from skyarm.compile.tracing.program import Loop
+from skyarm.compile.tracing.tracer import Lowered
+from skyarm.plant.compiled import Steps
+from skyarm.records.files.own_sources import sources_digest
+from skyarm.records.identity import all_files
+from skyarm.records.immutable import immutable
+from skyarm.records.plain import plain
+from skyarm.records.restore import restore
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import structure_of
+
+ALGEBRA = ("NPY_", "OPENBLAS_", "MKL_", "OMP_", "BLIS_")
+"""First letters of the environment variables on which the last bits of NumPy's linear algebra depend."""
+
+
+@immutable(kw_only=False)
+class FlightProgram:
+    """Traced program of a control period as machine code needs it.
+
+    Attributes:
+        loop: its operations and scalars are left out where it is stored. assembly: its text for LLVM.
+        substeps: intervals (s) that it was traced with, each with its number of integration steps.
+    """
+
+    loop: Loop
+    assembly: Assembly
+    substeps: tuple[tuple[float, Steps], ...]
+
+
+def program_name(scenario: Scenario, *details: object) -> str:
+    """Text that identifies a flight's program; empty for one that is not stored.
+
+    Args:
+        scenario: scenario with concrete numbers.
+        *details: whatever else the program depends on.
+    """
+    sources = sources_digest()
+    if not sources or all_files(scenario):
+        return ""
+    content = json.dumps([plain(scenario), details])
+    if "<lambda>" in content:  # two of one place have one name
+        return ""
+    variables = sorted(each for each in os.environ.items() if each[0].startswith(ALGEBRA))
+    return "\n".join((sources, content, sys.version, np.__version__, processor(), f"{cores()} {variables}"))
+
+
+def load_program(name: str) -> FlightProgram | None:
+    """Read a stored program by its name; None if there is none."""
+    content = object_cache.load(name) if name else None
+    program: FlightProgram | None = None if content is None else restore(json.loads(zlib.decompress(content)))
+    return program
+
+
+def store_program(name: str, program: FlightProgram) -> None:
+    """Store a program under its name, without its operations; an empty name stores nothing."""
+    if name:
+        loop = program.loop
+        shape = replace(loop, program=Lowered((), (), ()), result=((), structure_of(loop.result[1])))
+        object_cache.store(name, zlib.compress(json.dumps(plain(replace(program, loop=shape))).encode(), 1))

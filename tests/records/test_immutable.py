@@ -1,0 +1,66 @@
+"""Records of one class are equal if their fields are, as dataclasses of Python are."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from skyarm.records.immutable import immutable
+
+
+def pair(*options, **fields):
+    """The same class as a record of ours and as a dataclass of Python."""
+    body = {"__annotations__": dict.fromkeys(fields, "object"), "__module__": __name__}
+    body |= {name: each for name, each in fields.items() if each is not ...}
+    ours = immutable(kw_only=False)(type("Ours", (), dict(body)))
+    return ours, dataclass(frozen=True, slots=True)(type("Python", (), dict(body)))
+
+
+@pytest.mark.parametrize(
+    ("fields", "values"),
+    [
+        ({}, [()]),
+        ({"a": ...}, [(1.0,), (1,), (2.0,), (np.nan,), ((1.0,),), (-0.0,), (0.0,)]),
+        ({"a": ..., "b": 3.0}, [(1.0,), (1.0, 3.0), (1.0, 2.0), (2.0, 3.0)]),
+        ({"a": ..., "b": field(default=3.0, compare=False)}, [(1.0,), (1.0, 2.0), (2.0, 3.0)]),
+    ],
+)
+def test_equality_and_hash_are_those_of_a_dataclass(fields, values):
+    ours, python = pair(**fields)
+    for one in values:
+        for other in values:
+            same = ours(*one) == ours(*other)
+            assert same is (python(*one) == python(*other))
+            assert not same or hash(ours(*one)) == hash(ours(*other))
+        assert ours(*one) != python(*one)
+
+
+def test_records_of_two_classes_differ_and_identity_or_a_comparison_of_its_own_is_kept():
+    @immutable
+    class Length:
+        value: float
+
+    class Longer(Length):
+        pass
+
+    @immutable(eq=False)
+    class Alone:
+        value: float
+
+    @immutable
+    class Any:  # noqa: PLW1641
+        value: float
+
+        def __eq__(self, other):
+            return True
+
+    assert Length(value=1.0) != Longer(value=1.0)
+    assert Alone(value=1.0) != Alone(value=1.0)
+    assert Any(value=1.0) == Any(value=2.0)
+    assert hash(Any(value=1.0)) == hash(Any(value=1.0)) != hash(Any(value=2.0))
+
+    @dataclass(frozen=True)
+    class OfTheUsers(Length):
+        more: float = 0.0
+
+    assert OfTheUsers(value=1.0) == OfTheUsers(value=1.0) != OfTheUsers(value=1.0, more=2.0)
