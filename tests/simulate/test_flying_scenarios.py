@@ -38,7 +38,7 @@ HEAVY = ("hexarotor12_arm5", "quadrotor_roll_arm2", "hummingbird_arm2_twin")
 """Whose flights are like those of others, or take seconds to make into code."""
 
 LIGHT = ("hexacopter680_flying_arm_2", "hextilt_flying_arm_5")
-"""Whose published base has less inertia than the arm: the hybrid computed torque is unstable in their hover."""
+"""Whose published base has less inertia about roll than the arm: the hybrid computed torque is unstable in hover."""
 
 STEADY = [name for name in FLYABLE if name not in LIGHT]
 
