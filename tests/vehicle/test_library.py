@@ -16,8 +16,11 @@ from skyarm.vehicle.vehicle_records import require_plant
 NAMES = (
     "crazyflie_arm1",
     "dragonfly",
+    "hexacopter370_flying_arm_3",
+    "hexacopter680_flying_arm_2",
     "hexarotor12_arm5",
     "hexarotor_arm6",
+    "hextilt_flying_arm_5",
     "hummingbird",
     "hummingbird_arm2",
     "hummingbird_arm2_rotors",

@@ -16,7 +16,7 @@ from support.cases import toml_text
 Document = dict[str, Any]
 
 HEALTHY = tuple(name for name in list_vehicles() if name != "hummingbird_arm2")
-"""The ten that fly; the paper's own model is not a body."""
+"""Those that fly; the paper's own model is not a body."""
 
 ARMS = tuple(name for name in HEALTHY if name not in ("hummingbird", "tilted_hexarotor"))
 

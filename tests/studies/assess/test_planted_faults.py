@@ -70,8 +70,8 @@ def test_with_all_poses_it_raises_none_either_and_takes_less_than_two_seconds(na
     assert found.alarms() == []
 
 
-def test_there_are_twelve_of_them():
-    assert len(HEALTHY) == 12
+def test_there_are_fifteen_of_them():
+    assert len(HEALTHY) == 15
     assert document("pelican_arm2")["name"] == "pelican_arm2"
 
 
