@@ -105,7 +105,7 @@ def advance(model: Model, state: State, inputs: StageInputs, disturbance: Distur
     def slope(at: State) -> State:
         return slope_of(at, inputs, *accelerations(model, at, inputs.efforts, disturbance))
 
-    return _runge_kutta_step(state, slope(state), slope, dt)
+    return runge_kutta_step(state, slope(state), slope, dt)
 
 
 def integrate_stage(
@@ -127,10 +127,10 @@ def integrate_stage(
     def slope(at: State) -> State:
         return slope_of(at, inputs, *base_accelerations(model, at, joints, disturbance), joints)
 
-    return _runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
+    return runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
 
 
-def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
+def runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
     """State after one step of the classical Runge-Kutta method with a given first slope."""
     k2 = slope(euler_step(state, k1, 0.5 * dt))
     k3 = slope(euler_step(state, k2, 0.5 * dt))

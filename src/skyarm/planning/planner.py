@@ -1,0 +1,332 @@
+"""Plan of a task: stages and seeds from its phases, the best of several solutions, and what is tight in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.model import Model
+from skyarm.dynamics import frame_pose
+from skyarm.dynamics.state import example_state
+from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
+from skyarm.planning.stage import CompiledStage, Limits, Stage, StageData, Weights
+from skyarm.planning.task import Goal, PlanPhase, Task
+from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import leaves
+
+TIME_WEIGHTS = {"effort": 1.0, "time": 100.0}
+"""Weight of a second of free time, by what is minimised."""
+
+PENALTIES = (100.0, 10.0)
+"""First penalties that are tried, one after the other."""
+
+HOLD_STEP = 0.02
+"""Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
+
+
+class PlanError(ValueError):
+    """Error: no plan within the limits was found; one line with the phase, the constraint and how far it is off."""
+
+
+@immutable(eq=False)
+class Plan:
+    """Planned motion of one vehicle.
+
+    Attributes:
+        task: planned task. t: (N + 1,) s. x: (N + 1, nx) states. u: (N, nu) inputs. K: (N, nu, nt) gains.
+        edges: node at which each phase begins, and the last. solution: of the solver.
+    """
+
+    task: Task
+    stage: Stage
+    t: Array
+    x: Array
+    u: Array
+    K: Array
+    edges: tuple[int, ...]
+    solution: Solution
+    seconds: float
+    seeds: int
+
+
+@lru_cache(maxsize=8)
+def compiled_stage(stage_key: tuple[object, ...]) -> CompiledStage:
+    """Compiled stage for a model, limits, weights and shape."""
+    model, limits, weights, contact, free = stage_key
+    return CompiledStage(Stage(model=model, limits=limits, weights=weights, contact=contact, free=free))  # type: ignore[arg-type]
+
+
+def stage_of(task: Task) -> CompiledStage:
+    """Compiled stage of a task."""
+    own = task.limits
+    limits = Limits(**{each.name: getattr(own, each.name) for each in dataclasses.fields(Limits)})
+    weights = Weights(time=TIME_WEIGHTS[task.minimise])
+    contact = any(phase.kind == "contact" for phase in task.phases)
+    free = sum(phase.duration is None for phase in task.phases)
+    model = Model(vehicle=task.vehicle, gravity=task.gravity)
+    return compiled_stage((model, limits, weights, contact, free))
+
+
+def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
+    """Number of stages of each phase."""
+    usual = [HOLD_STEP if phase.resting else task.step for phase in task.phases]
+    steps = [phase.step or step for phase, step in zip(task.phases, usual, strict=True)]
+    return [max(2, round(length / step)) for length, step in zip(lengths, steps, strict=True)]
+
+
+def attitude(angles: Sequence[float]) -> Quaternion:
+    """Quaternion of roll, pitch and yaw (rad)."""
+    state = example_state(0, 0).with_views(dict(zip(("roll", "pitch", "yaw"), angles, strict=True)))
+    return state.quaternion
+
+
+def tip_below(task: Task, joints: Sequence[float]) -> Array:
+    """Position of the tip in base axes, m."""
+    vehicle = task.vehicle
+    if not vehicle.end_effector:
+        return np.zeros(3)
+    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints)).p)])
+
+
+@immutable(eq=False)
+class Outline:
+    """Places of the base at the edges of the phases, and lengths of these: what seeds are made of.
+
+    Attributes:
+        bases: (phases + 1, 3) m. joints: of each edge. lengths: s.
+    """
+
+    bases: Array
+    joints: Array
+    lengths: list[float]
+
+
+def outline(task: Task) -> Outline:
+    """Straight outline of a task: the base above or below each tip goal, at rest in its posture."""
+    n = task.vehicle.n
+    joints = np.array(task.start.joints or (0.0,) * n)
+    base = np.array([*map(float, task.start.position)])
+    bases, postures, lengths = [base], [joints], []
+    for phase in task.phases:
+        goal = phase.to
+        joints = np.array(goal.joints) if goal.joints else joints
+        if goal.base is not None:
+            base = np.array([*map(float, goal.base)])
+        elif goal.tip is not None:
+            base = np.array([*map(float, goal.tip)]) - tip_below(task, joints)
+        lengths.append(phase.duration or usual_length(float(np.linalg.norm(base - bases[-1]))))
+        bases.append(base)
+        postures.append(joints)
+    return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
+
+
+def usual_length(distance: float) -> float:
+    """Length (s) of a free motion to begin from."""
+    return max(0.6, 2.0 * math.sqrt(distance / 6.0))
+
+
+def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int]) -> PlanProblem:
+    """Goals, limits and data of all stages of a task."""
+    example = stage.stage.example()
+    total, free = sum(counts), itertools.count()
+    goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
+    limits = np.ones((total + 1, len(stage.names)), dtype=bool)
+    limits[0, stage.input_limits :], limits[-1, : stage.input_limits] = False, False
+    for k, name in enumerate(stage.names):
+        limits[0, k] |= name.startswith("length of")
+    rows: list[StageData] = []
+    edge = 0
+    for phase, count in zip(task.phases, counts, strict=True):
+        data = _data(example, phase, count, next(free) if phase.duration is None else None)
+        rows += [data] * count
+        last = edge + count
+        for name in goal_names(phase.to):
+            goals[last, stage.goal[name]] = True
+        if phase.resting:
+            goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
+        cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
+        if cone and (phase.contact is None or phase.contact.kind == "bar"):
+            limits[edge:last, cone] = False
+        edge = last
+    # goals at an edge have the numbers of the phase that ends there
+    table = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float)
+    edge = 0
+    for phase, count in zip(task.phases, counts, strict=True):
+        edge += count
+        ends = _data(example, phase, count, None)
+        names = _columns(example)
+        for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
+            if _states(phase.to, field):
+                table[edge, names[field]] = leaves(getattr(ends, field))
+    return PlanProblem(data=table, goals=goals, limits=limits)
+
+
+def _states(goal: Goal, field: str) -> bool:
+    """True if a goal states a field of a stage's data."""
+    given = {"axis": goal.tip_axis, "attitude": goal.attitude or goal.heading, "joints": goal.joints or None}
+    return given.get(field, getattr(goal, field, None)) not in (None, ())
+
+
+def _columns(example: StageData) -> dict[str, slice]:
+    """Columns of a table of stage data, by field."""
+    out, at = {}, 0
+    for each in dataclasses.fields(example):
+        size = len(leaves(getattr(example, each.name)))
+        out[each.name] = slice(at, at + size)
+        at += size
+    return out
+
+
+def goal_names(goal: Goal) -> list[str]:
+    """Names of the goals (of :data:`skyarm.planning.stage.GOALS`) that a phase's goal asks for."""
+    names = [name for name in ("tip", "tip_velocity", "base", "velocity") if getattr(goal, name) is not None]
+    names += ["axis"] * (goal.tip_axis is not None) + ["attitude"] * bool(goal.attitude)
+    names += ["heading"] * (goal.heading is not None) + ["joints"] * bool(goal.joints)
+    if goal.rest:
+        names += [name for name in ("velocity", "rate", "joint_rates", "still") if name not in names]
+    return names
+
+
+def _data(example: StageData, phase: PlanPhase, count: int, free: int | None) -> StageData:
+    """Numbers of a stage of a phase."""
+    goal, none = phase.to, Vec3(0.0, 0.0, 0.0)
+    contact = phase.contact
+    turned = goal.attitude or ((0.0, 0.0, goal.heading) if goal.heading is not None else (0.0, 0.0, 0.0))
+    return dataclasses.replace(
+        example,
+        dt=0.0 if phase.duration is None else phase.duration / count,
+        free=tuple(1.0 / count if k == free else 0.0 for k in range(len(example.free))),
+        tip=goal.tip or none,
+        tip_velocity=goal.tip_velocity or none,
+        base=goal.base or none,
+        velocity=goal.velocity or none,
+        attitude=attitude(turned),
+        axis=goal.tip_axis or none,
+        joints=goal.joints or example.joints,
+        touching=float(contact is not None),
+        normal=contact.normal if contact else none,
+        friction=contact.friction if contact else 0.0,
+    )
+
+
+def guess_from(task: Task, stage: CompiledStage, counts: Sequence[int], ways: Sequence[Array], shape: Outline) -> Guess:
+    """Seed along given places of the base.
+
+    Args:
+        ways: for each phase the (points, 3) places from its beginning to its end, m.
+        shape: of which the joints and lengths are taken.
+    """
+    n, m, total = task.vehicle.n, len(task.vehicle.rotors), sum(counts)
+    x = np.zeros((total + 1, stage.nx))
+    edges = np.cumsum([0, *counts])
+    for k, way in enumerate(ways):
+        nodes = np.arange(edges[k], edges[k + 1] + 1)
+        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+        part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
+        for axis in range(3):
+            x[nodes, axis] = np.interp(part, length, way[:, axis])
+        for j in range(n):
+            x[nodes, 13 + j] = np.linspace(shape.joints[k, j], shape.joints[k + 1, j], len(nodes))
+    begin = np.array([*attitude(task.start.attitude)])
+    x[:, 3:7] = [1.0, 0.0, 0.0, 0.0]
+    x[0, 3:7] = begin
+    speeds = np.array(start_speeds(task, stage))
+    x[:, 13 + 2 * n : 13 + 2 * n + m] = 1.0
+    x[0, 13 + 2 * n : 13 + 2 * n + m] = speeds
+    free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
+    x[:, stage.nx - len(free) :] = free
+    return Guess(x, np.zeros((total, stage.nu)))
+
+
+def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
+    """Rotor speeds at the start, over those of hover: the trim of a level start, a fifth of hover thrust upside down."""
+    from skyarm.dynamics.actuators.hover import hover_trim
+
+    trim = hover_trim(task.vehicle, task.start.joints or (0.0,) * task.vehicle.n, task.gravity)
+    level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
+    return [
+        float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)
+    ]
+
+
+def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None] | None = None) -> Plan:
+    """Plan a task: solve from several seeds and return the best plan.
+
+    Args:
+        task: see :func:`skyarm.planning.task.load_task`.
+        seconds: longest time of one solution, s.
+        on_progress: called with a line of text now and then.
+
+    Raises:
+        PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off.
+    """
+    begun = time.perf_counter()
+    stage, shape = stage_of(task), outline(task)
+    counts = node_counts(task, shape.lengths)
+    problem = problem_of(task, stage, counts)
+    best: Solution | None = None
+    tried = 0
+    for ways in seeds(task, shape):
+        for penalty in PENALTIES:
+            guess = guess_from(task, stage, counts, ways, shape)
+            last = None
+            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
+                if on_progress is not None and last.iterations % 20 == 0:
+                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+            tried += 1
+            if last is not None and _better(last, best):
+                best = last
+            if last is not None and last.solved:
+                break
+    if best is None or not best.violation < TOLERANCE:
+        raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+    steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + stage.stage.free] @ best.x[0, stage.nx - stage.stage.free :]
+    return Plan(
+        task=task, stage=stage.stage, t=np.append(0.0, np.cumsum(steps)), x=best.x, u=best.u, K=best.K,
+        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best,
+        seconds=time.perf_counter() - begun, seeds=tried,
+    )  # fmt: skip
+
+
+def _better(one: Solution, other: Solution | None) -> bool:
+    """True if a solution is better than another: feasible first, then of lower cost."""
+    if other is None:
+        return True
+    feasible, before = one.violation < TOLERANCE, other.violation < TOLERANCE
+    if feasible != before:
+        return feasible
+    return one.cost < other.cost if feasible else one.violation < other.violation
+
+
+def seeds(task: Task, shape: Outline) -> list[list[Array]]:
+    """Ways of the base for each phase, one list for each seed."""
+    return [[shape.bases[k : k + 2] for k in range(len(task.phases))]]
+
+
+def cause(
+    task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None
+) -> str:
+    """One line: which constraint of which phase a motion violates most, and how far."""
+    if last is None or not np.isfinite(last.violation):
+        return "no motion was found"
+    labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
+    found = [
+        (float(np.abs(last.gap).max()), int(np.abs(last.gap).max(axis=1).argmax()), "dynamics"),
+        *(
+            (float(size.max()), int(size.max(axis=1).argmax()), names[int(size.max(axis=0).argmax())])
+            for size, names in ((np.abs(last.goals), labels), (np.maximum(last.limits, 0.0), list(stage.names)))
+        ),
+    ]
+    size, node, name = max(found)
+    edges = np.cumsum([0, *counts])
+    k = min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1
+    phase = task.phases[max(k, 0)]
+    return f"phases[{max(k, 0)}] {phase.name!r}: no motion within the limits was found: {name} is off by {size:.3g}"
