@@ -12,8 +12,8 @@ Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import field
+from collections.abc import Sequence
+from dataclasses import field, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -36,7 +36,8 @@ from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
-from skyarm.vehicle import BASE
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.clearance import Clearances
 
 ARM_UNIT = 20.0
 """Joint acceleration (rad/s^2 or m/s^2) of an input of 1."""
@@ -109,7 +110,7 @@ class StageData:
     normal: Vec3
     friction: Scalar
     press: Scalar
-    obstacles: Tree = ()
+    obstacles: tuple[Surface, ...] = ()
 
 
 GOALS = ("tip", "tip_velocity", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still")
@@ -138,8 +139,8 @@ class Stage:
 
     Attributes:
         model: of the plan. limits, weights: see there. contact: whether the tip may be in contact.
-        free: number of free phase lengths. clearances: function of state and obstacles that gives named distances.
-        start: joints at the beginning, for the thrust of hover.
+        free: number of free phase lengths.
+        clearances: pairs of bodies whose distances are limits; its obstacles give the shapes, the data the places.
     """
 
     model: Model
@@ -147,8 +148,7 @@ class Stage:
     weights: Weights = Weights()
     contact: bool = False
     free: int = 0
-    clearances: Callable[[Mat3, Vec3, Scalars, Tree], list[tuple[str, Scalar]]] | None = None
-    obstacles: Tree = ()
+    clearances: Clearances | None = None
     hover: tuple[float, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -181,6 +181,12 @@ class Stage:
             joint_rates=tuple(x[13 + n : 13 + 2 * n]),
             rotor_speeds=tuple(a * b for a, b in zip(x[13 + 2 * n : 13 + 2 * n + m], self.hover, strict=True)),
         )
+
+    @property
+    def obstacles(self) -> tuple[Surface, ...]:
+        """Obstacles that the clearances name, each once."""
+        pairs = self.clearances.pairs if self.clearances is not None else ()
+        return tuple({pair.other: pair.surface for pair in pairs if pair.surface is not None}.values())
 
     def example(self) -> StageData:
         """Example of a stage's numbers, for tracing."""
@@ -331,8 +337,11 @@ class Stage:
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))
         if self.clearances is not None:
-            named = self.clearances(R, state.position, state.joints, data.obstacles)
-            out += [(f"clearance of {name}", limits.clearance - distance) for name, distance in named]
+            here = {each.name: each for each in data.obstacles}
+            pairs = [pair if pair.surface is None else replace(pair, surface=here[pair.other]) for pair in self.clearances.pairs]
+            near = replace(self.clearances, pairs=tuple(pairs))
+            rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
+            out += [(f"clearance of {pair.volume} and {pair.other}", limits.clearance - gap) for pair, gap in rows]
         out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
         return out
 

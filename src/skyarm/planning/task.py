@@ -50,6 +50,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.world.contact.surface import Surface
 
 
 class TaskError(ValueError):
@@ -148,21 +149,6 @@ class TaskLimits:
 
 
 @immutable
-@checked("obstacle", TaskError)
-class Obstacle:
-    """Obstacle that stands still.
-
-    Attributes:
-        size: of a box, edges; of a sphere, its radius; of a capsule, radius and length along z.
-    """
-
-    shape: Literal["box", "sphere", "capsule", "plane"]
-    position: Annotated[Vec3, Unit("m", "centre; of a plane any point of it, world axes")] = ZERO3
-    size: Annotated[tuple[float, ...], Unit("m", "edges of a box; radius of a sphere; radius and length of a capsule")] = ()
-    attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw")] = (0.0,) * 3
-
-
-@immutable
 class Task:
     """Planning task: a vehicle, its start, phases with goals, limits and obstacles."""
 
@@ -171,15 +157,18 @@ class Task:
     start: Start = Start()
     phases: tuple[PlanPhase, ...] = ()
     limits: TaskLimits = TaskLimits()
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[Surface, ...] = ()
     minimise: Literal["effort", "time"] = "effort"
     gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, object]:
-        """Vehicle of a table, by its name."""
-        return {"vehicle": load_vehicle(fields.take("vehicle"))}
+        """Vehicle of a table, by its name, and obstacles, of which each has a name or a number."""
+        rows = fields.tables("obstacles")
+        named = [Fields({"name": f"obstacle{k}"} | each.table, each.where) for k, each in enumerate(rows)]
+        obstacles = tuple(record_from(Surface, each) for each in named)
+        return {"vehicle": load_vehicle(fields.take("vehicle")), "obstacles": obstacles}
 
     def __post_init__(self) -> None:
         accept_fields(self, "task", TaskError)
@@ -191,6 +180,9 @@ class Task:
         for name, joints in lists:
             if joints and len(joints) != n:
                 raise TaskError(f"{name} = {shown(list(joints))}: must be {n} positions, one for each joint, or left out")
+        for each in self.obstacles:
+            if each.moves or each.shape == "hole":
+                raise TaskError(f"obstacles[{each.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):

@@ -242,6 +242,11 @@ class Contact(Force[ContactMemory]):
 
         return replace(self, points=own(self.points), grippers=own(self.grippers), grasps=own(self.grasps))
 
+    def touching(self, vehicle: Vehicle) -> set[int]:
+        """Bodies of a vehicle (BASE or index of a link) that bear contact points, grippers or grasps."""
+        holders = (vehicle.frame(each.frame or None).link for each in (*self.grippers, *self.grasps))
+        return {*holders, *(point.place(vehicle)[1] for point in self.points)}
+
     @property
     def logged_pairs(self) -> int:
         """Number of surface-point pairs whose contact forces are logged."""

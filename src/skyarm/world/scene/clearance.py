@@ -78,6 +78,14 @@ class Clearances:
     vehicle: Vehicle
     pairs: tuple[Pair, ...]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each pair, as "link/forearm/tip and surface 'wall'"."""
+        return tuple(
+            f"{pair.volume} and {pair.other if pair.surface is None else f'surface {pair.other!r}'}"
+            for pair in self.pairs
+        )
+
     def distances(
         self,
         position: Vec3,
@@ -88,8 +96,9 @@ class Clearances:
     ) -> Scalars:
         """Signed distance (m) of each pair: minus the depth of penetration where bodies overlap.
 
-        That of a disc from a surface is a lower bound, exact above a face. In a cylinder the depth is that of the
-        deepest point of the segment. A plate with a hole counts as filled.
+        That of a disc from a box or cylinder is a lower bound, exact above a face. In a cylinder the depth is that of
+        the deepest point of the segment. A plate with a hole counts as filled. First derivatives are exact, higher
+        ones too but at cylinders and discs.
 
         Args:
             position: of the base, m, world axes.
@@ -105,9 +114,9 @@ class Clearances:
         outside = {pair.volume: own[pair.volume].moved(base) for pair in self.pairs if pair.surface is not None}
         for pair in self.pairs:
             if pair.surface is not None:
-                rows.append(_from_surface(outside[pair.volume], pair.surface, time))
+                rows.append(from_surface(outside[pair.volume], pair.surface, time))
             else:
-                row = _between(own[pair.volume], own[pair.other])
+                row = between(own[pair.volume], own[pair.other])
                 rows.append(row if concrete(pair.rest) else where(pair.rest < 0.0, math.inf, row))
         return tuple(rows)
 
@@ -146,10 +155,10 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     return made
 
 
-def _between(a: Volume, b: Volume) -> Scalar:
+def between(a: Volume, b: Volume) -> Scalar:
     """Signed distance (m) of two volumes, at most one of them a disc."""
     if not absent(a.disc):
-        return _between(b, a)
+        return between(b, a)
     start, way, middle = _values(a.start), _values(a.end - a.start), _values(b.start)
     if absent(b.disc):
         s, t = _nearest_shares(start - middle, way, _values(b.end - b.start))
@@ -160,11 +169,13 @@ def _between(a: Volume, b: Volume) -> Scalar:
     return _above_cylinder(point, b.axis, b.disc, 0) - (a.radius + b.radius)
 
 
-def _from_surface(each: Volume, surface: Surface, time: Scalar) -> Scalar:
+def from_surface(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     """Signed distance (m) of a volume in world axes from a surface."""
-    if not absent(each.disc):
-        return surface.clearance(each.start, each.axis, each.disc, time) - each.radius
     R, at = surface.rotation, surface.place(time)[0]
+    if not absent(each.disc):
+        if surface.shape == "sphere":
+            return _above_cylinder(at - each.start, each.axis, each.disc, 0) - (surface.size[0] + each.radius)
+        return surface.clearance(each.start, each.axis, each.disc, time) - each.radius
     if surface.shape == "hole":
         at = at - R.column(2) * (0.5 * surface.size[-1])
     start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
@@ -298,6 +309,6 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
         inward = where(side > end, divide(turn, away), sign(z) * climb)
         return where(maximum(side, end) > 0.0, rise, inward)
 
-    root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0))
+    root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0) + _TINY)
     breaks = [*_crossings(along, climb, half)[absent(half) :], *(divide(each - b, a + _TINY) for each in (root, -root))]
     return _least(slope, breaks, ROUNDS)
