@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -16,11 +16,15 @@ from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.state import example_state
 from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
-from skyarm.planning.stage import CompiledStage, Limits, Stage, StageData, Weights
+from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.records.arrays import Array
+from skyarm.planning.seeds import ways_around
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.clearance import Clearances, clearances
+from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
 TIME_WEIGHTS = {"effort": 1.0, "time": 100.0}
 """Weight of a second of free time, by what is minimised."""
@@ -55,24 +59,47 @@ class Plan:
     solution: Solution
     seconds: float
     seeds: int
+    nearest: Nearest | None = None
 
 
 @lru_cache(maxsize=8)
 def compiled_stage(stage_key: tuple[object, ...]) -> CompiledStage:
     """Compiled stage for a model, limits, weights and shape."""
-    model, limits, weights, contact, free = stage_key
-    return CompiledStage(Stage(model=model, limits=limits, weights=weights, contact=contact, free=free))  # type: ignore[arg-type]
+    model, limits, weights, contact, free, near = stage_key
+    stage = Stage(model=model, limits=limits, weights=weights, contact=contact, free=free, clearances=near)  # type: ignore[arg-type]
+    return CompiledStage(stage)
 
 
-def stage_of(task: Task) -> CompiledStage:
-    """Compiled stage of a task."""
+def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage:
+    """Compiled stage of a task.
+
+    ``met``: pairs of the vehicle's own bodies that count; the plan before went through them.
+    """
     own = task.limits
     limits = Limits(**{each.name: getattr(own, each.name) for each in dataclasses.fields(Limits)})
     weights = Weights(time=TIME_WEIGHTS[task.minimise])
     contact = any(phase.kind == "contact" for phase in task.phases)
     free = sum(phase.duration is None for phase in task.phases)
     model = Model(vehicle=task.vehicle, gravity=task.gravity)
-    return compiled_stage((model, limits, weights, contact, free))
+    near = clearances(task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)])
+    pairs = [
+        pair
+        for pair in near.pairs
+        if (not pair.volume.startswith("boom/") if pair.surface is not None else (pair.volume, pair.other) in met)
+    ]
+    close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
+    return compiled_stage((model, limits, weights, contact, free, close))
+
+
+def placeholder(k: int, obstacle: Surface) -> Surface:
+    """Obstacle of the same shape, which one compiled stage serves wherever the obstacles stand."""
+    return Surface(name=f"obstacle{k}", shape=obstacle.shape, size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
+                   position=Vec3(0.5, 0.25, 0.125), angles=Vec3(0.5, 0.25, 0.125))
+
+
+def placed(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
+    """Obstacles of a task as the data of a compiled stage."""
+    return tuple(Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))]) for each in stage.stage.obstacles)
 
 
 def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
@@ -135,7 +162,7 @@ def usual_length(distance: float) -> float:
 
 def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int]) -> PlanProblem:
     """Goals, limits and data of all stages of a task."""
-    example = stage.stage.example()
+    example = dataclasses.replace(stage.stage.example(), obstacles=placed(task, stage))
     total, free = sum(counts), itertools.count()
     goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
@@ -268,15 +295,47 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
     Raises:
         PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off.
     """
-    begun = time.perf_counter()
-    stage, shape = stage_of(task), outline(task)
+    begun, shape, met = time.perf_counter(), outline(task), set[tuple[str, str]]()
     counts = node_counts(task, shape.lengths)
+    stage = stage_of(task)
     problem = problem_of(task, stage, counts)
+    guesses = [guess_from(task, stage, counts, ways, shape) for ways in seeds(task, shape)]
+    best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
+    nearest = Nearest(gap=math.inf)
+    for extra in range(ROUNDS):
+        if best is None or not best.violation < TOLERANCE:
+            raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+        plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
+        nearest = nearest_of(plan)
+        if nearest.gap >= 0.0:
+            return dataclasses.replace(plan, nearest=nearest)
+        # between the nodes, or between bodies that did not count yet
+        met |= nearest.pairs
+        closer = dataclasses.replace(task.limits, clearance=task.limits.clearance + 0.02 * (extra + 1))
+        stage = stage_of(dataclasses.replace(task, limits=closer), met)
+        problem = problem_of(task, stage, counts)
+        best, more = _best_of(stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
+        tried += more
+    raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
+
+
+ROUNDS = 4
+"""Largest number of solutions, each with the bodies that met in the one before."""
+
+
+def _best_of(
+    stage: CompiledStage,
+    problem: PlanProblem,
+    guesses: Sequence[Guess],
+    seconds: float,
+    on_progress: Callable[[str], None] | None,
+    enough: int = 1000,
+) -> tuple[Solution | None, int]:
+    """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
     best: Solution | None = None
-    tried = 0
-    for ways in seeds(task, shape):
+    tried = solved = 0
+    for guess in guesses:
         for penalty in PENALTIES:
-            guess = guess_from(task, stage, counts, ways, shape)
             last = None
             for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
                 if on_progress is not None and last.iterations % 20 == 0:
@@ -285,15 +344,80 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
             if last is not None and _better(last, best):
                 best = last
             if last is not None and last.solved:
+                solved += 1
                 break
-    if best is None or not best.violation < TOLERANCE:
-        raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
-    steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + stage.stage.free] @ best.x[0, stage.nx - stage.stage.free :]
+        if solved >= enough:
+            break
+    return best, tried
+
+
+def _plan_of(
+    task: Task, stage: CompiledStage, problem: PlanProblem, counts: Sequence[int], best: Solution, spent: float, tried: int
+) -> Plan:
+    free = stage.stage.free
+    steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
     return Plan(
         task=task, stage=stage.stage, t=np.append(0.0, np.cumsum(steps)), x=best.x, u=best.u, K=best.K,
-        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best,
-        seconds=time.perf_counter() - begun, seeds=tried,
+        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seconds=spent, seeds=tried,
     )  # fmt: skip
+
+
+@immutable(eq=False)
+class Nearest:
+    """Smallest distance of a plan: m, time (s) and bodies; and all pairs of own bodies that meet."""
+
+    gap: float
+    time: float = 0.0
+    words: str = ""
+    pairs: frozenset[tuple[str, str]] = frozenset()
+
+
+FINE = 1e-3
+"""Time (s) between two instants at which the distances of a plan are looked at."""
+
+
+def nearest_of(plan: Plan) -> Nearest:
+    """Smallest distance between the vehicle's bodies and obstacles, and each other, every millisecond of a plan."""
+    near = clearances(plan.task.vehicle, plan.task.obstacles)
+    if not near.pairs:
+        return Nearest(gap=math.inf)
+    t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
+    gaps = _gaps(plan, near, t)
+    close = t[gaps.min(axis=0) < max(0.1, gaps.min() + 0.02)]
+    fine = np.unique(np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1]))
+    if len(fine):
+        t, gaps = fine, _gaps(plan, near, fine)
+    pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
+    own = {(p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0}
+    named = near.pairs[int(pair)]
+    return Nearest(gap=float(gaps[pair, k]), time=float(t[k]), words=f"{named.volume} and {named.other}", pairs=frozenset(own))
+
+
+def _gaps(plan: Plan, near: Clearances, t: Array) -> Array:
+    """Distances (pairs, instants) at times of a plan, m."""
+    n, x = plan.task.vehicle.n, states_at(plan, t)
+    R = Quaternion(*x[:, 3:7].T).rotation()
+    rows = near.distances(Vec3(*x[:, :3].T), R, tuple(x[:, 13 : 13 + n].T))
+    return stack_values(len(t), rows)
+
+
+def states_at(plan: Plan, t: Array) -> Array:
+    """States of a plan between its nodes, (instants, nx), by cubic Hermite interpolation of pose and joints."""
+    n, nodes = plan.task.vehicle.n, plan.t
+    k = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
+    h = (nodes[k + 1] - nodes[k])[:, None]
+    s = (t - nodes[k])[:, None] / h
+    q = Quaternion(*plan.x[:, 3:7].T).derivative(Vec3(*plan.x[:, 10:13].T))
+    rates = np.zeros_like(plan.x)
+    rates[:, :3], rates[:, 3:7] = plan.x[:, 7:10], np.stack([*q], axis=1)
+    rates[:, 13 : 13 + n] = plan.x[:, 13 + n : 13 + 2 * n]
+    a, b, va, vb = plan.x[k], plan.x[k + 1], rates[k], rates[k + 1]
+    out = a + (b - a) * s
+    held = [*range(7), *range(13, 13 + n)]
+    cubic = (2 * s**3 - 3 * s**2 + 1) * a + (3 * s**2 - 2 * s**3) * b + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
+    out[:, held] = cubic[:, held]
+    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    return np.asarray(out)
 
 
 def _better(one: Solution, other: Solution | None) -> bool:
@@ -307,8 +431,10 @@ def _better(one: Solution, other: Solution | None) -> bool:
 
 
 def seeds(task: Task, shape: Outline) -> list[list[Array]]:
-    """Ways of the base for each phase, one list for each seed."""
-    return [[shape.bases[k : k + 2] for k in range(len(task.phases))]]
+    """Ways of the base for each phase, one list for each seed: straight ones, then ways around the obstacles."""
+    reach = float(sum(boom_and_disc(task.vehicle)))
+    each = [ways_around(task.obstacles, *shape.bases[k : k + 2], reach) for k in range(len(task.phases))]
+    return [[ways[min(k, len(ways) - 1)] for ways in each] for k in range(max(map(len, each)))]
 
 
 def cause(

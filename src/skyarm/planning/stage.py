@@ -86,6 +86,21 @@ class Weights:
 
 
 @immutable
+class Place:
+    """Size (m), position (m) and angles (rad) of an obstacle as data: none of its zeros is structure."""
+
+    size: Scalars
+    position: Vec3
+    angles: Vec3
+
+    @classmethod
+    def of(cls, surface: Surface) -> Place:
+        """Place of a surface."""
+        numbers = [tuple(float(c) for c in each) for each in (surface.size, surface.position, surface.angles)]
+        return cls(size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2]))
+
+
+@immutable
 class StageData:
     """Numbers of one stage that are not unknown: its length, goals and contact.
 
@@ -110,7 +125,7 @@ class StageData:
     normal: Vec3
     friction: Scalar
     press: Scalar
-    obstacles: tuple[Surface, ...] = ()
+    obstacles: tuple[Place, ...] = ()
 
 
 GOALS = ("tip", "tip_velocity", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still")
@@ -194,7 +209,7 @@ class Stage:
             dt=0.0, free=(0.0,) * self.free, tip=ZERO3_DATA, tip_velocity=ZERO3_DATA, base=ZERO3_DATA,
             velocity=ZERO3_DATA, attitude=Quaternion(1.0, 0.0, 0.0, 0.0), axis=ZERO3_DATA,
             joints=(0.0,) * self.model.vehicle.n, touching=0.0, normal=ZERO3_DATA, friction=0.0, press=0.0,
-            obstacles=self.obstacles,
+            obstacles=tuple(map(Place.of, self.obstacles)),
         )  # fmt: skip
 
     def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
@@ -337,7 +352,10 @@ class Stage:
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))
         if self.clearances is not None:
-            here = {each.name: each for each in data.obstacles}
+            here = {
+                each.name: replace(each, size=at.size, position=at.position, angles=at.angles)
+                for each, at in zip(self.obstacles, data.obstacles, strict=True)
+            }
             pairs = [pair if pair.surface is None else replace(pair, surface=here[pair.other]) for pair in self.clearances.pairs]
             near = replace(self.clearances, pairs=tuple(pairs))
             rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
