@@ -51,6 +51,8 @@ class Plan:
 
     task: Task
     stage: Stage
+    compiled: CompiledStage
+    data: Array
     t: Array
     x: Array
     u: Array
@@ -60,6 +62,15 @@ class Plan:
     seconds: float
     seeds: int
     nearest: Nearest | None = None
+
+    @property
+    def torques(self) -> Array:
+        """Joint torques (N m or N) at the beginning of each stage, (N, n)."""
+        vehicle, stage = self.task.vehicle, self.stage
+        limits = self.compiled.values(self.x, self.u, self.data)[0][:-1, self.compiled.limits]
+        columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
+        most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
+        return (limits[:, columns] + 1.0) * most
 
 
 @lru_cache(maxsize=8)
@@ -182,7 +193,10 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int]) -> PlanP
         cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
+        if phase.to.rest:  # the motion ends smoothly
+            goals[last - 1, stage.goal["inputs"]] = True
         edge = last
+    goals[0, stage.goal["inputs"]] = True
     # goals at an edge have the numbers of the phase that ends there
     table = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float)
     edge = 0
@@ -357,7 +371,7 @@ def _plan_of(
     free = stage.stage.free
     steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
     return Plan(
-        task=task, stage=stage.stage, t=np.append(0.0, np.cumsum(steps)), x=best.x, u=best.u, K=best.K,
+        task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)), x=best.x, u=best.u, K=best.K,
         edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seconds=spent, seeds=tried,
     )  # fmt: skip
 

@@ -128,7 +128,7 @@ class StageData:
     obstacles: tuple[Place, ...] = ()
 
 
-GOALS = ("tip", "tip_velocity", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still")
+GOALS = ("tip", "tip_velocity", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still", "inputs")
 """Names of the goals that a stage may have, in the order of their rows."""
 
 
@@ -274,7 +274,7 @@ class Stage:
         return StageValues(
             end=end,
             costs=costs,
-            goals=self._goals(state, data, columns, tip),
+            goals=self._goals(state, data, columns, tip) | {"inputs": [*u[: m + n]]},
             inputs=self._input_limits(x, u, spins, efforts, data),
             limits=self._state_limits(x, state, data),
         )

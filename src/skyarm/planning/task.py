@@ -38,6 +38,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -250,6 +251,15 @@ def task_from(table: object, folder: Path = Path()) -> Task:
     if isinstance(name, str) and name not in list_vehicles() and (folder / name).is_file():
         own["vehicle"] = str(folder / name)
     return record_from(Task, Fields(own, ""))
+
+
+def vehicle_of_file(path: PathLike, folder: Path) -> str:
+    """Name of a task's vehicle, or the path of its file from a folder, as a scenario there states it."""
+    shipped = LIBRARY / f"{path}.toml"
+    file = shipped if shipped.is_file() else Path(path)
+    name = str(read_toml(file.read_bytes())["vehicle"])
+    own = file.parent / name
+    return os.path.relpath(own, folder) if name not in list_vehicles() and own.is_file() else name
 
 
 LIBRARY = Path(__file__).parent / "library"

@@ -30,6 +30,7 @@ SECTIONS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "Flights": {
         "run": (f"{_CLI}.run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
+        "plan": (f"{_CLI}.plan_command:plan", "Plan a flight of base and arm from a task."),
         "fly": ("skyarm.links.fly_command:fly", "Fly through an autopilot, by a law that runs here."),
         "diff": (f"{_CLI}.diff_command:diff", "Compare two logs, or a log with its flight flown again."),
         "plot": (f"{_CLI}.plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
