@@ -240,7 +240,7 @@ def _data(example: StageData, phase: PlanPhase, count: int, free: int | None) ->
     """Numbers of a stage of a phase."""
     goal, none = phase.to, Vec3(0.0, 0.0, 0.0)
     contact = phase.contact
-    turned = goal.attitude or ((0.0, 0.0, goal.heading) if goal.heading is not None else (0.0, 0.0, 0.0))
+    turned = goal.attitude or (0.0, 0.0, goal.heading or 0.0)
     return dataclasses.replace(
         example,
         dt=0.0 if phase.duration is None else phase.duration / count,
@@ -258,12 +258,15 @@ def _data(example: StageData, phase: PlanPhase, count: int, free: int | None) ->
     )
 
 
-def guess_from(task: Task, stage: CompiledStage, counts: Sequence[int], ways: Sequence[Array], shape: Outline) -> Guess:
+def guess_from(
+    task: Task, stage: CompiledStage, counts: Sequence[int], ways: Sequence[Array], shape: Outline, sense: float = 1.0
+) -> Guess:
     """Seed along given places of the base.
 
     Args:
         ways: for each phase the (points, 3) places from its beginning to its end, m.
         shape: of which the joints and lengths are taken.
+        sense: 1 turns the short way, -1 the long way round where the attitude changes.
     """
     n, m, total = task.vehicle.n, len(task.vehicle.rotors), sum(counts)
     x = np.zeros((total + 1, stage.nx))
@@ -276,15 +279,36 @@ def guess_from(task: Task, stage: CompiledStage, counts: Sequence[int], ways: Se
             x[nodes, axis] = np.interp(part, length, way[:, axis])
         for j in range(n):
             x[nodes, 13 + j] = np.linspace(shape.joints[k, j], shape.joints[k + 1, j], len(nodes))
-    begin = np.array([*attitude(task.start.attitude)])
-    x[:, 3:7] = [1.0, 0.0, 0.0, 0.0]
-    x[0, 3:7] = begin
+    turned = attitude(task.start.attitude)
+    for k, phase in enumerate(task.phases):
+        nodes = np.arange(edges[k], edges[k + 1] + 1)
+        after = turned if phase.resting else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
+        x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
+        turned = after
     speeds = np.array(start_speeds(task, stage))
     x[:, 13 + 2 * n : 13 + 2 * n + m] = 1.0
     x[0, 13 + 2 * n : 13 + 2 * n + m] = speeds
     free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
     x[:, stage.nx - len(free) :] = free
-    return Guess(x, np.zeros((total, stage.nu)))
+    u = np.zeros((total, stage.nu))
+    for k, phase in enumerate(task.phases):
+        if phase.contact is not None:
+            u[edges[k] : edges[k + 1], m + n :] = 0.3 * np.array([*phase.contact.normal])
+    return Guess(x, u)
+
+
+def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) -> Array:
+    """Attitudes (count, 4) of a turn from one attitude to another at a constant rate."""
+    turn = before.conjugate() * after
+    vector = np.array([*turn])
+    vector = -vector if vector[0] < -1e-9 else vector
+    size = float(np.linalg.norm(vector[1:]))
+    axis = vector[1:] / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
+    angle = 2.0 * math.atan2(size, vector[0])
+    angle = angle if sense > 0.0 else angle - 2.0 * math.pi * (size > 1e-9)
+    half = 0.5 * np.linspace(0.0, angle, count)
+    steps = Quaternion(np.cos(half), *(np.sin(half) * c for c in axis))
+    return np.stack(np.broadcast_arrays(*(before * steps)), axis=1)
 
 
 def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
@@ -313,7 +337,8 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
     counts = node_counts(task, shape.lengths)
     stage = stage_of(task)
     problem = problem_of(task, stage, counts)
-    guesses = [guess_from(task, stage, counts, ways, shape) for ways in seeds(task, shape)]
+    senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
+    guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
     best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
     nearest = Nearest(gap=math.inf)
     for extra in range(ROUNDS):
