@@ -26,8 +26,8 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
-TIME_WEIGHTS = {"effort": 1.0, "time": 100.0}
-"""Weight of a second of free time, by what is minimised."""
+TIME_WEIGHTS = {"effort": (1.0,), "time": (1.0, 10.0, 100.0)}
+"""Costs of a second of free time, by what is minimised: each begins where the one before ended."""
 
 PENALTIES = (100.0, 10.0)
 """First penalties that are tried, one after the other."""
@@ -88,7 +88,7 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     """
     own = task.limits
     limits = Limits(**{each.name: getattr(own, each.name) for each in dataclasses.fields(Limits)})
-    weights = Weights(time=TIME_WEIGHTS[task.minimise])
+    weights = Weights()
     contact = any(phase.kind == "contact" for phase in task.phases)
     free = sum(phase.duration is None for phase in task.phases)
     model = Model(vehicle=task.vehicle, gravity=task.gravity)
@@ -171,9 +171,9 @@ def usual_length(distance: float) -> float:
     return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
-def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int]) -> PlanProblem:
-    """Goals, limits and data of all stages of a task."""
-    example = dataclasses.replace(stage.stage.example(), obstacles=placed(task, stage))
+def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: float = 0.0) -> PlanProblem:
+    """Goals, limits and data of all stages of a task; ``clearance`` in m."""
+    example = dataclasses.replace(stage.stage.example(), obstacles=placed(task, stage), clearance=clearance)
     total, free = sum(counts), itertools.count()
     goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
@@ -335,13 +335,13 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
     """
     begun, shape, met = time.perf_counter(), outline(task), set[tuple[str, str]]()
     counts = node_counts(task, shape.lengths)
-    stage = stage_of(task)
-    problem = problem_of(task, stage, counts)
+    stage, clearance = stage_of(task), task.limits.clearance
+    problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
     guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
-    best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
+    best, tried = _best_of(task, stage, problem, guesses, seconds, on_progress)
     nearest = Nearest(gap=math.inf)
-    for extra in range(ROUNDS):
+    for _ in range(ROUNDS):
         if best is None or not best.violation < TOLERANCE:
             raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
         plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
@@ -350,19 +350,23 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
             return dataclasses.replace(plan, nearest=nearest)
         # between the nodes, or between bodies that did not count yet
         met |= nearest.pairs
-        closer = dataclasses.replace(task.limits, clearance=task.limits.clearance + 0.02 * (extra + 1))
-        stage = stage_of(dataclasses.replace(task, limits=closer), met)
-        problem = problem_of(task, stage, counts)
-        best, more = _best_of(stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
+        clearance += CLOSER
+        stage = stage_of(task, met)
+        problem = problem_of(task, stage, counts, clearance)
+        best, more = _best_of(task, stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
         tried += more
     raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
 
+
+CLOSER = 0.02
+"""Distance (m) by which the clearance grows where bodies meet between the nodes."""
 
 ROUNDS = 4
 """Largest number of solutions, each with the bodies that met in the one before."""
 
 
 def _best_of(
+    task: Task,
     stage: CompiledStage,
     problem: PlanProblem,
     guesses: Sequence[Guess],
@@ -375,10 +379,16 @@ def _best_of(
     tried = solved = 0
     for guess in guesses:
         for penalty in PENALTIES:
-            last = None
-            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
-                if on_progress is not None and last.iterations % 20 == 0:
-                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+            last, at = None, guess
+            for cost in TIME_WEIGHTS[task.minimise] if stage.stage.free else (0.0,):
+                data = problem.data.copy()
+                data[:, _columns(stage.stage.example())["hurry"]] = math.sqrt(2.0 * cost)
+                timed = dataclasses.replace(problem, data=data)
+                for last in Solver(stage, penalty * max(1.0, cost)).steps(timed, at, seconds=seconds):
+                    if on_progress is not None and last.iterations % 20 == 0:
+                        on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+                assert last is not None
+                at = Guess(last.x, last.u)
             tried += 1
             if last is not None and _better(last, best):
                 best = last

@@ -53,7 +53,6 @@ class Limits:
     Attributes:
         tilt: rad, of the base; infinite for none. thrust_share: of each rotor's highest thrust. torque_share: of each
             joint's highest effort. joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
-        clearance: m, from obstacles.
     """
 
     tilt: float = math.radians(60.0)
@@ -62,7 +61,6 @@ class Limits:
     joint_rate: float = 3.0
     speed: float = math.inf
     rate: float = math.inf
-    clearance: float = 0.02
 
 
 @immutable
@@ -73,7 +71,7 @@ class Weights:
         thrust: squared deviation of each rotor's thrust from that in hover, over the latter. torque: squared torque of
             each joint over its limit. state: squared rates of the base and of the joints and joint positions.
         spin, arm: squared rotor and joint accelerations in units of an input. force: squared contact force over the
-            weight. time: 1 for each second.
+            weight.
     """
 
     thrust: float = 0.2
@@ -82,7 +80,6 @@ class Weights:
     spin: float = 1e-3
     arm: float = 1e-3
     force: float = 0.1
-    time: float = 0.0
 
 
 @immutable
@@ -109,7 +106,8 @@ class StageData:
         tip, tip_velocity, base, velocity: goals, m and m/s, world axes. attitude: goal of the base.
         axis: goal of the tip frame's z axis, world axes. joints: goal, rad or m.
         touching: 1 in contact, else 0. normal: unit vector out of the surface. friction: coefficient.
-        press: least normal force over the weight. obstacles: shapes of the scene.
+        press: least normal force over the weight. hurry: root of twice the cost of a second.
+        clearance: least distance, m. obstacles: shapes of the scene.
     """
 
     dt: Scalar
@@ -125,6 +123,8 @@ class StageData:
     normal: Vec3
     friction: Scalar
     press: Scalar
+    hurry: Scalar
+    clearance: Scalar
     obstacles: tuple[Place, ...] = ()
 
 
@@ -209,6 +209,7 @@ class Stage:
             dt=0.0, free=(0.0,) * self.free, tip=ZERO3_DATA, tip_velocity=ZERO3_DATA, base=ZERO3_DATA,
             velocity=ZERO3_DATA, attitude=Quaternion(1.0, 0.0, 0.0, 0.0), axis=ZERO3_DATA,
             joints=(0.0,) * self.model.vehicle.n, touching=0.0, normal=ZERO3_DATA, friction=0.0, press=0.0,
+            hurry=0.0, clearance=0.0,
             obstacles=tuple(map(Place.of, self.obstacles)),
         )  # fmt: skip
 
@@ -270,7 +271,7 @@ class Stage:
         costs += [a * (math.sqrt(weights.arm) * root) for a in u[m : m + n]]
         costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
         if self.free:
-            costs.append(root * math.sqrt(2.0 * weights.time))
+            costs.append(root * data.hurry)
         return StageValues(
             end=end,
             costs=costs,
@@ -359,7 +360,7 @@ class Stage:
             pairs = [pair if pair.surface is None else replace(pair, surface=here[pair.other]) for pair in self.clearances.pairs]
             near = replace(self.clearances, pairs=tuple(pairs))
             rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
-            out += [(f"clearance of {pair.volume} and {pair.other}", limits.clearance - gap) for pair, gap in rows]
+            out += [(f"clearance of {pair.volume} and {pair.other}", data.clearance - gap) for pair, gap in rows]
         out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
         return out
 
