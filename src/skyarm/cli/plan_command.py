@@ -23,7 +23,7 @@ def plan(
     report: Annotated[
         str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
     ] = None,
-    seconds: Annotated[float, typer.Option(help="longest time of one solution, s")] = 20.0,
+    seconds: Annotated[float, typer.Option(help="longest time of one solution, s")] = 60.0,
 ) -> None:
     """Plan a flight of base and arm from a task.
 

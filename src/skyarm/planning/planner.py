@@ -26,8 +26,8 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
-TIME_WEIGHTS = {"effort": (1.0,), "time": (1.0, 10.0, 100.0)}
-"""Costs of a second of free time, by what is minimised: each begins where the one before ended."""
+TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
+"""Cost of a second of free time, by what is minimised."""
 
 PENALTIES = (100.0, 10.0)
 """First penalties that are tried, one after the other."""
@@ -173,7 +173,12 @@ def usual_length(distance: float) -> float:
 
 def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: float = 0.0) -> PlanProblem:
     """Goals, limits and data of all stages of a task; ``clearance`` in m."""
-    example = dataclasses.replace(stage.stage.example(), obstacles=placed(task, stage), clearance=clearance)
+    example = dataclasses.replace(
+        stage.stage.example(),
+        obstacles=placed(task, stage),
+        clearance=clearance,
+        hurry=math.sqrt(2.0 * TIME_WEIGHTS[task.minimise]),
+    )
     total, free = sum(counts), itertools.count()
     goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
@@ -183,13 +188,15 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     rows: list[StageData] = []
     edge = 0
     for phase, count in zip(task.phases, counts, strict=True):
-        data = _data(example, phase, count, next(free) if phase.duration is None else None)
+        data = _data(example, phase, count, next(free) if phase.duration is None else None, stage.stage.weight)
         rows += [data] * count
         last = edge + count
         for name in goal_names(phase.to):
             goals[last, stage.goal[name]] = True
         if phase.resting:
             goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
+        if phase.contact is not None and phase.contact.kind == "plane":
+            goals[edge + (edge == 0) : last, stage.goal["lift"]] = True
         cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
@@ -202,7 +209,7 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     edge = 0
     for phase, count in zip(task.phases, counts, strict=True):
         edge += count
-        ends = _data(example, phase, count, None)
+        ends = _data(example, phase, count, None, stage.stage.weight)
         names = _columns(example)
         for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
             if _states(phase.to, field):
@@ -236,8 +243,12 @@ def goal_names(goal: Goal) -> list[str]:
     return names
 
 
-def _data(example: StageData, phase: PlanPhase, count: int, free: int | None) -> StageData:
-    """Numbers of a stage of a phase."""
+LEAST_PRESS = 0.02
+"""Least force along the normal of a contact that presses, over the weight: the cone of friction has no slope at 0."""
+
+
+def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
+    """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
     goal, none = phase.to, Vec3(0.0, 0.0, 0.0)
     contact = phase.contact
     turned = goal.attitude or (0.0, 0.0, goal.heading or 0.0)
@@ -255,6 +266,7 @@ def _data(example: StageData, phase: PlanPhase, count: int, free: int | None) ->
         touching=float(contact is not None),
         normal=contact.normal if contact else none,
         friction=contact.friction if contact else 0.0,
+        press=max(contact.force / weight, LEAST_PRESS) if contact else 0.0,
     )
 
 
@@ -322,7 +334,7 @@ def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     ]
 
 
-def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None] | None = None) -> Plan:
+def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None] | None = None) -> Plan:
     """Plan a task: solve from several seeds and return the best plan.
 
     Args:
@@ -339,7 +351,7 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
     guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
-    best, tried = _best_of(task, stage, problem, guesses, seconds, on_progress)
+    best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
     nearest = Nearest(gap=math.inf)
     for _ in range(ROUNDS):
         if best is None or not best.violation < TOLERANCE:
@@ -353,7 +365,7 @@ def plan(task: Task, *, seconds: float = 20.0, on_progress: Callable[[str], None
         clearance += CLOSER
         stage = stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
-        best, more = _best_of(task, stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
+        best, more = _best_of(stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
         tried += more
     raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
 
@@ -366,7 +378,6 @@ ROUNDS = 4
 
 
 def _best_of(
-    task: Task,
     stage: CompiledStage,
     problem: PlanProblem,
     guesses: Sequence[Guess],
@@ -379,16 +390,10 @@ def _best_of(
     tried = solved = 0
     for guess in guesses:
         for penalty in PENALTIES:
-            last, at = None, guess
-            for cost in TIME_WEIGHTS[task.minimise] if stage.stage.free else (0.0,):
-                data = problem.data.copy()
-                data[:, _columns(stage.stage.example())["hurry"]] = math.sqrt(2.0 * cost)
-                timed = dataclasses.replace(problem, data=data)
-                for last in Solver(stage, penalty * max(1.0, cost)).steps(timed, at, seconds=seconds):
-                    if on_progress is not None and last.iterations % 20 == 0:
-                        on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
-                assert last is not None
-                at = Guess(last.x, last.u)
+            last = None
+            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
+                if on_progress is not None and last.iterations % 20 == 0:
+                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
             tried += 1
             if last is not None and _better(last, best):
                 best = last

@@ -128,7 +128,10 @@ class StageData:
     obstacles: tuple[Place, ...] = ()
 
 
-GOALS = ("tip", "tip_velocity", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still", "inputs")
+GOALS = (
+    "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still",
+    "inputs",
+)  # fmt: skip
 """Names of the goals that a stage may have, in the order of their rows."""
 
 
@@ -293,9 +296,11 @@ class Stage:
         linear, angular = self.accelerations(state, (0.0,) * vehicle.n, ZERO3)[:2]
         ahead = data.attitude.rotation().column(0)
         nose = R.column(0)
+        tip_velocity = state.velocity + R.apply(moving)
         return {
+            "lift": [data.normal.dot(tip_velocity)],
             "tip": [*(state.position + R.apply(tip) - data.tip)],
-            "tip_velocity": [*(state.velocity + R.apply(moving) - data.tip_velocity)],
+            "tip_velocity": [*(tip_velocity - data.tip_velocity)],
             "axis": [*R.apply(axis).cross(data.axis)],
             "base": [*(state.position - data.base)],
             "heading": [ahead.x * nose.y - ahead.y * nose.x],
