@@ -36,11 +36,12 @@ ROUNDS = 5
 
 @immutable(kw_only=False)
 class Volume:
-    """Segment or flat disc of a vehicle, enlarged by a radius: a capsule, or a disc with a round rim.
+    """Segment, flat disc or cylinder, enlarged by a radius: a capsule, or a disc with a round rim.
 
     Attributes:
         body: link of the vehicle, or BASE. start, end: ends of the segment, m; both the middle of a disc.
-        radius: enlargement, m. disc: radius of the flat disc, m; int 0 of a segment. axis: unit vector across it.
+        radius: enlargement, m. disc: radius of the disc, m; int 0 of a segment. axis: unit vector across it.
+        half: half the length of a cylinder, m; int 0 of a flat disc.
     """
 
     name: str
@@ -50,8 +51,9 @@ class Volume:
     radius: Scalar
     disc: Scalar = 0
     axis: Vec3 = ZERO3
+    half: Scalar = 0
 
-    def moved(self, pose: Pose) -> Volume:
+    def transform(self, pose: Pose) -> Volume:
         """Volume in the axes to which a pose leads."""
         return replace(self, start=pose.apply(self.start), end=pose.apply(self.end), axis=pose.R.apply(self.axis))
 
@@ -78,6 +80,14 @@ class Clearances:
     vehicle: Vehicle
     pairs: tuple[Pair, ...]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each pair, as "link/forearm/tip and surface 'wall'"."""
+        return tuple(
+            f"{pair.volume} and {pair.other if pair.surface is None else f'surface {pair.other!r}'}"
+            for pair in self.pairs
+        )
+
     def distances(
         self,
         position: Vec3,
@@ -88,8 +98,9 @@ class Clearances:
     ) -> Scalars:
         """Signed distance (m) of each pair: minus the depth of penetration where bodies overlap.
 
-        That of a disc from a surface is a lower bound, exact above a face. In a cylinder the depth is that of the
-        deepest point of the segment. A plate with a hole counts as filled.
+        That of a disc from a box or cylinder is a lower bound, exact above a face. In a cylinder the depth is that of
+        the deepest point of the segment. A plate with a hole counts as filled. First derivatives are exact, higher
+        ones too but at cylinders and discs.
 
         Args:
             position: of the base, m, world axes.
@@ -100,14 +111,16 @@ class Clearances:
         """
         poses = link_poses(self.vehicle, joints, summed=True)
         turned = turn_rotors(self.vehicle, tilts) if tilts else self.vehicle
-        own = {each.name: each.moved(IDENTITY if each.body == BASE else poses[each.body]) for each in volumes(turned)}
+        own = {
+            each.name: each.transform(IDENTITY if each.body == BASE else poses[each.body]) for each in volumes(turned)
+        }
         base, rows = Pose(rotation, position), []
-        outside = {pair.volume: own[pair.volume].moved(base) for pair in self.pairs if pair.surface is not None}
+        outside = {pair.volume: own[pair.volume].transform(base) for pair in self.pairs if pair.surface is not None}
         for pair in self.pairs:
             if pair.surface is not None:
-                rows.append(_from_surface(outside[pair.volume], pair.surface, time))
+                rows.append(surface_distance(outside[pair.volume], pair.surface, time))
             else:
-                row = _between(own[pair.volume], own[pair.other])
+                row = pair_distance(own[pair.volume], own[pair.other])
                 rows.append(row if concrete(pair.rest) else where(pair.rest < 0.0, math.inf, row))
         return tuple(rows)
 
@@ -146,39 +159,36 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     return made
 
 
-def _between(a: Volume, b: Volume) -> Scalar:
-    """Signed distance (m) of two volumes, at most one of them a disc."""
+def pair_distance(a: Volume, b: Volume) -> Scalar:
+    """Signed distance (m) of two volumes in one frame, at most one of them a disc."""
     if not absent(a.disc):
-        return _between(b, a)
-    start, way, middle = _values(a.start), _values(a.end - a.start), _values(b.start)
+        return pair_distance(b, a)
+    way, other, middle = a.end - a.start, b.end - b.start, b.start
+    start, along = _values(a.start - middle), _values(way)
     if absent(b.disc):
-        s, t = _nearest_shares(start - middle, way, _values(b.end - b.start))
-        apart = (a.start + (a.end - a.start) * s) - (b.start + (b.end - b.start) * t)
+        s, t = _nearest_shares(start, along, _values(other))
+        apart = (a.start + way * s) - (middle + other * t)
         return sqrt(apart.dot(apart) + _TINY) - (a.radius + b.radius)
-    s = compiled_once("nearest to cylinder", _nearest_to_cylinder, (start - middle, way, _values(b.axis), b.disc, 0))
-    point = a.start + (a.end - a.start) * s - b.start
-    return _above_cylinder(point, b.axis, b.disc, 0) - (a.radius + b.radius)
+    record = start, along, _values(b.axis), b.disc, b.half
+    s = 0 if a.end is a.start else compiled_once("nearest to cylinder", _nearest_to_cylinder, record)
+    return _above_cylinder(a.start + way * s - middle, b) - (a.radius + b.radius)
 
 
-def _from_surface(each: Volume, surface: Surface, time: Scalar) -> Scalar:
+def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     """Signed distance (m) of a volume in world axes from a surface."""
+    R, at = surface.rotation, surface.place(time)[0]
+    if surface.shape == "sphere":
+        return pair_distance(each, Volume("", BASE, at, at, surface.size[0]))
     if not absent(each.disc):
         return surface.clearance(each.start, each.axis, each.disc, time) - each.radius
-    R, at = surface.rotation, surface.place(time)[0]
-    if surface.shape == "hole":
-        at = at - R.column(2) * (0.5 * surface.size[-1])
+    if surface.shape in ("cylinder", "hole"):
+        axis, half = R.column(2), 0.5 * surface.size[-1]
+        middle = at if surface.shape == "cylinder" else at - axis * half
+        return pair_distance(each, Volume("", BASE, middle, middle, 0, surface.size[-2], axis, half))
     start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
-    a, d = _values(start), _values(way)
     if surface.shape == "plane":
-        return (start + way * where(d.z > 0.0, 0.0, 1.0)).z - each.radius
-    if surface.shape == "box":
-        return _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
-    if surface.shape == "sphere":
-        point = start + way * _nearest_shares(a, d, ZERO3)[0]
-        return sqrt(point.dot(point) + _TINY) - (surface.size[0] + each.radius)
-    radius, half = surface.size[-2], 0.5 * surface.size[-1]
-    point = start + way * compiled_once("nearest to cylinder", _nearest_to_cylinder, (a, d, E_Z, radius, half))
-    return _above_cylinder(point, E_Z, radius, half) - each.radius
+        return (start + way * where(_values(way).z > 0.0, 0.0, 1.0)).z - each.radius
+    return _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
 
 
 def _values(v: Vec3) -> Vec3:
@@ -271,14 +281,14 @@ def _nearest_to_box(record: tuple[Vec3, Vec3, tuple[Scalar, ...]]) -> tuple[Scal
     return free, where(free > 0.0, share, best[1]), Vec3(*best[3:]), best[2]
 
 
-def _above_cylinder(point: Vec3, axis: Vec3, radius: Scalar, half: Scalar) -> Scalar:
-    """Signed distance (m) of a point from a cylinder in its middle, of half a length; from a disc if that is int 0."""
-    along = axis.dot(point)
-    across = point - axis * along
-    side, end = sqrt(across.dot(across) + _TINY) - radius, absolute(along) - half
-    out, up = maximum(side, 0.0), maximum(end, 0.0)
+def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:
+    """Signed distance (m) of a point from a cylinder or flat disc, from whose middle it is given."""
+    along = disc.axis.dot(point)
+    across = point - disc.axis * along
+    side, end = sqrt(across.dot(across) + _TINY) - disc.disc, absolute(along) - disc.half
+    out, up, height = maximum(side, 0.0), maximum(end, 0.0), maximum(side, end)
     outside = sqrt(out * out + up * up + _TINY)
-    return outside if absent(half) else where(maximum(side, end) > 0.0, outside, maximum(side, end))
+    return outside if absent(disc.half) else where(height > 0.0, outside, height)
 
 
 def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Scalar:
@@ -298,6 +308,6 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
         inward = where(side > end, divide(turn, away), sign(z) * climb)
         return where(maximum(side, end) > 0.0, rise, inward)
 
-    root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0))
+    root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0) + _TINY)
     breaks = [*_crossings(along, climb, half)[absent(half) :], *(divide(each - b, a + _TINY) for each in (root, -root))]
     return _least(slope, breaks, ROUNDS)
