@@ -232,6 +232,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "joint_limits": ("skyarm.scenario.endings:JointLimits", "a joint past its limit"),
         "law_undefined": ("skyarm.scenario.endings:LawUndefined", "an attitude at which the law is not defined"),
         "ground": ("skyarm.scenario.endings:Ground", "the lowest point at z = 0"),
+        "clearance": ("skyarm.scenario.endings:Clearance", "bodies too near to each other or to a fixed surface"),
     },
     "command": {name: row for section in SECTIONS.values() for name, row in section.items()},
 }
