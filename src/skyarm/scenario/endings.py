@@ -235,7 +235,17 @@ BUILT_IN: tuple[Ending, ...] = (
 PHASE_FAILED = "phase_failed"
 """Status of a flight whose task has a phase that failed."""
 
-STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
+STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED, Clearance.status)
+
+
+def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:
+    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and with each other."""
+    from skyarm.world.scene.clearance import clearances
+
+    vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
+    contacts = [each.of_agent(name) for each in scenario.worlds]
+    surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
+    return clearances(vehicle, surfaces, {body for each in contacts for body in each.touching(vehicle)})
 
 
 def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:

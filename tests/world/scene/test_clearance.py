@@ -16,12 +16,14 @@ from skyarm import load_vehicle
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.compile import trace
+from skyarm.compile.tracing.lower import live, operations
+from skyarm.compile.tracing.tracer import Graph
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.reference.signals import Ramp
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.surface import Surface, rotation_of
-from skyarm.world.scene.clearance import Clearances, Volume, between, clearances, from_surface, volumes
+from skyarm.world.scene.clearance import Clearances, Volume, clearances, pair_distance, surface_distance, volumes
 from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from skyarm.world.signal_vector import SignalVector
@@ -99,7 +101,7 @@ def test_a_rod_is_as_far_from_a_surface_as_coal_has_it(oracle: Coal, shape: str)
         deep = expected < -0.99 * radius
         inside += deep
         if not (deep and shape == "cylinder"):  # there the depth is that of the deepest point
-            assert from_surface(capsule(a, b, radius), surface, 0.0) == pytest.approx(expected, abs=1e-6)
+            assert surface_distance(capsule(a, b, radius), surface, 0.0) == pytest.approx(expected, abs=1e-6)
     assert 10 < inside < 140
 
 
@@ -109,7 +111,7 @@ def test_in_a_cylinder_the_depth_is_that_of_the_deepest_point() -> None:
         local = np.array(surface.rotation).T @ (a + np.linspace(0.0, 1.0, 4001)[:, None] * (b - a) - at).T
         heights = np.maximum(np.hypot(*local[:2]) - surface.size[0], np.abs(local[2]) - 0.5 * surface.size[1])
         if heights.min() < 0.0:
-            found = from_surface(capsule(a, b, radius), surface, 0.0) + radius
+            found = surface_distance(capsule(a, b, radius), surface, 0.0) + radius
             # the search ends within a share of 2^-5 of the rod
             assert heights.min() - 1e-4 <= found <= heights.min() + np.linalg.norm(b - a) / 32.0
             assert found < 0.0
@@ -121,14 +123,14 @@ def test_rods_and_discs_are_as_far_from_each_other_as_coal_has_them(oracle: Coal
         a, b, c, d = rng.normal(size=(4, 3)) * 0.6
         rod = oracle.rod(a, b, 0.05)
         expected = oracle.distance(rod, oracle.rod(c, d, 0.1))
-        assert between(capsule(a, b, 0.05), capsule(c, d, 0.1)) == pytest.approx(expected, abs=1e-9)
+        assert pair_distance(capsule(a, b, 0.05), capsule(c, d, 0.1)) == pytest.approx(expected, abs=1e-9)
         axis = (d - c) / np.linalg.norm(d - c)
         disc = Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis))
         pose = oracle.coal.Transform3s(np.array(turn_onto(tuple(axis))), c)
         expected = oracle.distance(rod, (oracle.coal.Cylinder(0.3, 1e-9), pose)) - 0.02
         if expected > -0.065:  # coal takes the flat disc for a thick one where the rod's axis passes through it
-            assert between(capsule(a, b, 0.05), disc) == pytest.approx(expected, abs=1e-5)
-            assert between(disc, capsule(a, b, 0.05)) == between(capsule(a, b, 0.05), disc)
+            assert pair_distance(capsule(a, b, 0.05), disc) == pytest.approx(expected, abs=1e-5)
+            assert pair_distance(disc, capsule(a, b, 0.05)) == pair_distance(capsule(a, b, 0.05), disc)
 
 
 @pytest.mark.parametrize("shape", SIZES)
@@ -138,7 +140,7 @@ def test_a_disc_is_at_least_as_far_from_a_surface_as_it_says(oracle: Coal, shape
         axis = (d - c) / np.linalg.norm(d - c)
         pose = oracle.coal.Transform3s(np.array(turn_onto(tuple(axis))), c)
         expected = oracle.distance((oracle.coal.Cylinder(0.3, 1e-9), pose), oracle.surface(surface)) - 0.02
-        found = from_surface(Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis)), surface, 0.0)
+        found = surface_distance(Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis)), surface, 0.0)
         if expected > -0.02:
             assert found <= expected + 1e-6
             assert shape in ("box", "cylinder") or found == pytest.approx(expected, abs=1e-6)
@@ -161,11 +163,61 @@ def test_special_positions_at_a_box_have_a_distance_and_a_finite_derivative(side
     a, b, expected = SIDES[side]
     box = Surface(name="box", shape="box", size=(0.4, 0.5, 0.6))
     rod = capsule(np.array(a), np.array(b), 0.0)
-    assert from_surface(rod, box, 0.0) == pytest.approx(expected, abs=1e-11)
+    assert surface_distance(rod, box, 0.0) == pytest.approx(expected, abs=1e-11)
     moved = dataclasses.replace(
         rod, start=Vec3(*(Taylor((c, 1.0)) for c in rod.start)), end=Vec3(*(Taylor((c, 1.0)) for c in rod.end))
     )
-    assert abs(nth_derivative(from_surface(moved, box, 0.0), 1)) <= math.sqrt(3.0) + 1e-9
+    assert abs(nth_derivative(surface_distance(moved, box, 0.0), 1)) <= math.sqrt(3.0) + 1e-9
+
+
+@pytest.mark.parametrize("shape", SIZES)
+def test_derivatives_of_a_rod_near_and_in_a_surface_are_central_differences(shape: str) -> None:
+    draw, h = np.random.default_rng(13), 1e-6
+    for surface, a, b, radius in scenes(8, 40, shape):
+        da, db = draw.normal(size=(2, 3))
+        here, ahead, behind = (
+            surface_distance(capsule(a + t * da, b + t * db, radius), surface, 0.0) for t in (0.0, h, -h)
+        )
+        moved = capsule(a, b, radius)
+        start, end = (
+            Vec3(*(Taylor((c, dc)) for c, dc in zip(p, dp, strict=True)))
+            for p, dp in ((moved.start, da), (moved.end, db))
+        )
+        series = surface_distance(dataclasses.replace(moved, start=start, end=end), surface, 0.0)
+        assert nth_derivative(series, 0) == pytest.approx(here, abs=1e-12)
+        if here > -radius or shape != "cylinder":
+            assert nth_derivative(series, 1) == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5)
+
+
+def test_the_second_derivative_of_a_distance_from_an_edge_is_that_of_the_hypotenuse() -> None:
+    box, rod = Surface(name="box", shape="box", size=(0.4, 0.4, 4.0)), capsule(np.zeros(3), np.ones(3), 0.0)
+    x, y = Taylor((0.5, 1.0, 0.0)), Taylor((0.6, 0.0, 0.0))
+    upright = dataclasses.replace(rod, start=Vec3(x, y, -0.2), end=Vec3(x, y, 0.3))
+    # sqrt(u^2 + v^2)'' = v^2 / (u^2 + v^2)^(3/2) along u
+    found = nth_derivative(surface_distance(upright, box, 0.0), 2)
+    assert found == pytest.approx(0.4**2 / math.hypot(0.3, 0.4) ** 3, rel=1e-9)
+
+
+def test_the_nearest_point_slides_in_second_derivatives() -> None:
+    ball, rod = Surface(name="ball", shape="sphere", size=(0.1,)), capsule(np.zeros(3), np.ones(3), 0.0)
+    x = Taylor((0.3, 1.0, 0.0))
+    slanted = dataclasses.replace(rod, start=Vec3(x - 2.0, -2.0, 0.4), end=Vec3(x + 2.0, 2.0, 0.4))
+    # a straight line passes at hypot(x / sqrt(2), 0.4), whose second derivative is that of a hypotenuse
+    found = nth_derivative(surface_distance(slanted, ball, 0.0), 2)
+    assert found == pytest.approx(0.5 * 0.4**2 / math.hypot(0.3 / math.sqrt(2.0), 0.4) ** 3, rel=1e-9)
+
+
+def test_first_derivatives_cost_little_beside_the_distances() -> None:
+    vehicle = load_vehicle("hummingbird_arm2")
+    every = clearances(vehicle, OBSTACLES[:2])
+    counts = []
+    for rates in (False, True):
+        graph = Graph(loops=True)
+        x = [graph.input(f"x{i}") for i in range(2 * (7 + vehicle.n))]
+        state = [Taylor(each) for each in zip(x[::2], x[1::2], strict=True)] if rates else x[::2]
+        rows = [row.c if rates else (row,) for row in rows_of(every, state)]
+        counts.append(operations(live([graph.lift(c) for row in rows for c in row])))
+    assert counts[1] < 1.4 * counts[0]
 
 
 def test_parallel_and_touching_rods_have_a_distance_and_a_finite_derivative() -> None:
@@ -175,10 +227,10 @@ def test_parallel_and_touching_rods_have_a_distance_and_a_finite_derivative() ->
     cases = {(0.2, 0.1): 0.08, (1.3, 0.0): 0.28, (-1.3, 0.4): 0.48, (0.0, 0.0): -0.02, (2.0, 0.0): 0.98}
     for (x, z), expected in cases.items():
         other = rod(x, z, 1.0)
-        assert between(rod(0.0, 0.0, 1.0), other) == pytest.approx(expected, abs=1e-11)
+        assert pair_distance(rod(0.0, 0.0, 1.0), other) == pytest.approx(expected, abs=1e-11)
         moved = dataclasses.replace(other, start=other.start + Vec3(0, 0, Taylor((0.0, 1.0))))
-        assert math.isfinite(nth_derivative(between(rod(0.0, 0.0, 1.0), moved), 1))
-    assert between(rod(0.0, 0.0, 0.0), rod(0.0, 0.3, 0.0)) == pytest.approx(0.28, abs=1e-11)
+        assert math.isfinite(nth_derivative(pair_distance(rod(0.0, 0.0, 1.0), moved), 1))
+    assert pair_distance(rod(0.0, 0.0, 0.0), rod(0.0, 0.3, 0.0)) == pytest.approx(0.28, abs=1e-11)
 
 
 def rows_of(every: Clearances, x: Sequence[Scalar]) -> Scalars:
@@ -295,10 +347,10 @@ def test_a_moving_surface_is_where_it_is_then_and_a_filled_hole_is_a_cylinder() 
     rise = SignalVector(z=Ramp(start=0.0, duration=2.0, height=1.0))
     ball = Surface(name="ball", shape="sphere", size=(0.2,), position=Vec3(0.0, 0.0, 1.0), motion=rise)
     rod = capsule(np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.1]), 0.1)
-    assert [from_surface(rod, ball, t) for t in (0.0, 2.0)] == pytest.approx([0.6, 1.6], abs=1e-9)
+    assert [surface_distance(rod, ball, t) for t in (0.0, 2.0)] == pytest.approx([0.6, 1.6], abs=1e-9)
     plate = Surface(name="plate", shape="hole", size=(0.05, 0.1, 0.01, 0.3, 0.2), angles=Vec3(0.4, 0.2, 0.1))
     middle = rotation_of(plate.angles).apply(Vec3(0.0, 0.0, -0.1))
     solid = Surface(name="solid", shape="cylinder", size=(0.3, 0.2), position=middle, angles=plate.angles)
     for a, b in np.random.default_rng(9).normal(size=(10, 2, 3)):
         rod = capsule(a, b, 0.1)
-        assert from_surface(rod, plate, 0.0) == pytest.approx(from_surface(rod, solid, 0.0), abs=1e-12)
+        assert surface_distance(rod, plate, 0.0) == pytest.approx(surface_distance(rod, solid, 0.0), abs=1e-12)

@@ -244,8 +244,9 @@ class Contact(Force[ContactMemory]):
 
     def touching(self, vehicle: Vehicle) -> set[int]:
         """Bodies of a vehicle (BASE or index of a link) that bear contact points, grippers or grasps."""
-        holders = (vehicle.frame(each.frame or None).link for each in (*self.grippers, *self.grasps))
-        return {*holders, *(point.place(vehicle)[1] for point in self.points)}
+        frames = (each.frame or None for each in self.grippers), (each.frame or None for each in self.grasps)
+        links = {vehicle.frame(name).link for names in frames for name in names}
+        return links | {point.place(vehicle)[1] for point in self.points}
 
     @property
     def logged_pairs(self) -> int:
