@@ -31,10 +31,11 @@ def plan(
     Exit code 3 if no plan within the limits was found.
     """
     from skyarm.planning.plan_file import plan_bytes
-    from skyarm.planning.plan_report import flight_text, summary, summary_lines
+    from skyarm.planning.plan_report import flight_document, summary, summary_lines
     from skyarm.planning.planner import PlanError
     from skyarm.planning.planner import plan as solve
     from skyarm.planning.task import load_task, vehicle_of_file
+    from skyarm.scenario.save import scenario_text
 
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
@@ -57,7 +58,8 @@ def plan(
         tell(*summary_lines(loaded.name, numbers), f"plan: {file}")
         if flight is not None:
             beside = Path(os.path.relpath(file, flight.parent))
-            write_atomically(flight, flight_text(found, beside, vehicle_of_file(task, flight.parent)).encode())
+            document = flight_document(found, beside, vehicle_of_file(task, flight.parent))
+            write_atomically(flight, scenario_text(document).encode())
             tell(f"scenario: {flight}; fly it by: skyarm run {flight}")
         if page is not None:
             from skyarm.studies.assess.plan_page import plan_page

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Quaternion
 from skyarm.planning.planner import Plan
 from skyarm.records.arrays import Array
-from skyarm.records.files.toml import toml_value
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
+from skyarm.records.read_table import entry_of
 
 
 @immutable
@@ -111,43 +113,58 @@ SETTLE = 1.0
 """Time (s) of hover before a plan begins and after it ends, in the scenario that flies it."""
 
 
-def flight_text(plan: Plan, file: Path, vehicle: str) -> str:
-    """Scenario file that flies a plan by the centroidal law.
+def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
+    """Tables of a scenario that flies a plan by the centroidal law, in the task's world with its obstacles.
 
     Args:
         plan: the plan. file: its file, as the scenario names it. vehicle: name or path of the vehicle.
     """
-    tilt = summary(plan).tilt
-    lines = [
-        f"# Flies the plan {file.name} of skyarm plan.",
-        "schema = 1",
-        f"name = {toml_value(plan.task.name)}",
-        f"duration = {plan.t[-1] + 2.0 * SETTLE:.6g}",
-        "",
-        "[rates]",
-        "control = 200                # Hz",
-        "reference = 200              # Hz: the plan is known on board",
-        "",
-        "[plant]",
-        f"vehicle = {toml_value(vehicle)}",
-        *([f"gravity = {plan.task.gravity:g}"] if plan.task.gravity != 9.81 else []),
-        "",
-        "[controller]",
-        'law = "centroidal"',
-        'mode = "joint"',
-        "bandwidth = 1.0",
-        f"tilt = {max(1.2, 1.5 * math.tan(min(tilt + 0.1, 1.4))):.3g}                   # tangent of the largest tilt",
-        "",
-        "[reference]",
-        'kind = "plan"',
-        f"file = {toml_value(str(file))}",
-        f"start = {SETTLE:g}                  # s",
-        "",
+    task, lean = plan.task, min(summary(plan).tilt + 0.1, 1.4)
+    world: dict[str, Any] = {name: entry for name, entry in (task.world or {}).items()}
+    stated = [each.get("name") for each in world.get("surfaces", [])]
+    own = [each for each in task.obstacles if each.name not in stated]
+    if own:
+        words = ("name", "shape", "size", "position", "angles")
+        rows = [{word: getattr(each, word) for word in words if word == "name" or getattr(each, word)} for each in own]
+        world["surfaces"] = [*world.get("surfaces", []), *({k: entry_of(v) for k, v in row.items()} for row in rows)]
+    events = gripper_events(plan)
+    world["grippers"] = [
+        each | ({"closed": events[each["name"]]} if each.get("name") in events else {})
+        for each in world.get("grippers", [])
     ]
-    for each in plan.task.obstacles:
-        lines += ["[[world.surfaces]]", f"name = {toml_value(each.name)}", f"shape = {toml_value(each.shape)}"]
-        for word in ("size", "position", "angles"):
-            lines.append(f"{word} = {toml_value([float(c) for c in getattr(each, word)])}")
-        lines.append("")
-    return "\n".join(lines)
+    world = {name: entry for name, entry in world.items() if entry}
+    document: dict[str, Entry] = {
+        "schema": 1,
+        "name": task.name,
+        "duration": round(float(plan.t[-1]) + 2.0 * SETTLE, 6),
+        # the plan is known on board: its reference comes in each control period
+        "rates": {"control": 200, "reference": 200},
+        "plant": {"vehicle": vehicle, "gravity": task.gravity},
+        "controller": {
+            "law": "centroidal",
+            "mode": "joint",
+            "bandwidth": 1.0,
+            "tilt": round(max(1.2, 1.5 * math.tan(lean)), 3),
+        },
+        "environment": {"ground": False},
+        "reference": {"kind": "plan", "file": str(file), "start": SETTLE},
+    }
+    return document | ({"world": world} if world else {})
 
+
+def gripper_events(plan: Plan) -> dict[str, Entry]:
+    """Commands of the grippers that the phases of a task close and open, as signals of the scenario's time."""
+    times: dict[str, list[tuple[float, bool]]] = {}
+    for phase, edge in zip(plan.task.phases, plan.edges[:-1], strict=True):
+        at = SETTLE + float(plan.t[edge])
+        for name, closes in ((phase.gripper, True), (phase.release, False)):
+            if name:
+                times.setdefault(name, []).append((at, closes))
+    commands: dict[str, Entry] = {}
+    for name, rows in times.items():
+        pieces: list[Entry] = [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
+        for (at, closes), ends in zip(rows, [*(t for t, _ in rows[1:]), None], strict=True):
+            if closes:
+                pieces.append({"kind": "constant", "value": 1, "start": at} | ({"stop": ends} if ends else {}))
+        commands[name] = {"kind": "sum", "signals": pieces} if len(pieces) > 1 else pieces[0]
+    return commands

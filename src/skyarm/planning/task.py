@@ -41,7 +41,7 @@ import math
 import os
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.records.field_rules import accept_fields, checked
@@ -160,16 +160,24 @@ class Task:
     limits: TaskLimits = TaskLimits()
     obstacles: tuple[Surface, ...] = ()
     minimise: Literal["effort", "time"] = "effort"
+    world: Annotated[Any, Unit("", "table [world] of the scenario that flies the plan; its surfaces are obstacles")] = None
+    passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of the world that are no obstacles")] = ()
     gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
 
     @classmethod
     def short_spellings(cls, fields: Fields) -> dict[str, object]:
         """Vehicle of a table, by its name, and obstacles, of which each has a name or a number."""
-        rows = fields.tables("obstacles")
+        world, passable = fields.inner("world"), fields.take("passable", [])
+        rows = [*fields.tables("obstacles"), *world.tables("surfaces")]
+        rows = [each for each in rows if not isinstance(passable, list) or each.table.get("name") not in passable]
         named = [Fields({"name": f"obstacle{k}"} | each.table, each.where) for k, each in enumerate(rows)]
         obstacles = tuple(record_from(Surface, each) for each in named)
-        return {"vehicle": load_vehicle(fields.take("vehicle")), "obstacles": obstacles}
+        surfaces = [each.table.get("name") for each in world.tables("surfaces")]
+        if not isinstance(passable, list) or any(name not in surfaces for name in passable):
+            raise ValueError(f"{fields.at('passable')} = {shown(passable)}: must be names of surfaces of the world")
+        named_vehicle = load_vehicle(fields.take("vehicle"))
+        return {"vehicle": named_vehicle, "obstacles": obstacles, "passable": tuple(passable)}
 
     def __post_init__(self) -> None:
         accept_fields(self, "task", TaskError)
