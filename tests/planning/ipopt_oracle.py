@@ -13,7 +13,9 @@ from skyarm.records.leaves import leaves, rebuild
 def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: float = 200.0) -> tuple[float, float, str]:
     """Cost, violation and status of IPOPT from a guess."""
     example = stage.stage.example()
-    x, u, row = (ca.SX.sym(name, size) for name, size in zip("xur", (stage.nx, stage.nu, len(leaves(example))), strict=True))
+    x, u, row = (
+        ca.SX.sym(name, size) for name, size in zip("xur", (stage.nx, stage.nu, len(leaves(example))), strict=True)
+    )
     following = ca.SX.sym("n", stage.nx)
 
     def entries(v):
@@ -53,8 +55,9 @@ def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: flo
         if k < count:
             w.append(U[k]), w0.extend(guess.u[k])
             lower.extend([-np.inf] * stage.nu), upper.extend([np.inf] * stage.nu)
-    options = {"ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 20, "ipopt.tol": 1e-7,
-               "ipopt.max_iter": 1000, "ipopt.max_wall_time": seconds, "ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"}  # fmt: skip
+    settings = {"hessian_approximation": "limited-memory", "limited_memory_max_history": 20, "tol": 1e-7, "sb": "yes"}
+    settings |= {"max_iter": 1000, "max_wall_time": seconds, "print_level": 0}
+    options = {"print_time": 0} | {f"ipopt.{name}": value for name, value in settings.items()}
     solver = ca.nlpsol("plan", "ipopt", {"x": ca.vertcat(*w), "f": cost, "g": ca.vertcat(*rows)}, options)
     found = solver(x0=w0, lbx=lower, ubx=upper, lbg=low, ubg=high)
     g = np.array(found["g"]).ravel()

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +10,6 @@ import numpy as np
 from skyarm.algebra import Quaternion
 from skyarm.dynamics.array_front import center_of_mass, frame_pose_world
 from skyarm.planning.planner import Plan
-from skyarm.records.arrays import Array
 from skyarm.reference.planned_motion import FORMAT
 
 
@@ -21,8 +17,8 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     """Arrays of a plan: states and inputs at the nodes, and what a reference needs of them.
 
     ``t`` s; ``position``, ``center``, ``tip`` (N + 1, 3) m, world axes; ``yaw`` rad; ``joints``, ``joint_rates``;
-    ``quaternion`` (N + 1, 4); ``velocity``, ``rate``; ``rotor_speeds`` rad/s; ``inputs`` (N, nu); ``gains`` (N, nu, nt);
-    ``phase`` (N + 1,) index; ``force`` (N + 1, 3) N, of a contact on the tip.
+    ``quaternion`` (N + 1, 4); ``velocity``, ``rate``; ``rotor_speeds`` rad/s; ``inputs`` (N, nu);
+    ``gains`` (N, nu, nt); ``phase`` (N + 1,) index; ``force`` (N + 1, 3) N, of a contact on the tip.
     """
     vehicle = plan.task.vehicle
     n, m = vehicle.n, len(vehicle.rotors)
@@ -34,7 +30,7 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     if vehicle.end_effector:
         tip = frame_pose_world(vehicle, x[:, :3], x[:, 3:7], joints)[0]
     # heading of the attitude whose body y is across it, as the laws build theirs
-    yaw = np.unwrap(np.arctan2(-np.broadcast_to(R.rows[0].y, len(x)), np.broadcast_to(R.rows[1].y, len(x))))
+    yaw = np.unwrap(np.arctan2(-np.asarray(R.rows[0].y, dtype=float), np.asarray(R.rows[1].y, dtype=float)))
     force = np.zeros((len(x), 3))
     edges = plan.edges
     phase = np.clip(np.searchsorted(edges, np.arange(len(x)), side="right") - 1, 0, len(edges) - 2)

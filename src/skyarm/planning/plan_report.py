@@ -59,8 +59,6 @@ def summary(plan: Plan) -> Summary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
     vehicle, task = plan.task.vehicle, plan.task
     n, m = vehicle.n, len(vehicle.rotors)
-    R = Quaternion(*plan.x[:, 3:7].T).rotation()
-    tilt = np.arccos(np.clip(np.broadcast_to(R.rows[2].z, len(plan.t)), -1.0, 1.0))
     most = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
     speeds = plan.x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover) / most
     efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
@@ -75,7 +73,7 @@ def summary(plan: Plan) -> Summary:
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
         speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
-        tilt=float(tilt.max()),
+        tilt=float(tilts(plan).max()),
         rotor=_tightest(plan.t, speeds**2, [rotor.name for rotor in vehicle.rotors]),
         torque=torque,
         joint_rate=rate,
@@ -89,6 +87,12 @@ def summary(plan: Plan) -> Summary:
     )
 
 
+def tilts(plan: Plan) -> Array:
+    """Tilt (rad) of the base at the nodes of a plan."""
+    up = Quaternion(*plan.x[:, 3:7].T).rotation().rows[2].z
+    return np.asarray(np.arccos(np.clip(np.asarray(up, dtype=float), -1.0, 1.0)))
+
+
 def _tightest(t: Array, shares: Array, names: list[str]) -> Tight:
     k, j = np.unravel_index(int(shares.argmax()), shares.shape)
     return Tight(name=names[int(j)], share=float(shares[k, j]), time=float(t[k]))
@@ -99,7 +103,11 @@ def summary_lines(name: str, found: Summary) -> list[str]:
     parts = ", ".join(f"{each} {length:.3g} s" for each, length in found.phases)
     lines = [f"{name}: {found.duration:.3f} s ({parts})"]
     lines.append(f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f} degrees")
-    for words, each in (("rotor thrust", found.rotor), ("joint torque", found.torque), ("joint rate", found.joint_rate)):
+    for words, each in (
+        ("rotor thrust", found.rotor),
+        ("joint torque", found.torque),
+        ("joint rate", found.joint_rate),
+    ):
         if each is not None:
             lines.append(f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name} at {each.time:.2f} s")
     if found.clearance is not None:
@@ -117,10 +125,12 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     """Tables of a scenario that flies a plan by the centroidal law, in the task's world with its obstacles.
 
     Args:
-        plan: the plan. file: its file, as the scenario names it. vehicle: name or path of the vehicle.
+        plan: the plan.
+        file: its file, as the scenario names it.
+        vehicle: name or path of the vehicle.
     """
     task, lean = plan.task, min(summary(plan).tilt + 0.1, 1.4)
-    world: dict[str, Any] = {name: entry for name, entry in (task.world or {}).items()}
+    world: dict[str, Any] = dict(task.world or {})
     stated = [each.get("name") for each in world.get("surfaces", [])]
     own = [each for each in task.obstacles if each.name not in stated]
     if own:
@@ -165,6 +175,7 @@ def gripper_events(plan: Plan) -> dict[str, Entry]:
         pieces: list[Entry] = [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
         for (at, closes), ends in zip(rows, [*(t for t, _ in rows[1:]), None], strict=True):
             if closes:
-                pieces.append({"kind": "constant", "value": 1, "start": at} | ({"stop": ends} if ends else {}))
+                piece: dict[str, Entry] = {"kind": "constant", "value": 1, "start": at}
+                pieces.append(piece if ends is None else piece | {"stop": ends})
         commands[name] = {"kind": "sum", "signals": pieces} if len(pieces) > 1 else pieces[0]
     return commands

@@ -15,10 +15,10 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.state import example_state
+from skyarm.planning.seeds import ways_around
 from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.planning.seeds import ways_around
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -70,7 +70,7 @@ class Plan:
         limits = self.compiled.values(self.x, self.u, self.data)[0][:-1, self.compiled.limits]
         columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
         most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
-        return (limits[:, columns] + 1.0) * most
+        return np.asarray((limits[:, columns] + 1.0) * most)
 
 
 @lru_cache(maxsize=8)
@@ -104,8 +104,13 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
 
 def placeholder(k: int, obstacle: Surface) -> Surface:
     """Obstacle of the same shape, which one compiled stage serves wherever the obstacles stand."""
-    return Surface(name=f"obstacle{k}", shape=obstacle.shape, size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
-                   position=Vec3(0.5, 0.25, 0.125), angles=Vec3(0.5, 0.25, 0.125))
+    return Surface(
+        name=f"obstacle{k}",
+        shape=obstacle.shape,
+        size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
+        position=Vec3(0.5, 0.25, 0.125),
+        angles=Vec3(0.5, 0.25, 0.125),
+    )
 
 
 def placed(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
@@ -126,12 +131,12 @@ def attitude(angles: Sequence[float]) -> Quaternion:
     return state.quaternion
 
 
-def tip_below(task: Task, joints: Sequence[float]) -> Array:
+def tip_below(task: Task, joints: Array) -> Array:
     """Position of the tip in base axes, m."""
     vehicle = task.vehicle
     if not vehicle.end_effector:
         return np.zeros(3)
-    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints)).p)])
+    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints.tolist())).p)])
 
 
 @immutable(eq=False)
@@ -276,6 +281,9 @@ def guess_from(
     """Seed along given places of the base.
 
     Args:
+        task: the task.
+        stage: compiled.
+        counts: stages of each phase.
         ways: for each phase the (points, 3) places from its beginning to its end, m.
         shape: of which the joints and lengths are taken.
         sense: 1 turns the short way, -1 the long way round where the attitude changes.
@@ -324,14 +332,12 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
 
 
 def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
-    """Rotor speeds at the start, over those of hover: the trim of a level start, a fifth of hover thrust upside down."""
+    """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
     from skyarm.dynamics.actuators.hover import hover_trim
 
     trim = hover_trim(task.vehicle, task.start.joints or (0.0,) * task.vehicle.n, task.gravity)
     level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
-    return [
-        float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)
-    ]
+    return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
 
 
 def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None] | None = None) -> Plan:
@@ -406,12 +412,19 @@ def _best_of(
 
 
 def _plan_of(
-    task: Task, stage: CompiledStage, problem: PlanProblem, counts: Sequence[int], best: Solution, spent: float, tried: int
+    task: Task,
+    stage: CompiledStage,
+    problem: PlanProblem,
+    counts: Sequence[int],
+    best: Solution,
+    spent: float,
+    tried: int,
 ) -> Plan:
     free = stage.stage.free
     steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
     return Plan(
-        task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)), x=best.x, u=best.u, K=best.K,
+        task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
+        x=best.x, u=best.u, K=best.K,
         edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seconds=spent, seeds=tried,
     )  # fmt: skip
 
@@ -442,9 +455,13 @@ def nearest_of(plan: Plan) -> Nearest:
     if len(fine):
         t, gaps = fine, _gaps(plan, near, fine)
     pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
-    own = {(p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0}
+    own = {
+        (p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0
+    }
     named = near.pairs[int(pair)]
-    return Nearest(gap=float(gaps[pair, k]), time=float(t[k]), words=f"{named.volume} and {named.other}", pairs=frozenset(own))
+    return Nearest(
+        gap=float(gaps[pair, k]), time=float(t[k]), words=f"{named.volume} and {named.other}", pairs=frozenset(own)
+    )
 
 
 def _gaps(plan: Plan, near: Clearances, t: Array) -> Array:
@@ -468,7 +485,11 @@ def states_at(plan: Plan, t: Array) -> Array:
     a, b, va, vb = plan.x[k], plan.x[k + 1], rates[k], rates[k + 1]
     out = a + (b - a) * s
     held = [*range(7), *range(13, 13 + n)]
-    cubic = (2 * s**3 - 3 * s**2 + 1) * a + (3 * s**2 - 2 * s**3) * b + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
+    cubic = (
+        (2 * s**3 - 3 * s**2 + 1) * a
+        + (3 * s**2 - 2 * s**3) * b
+        + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
+    )
     out[:, held] = cubic[:, held]
     out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
     return np.asarray(out)
@@ -487,13 +508,11 @@ def _better(one: Solution, other: Solution | None) -> bool:
 def seeds(task: Task, shape: Outline) -> list[list[Array]]:
     """Ways of the base for each phase, one list for each seed: straight ones, then ways around the obstacles."""
     reach = float(sum(boom_and_disc(task.vehicle)))
-    each = [ways_around(task.obstacles, *shape.bases[k : k + 2], reach) for k in range(len(task.phases))]
+    each = [ways_around(task.obstacles, a, b, reach) for a, b in itertools.pairwise(shape.bases)]
     return [[ways[min(k, len(ways) - 1)] for ways in each] for k in range(max(map(len, each)))]
 
 
-def cause(
-    task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None
-) -> str:
+def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"

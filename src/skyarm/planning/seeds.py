@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def ways_around(obstacles: Sequence[Surface], start: Array, goal: Array, reach: 
             break
         way = _search(gaps, points, shape, places, ball)
         if way is not None:
-            ways.append(_cut_short(np.array([start, *way[1:-1], goal]), lambda a, b, r=ball: _is_free(obstacles, a, b, r)))
+            ways.append(_cut_short(obstacles, np.array([start, *way[1:-1], goal]), ball))
     return ways
 
 
@@ -126,11 +126,12 @@ def _is_free(obstacles: Sequence[Surface], a: Array, b: Array, ball: float) -> b
     return bool((gaps > min(ball, float(gaps[0]), float(gaps[-1])) * 0.999).all())
 
 
-def _cut_short(way: Array, free: Callable[[Array, Array], bool]) -> Array:
+def _cut_short(obstacles: Sequence[Surface], way: Array, ball: float) -> Array:
     """Way without the points that a straight free line can leave out."""
     kept, at = [0], 0
     while at < len(way) - 1:
-        ahead = next((k for k in range(len(way) - 1, at, -1) if free(way[at], way[k])), at + 1)
+        ends = range(len(way) - 1, at, -1)
+        ahead = next((k for k in ends if _is_free(obstacles, way[at], way[k], ball)), at + 1)
         kept.append(ahead)
         at = ahead
     return way[kept]

@@ -11,16 +11,17 @@ Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.compile.llvm.kernel import Kernel, host_width
@@ -31,7 +32,7 @@ from skyarm.control.laws.predictive.prediction import StageInputs, base_accelera
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.dynamics.kinematics import jacobian_columns, link_poses
+from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -129,8 +130,8 @@ class StageData:
 
 
 GOALS = (
-    "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates", "still",
-    "inputs",
+    "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates",
+    "still", "inputs",
 )  # fmt: skip
 """Names of the goals that a stage may have, in the order of their rows."""
 
@@ -226,9 +227,7 @@ class Stage:
             return ZERO3
         return Vec3(*(a * (data.touching * self.weight) for a in u[len(u) - 3 :]))
 
-    def accelerations(
-        self, state: State, joints: Scalars, push: Vec3
-    ) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
+    def accelerations(self, state: State, joints: Scalars, push: Vec3) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
         """Accelerations of the base under given joint accelerations, tip Jacobian and tip position, base axes."""
         vehicle, R = self.model.vehicle, state.quaternion.rotation()
         pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
@@ -362,7 +361,10 @@ class Stage:
                 each.name: replace(each, size=at.size, position=at.position, angles=at.angles)
                 for each, at in zip(self.obstacles, data.obstacles, strict=True)
             }
-            pairs = [pair if pair.surface is None else replace(pair, surface=here[pair.other]) for pair in self.clearances.pairs]
+            pairs = [
+                pair if pair.surface is None else replace(pair, surface=here[pair.other])
+                for pair in self.clearances.pairs
+            ]
             near = replace(self.clearances, pairs=tuple(pairs))
             rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
             out += [(f"clearance of {pair.volume} and {pair.other}", data.clearance - gap) for pair, gap in rows]
@@ -390,6 +392,10 @@ def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     return [*straight[:3], 2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z, *straight[3:]]
 
 
+WHOLE = np.ones(1)
+"""Share of a whole step."""
+
+
 class CompiledStage:
     """Machine code of a stage: values along a step of several lengths, and exact first derivatives.
 
@@ -398,15 +404,15 @@ class CompiledStage:
         names: names of the limits. input_limits: number of them that belong to inputs, the first ones.
     """
 
-    WIDTH: ClassVar[int] = 0
-
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         nx, nt, nu = stage.sizes
         data = stage.example()
         parts: dict[str, Any] = {}
 
-        def outputs(x: Sequence[Scalar], u: Sequence[Scalar], following: Sequence[Scalar], given: StageData) -> list[Scalar]:
+        def outputs(
+            x: Sequence[Scalar], u: Sequence[Scalar], following: Sequence[Scalar], given: StageData
+        ) -> list[Scalar]:
             values = stage(x, u, given)
             parts["values"] = values
             goals = [error for name in GOALS for error in values.goals[name]]
@@ -439,7 +445,7 @@ class CompiledStage:
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)
         ends = np.cumsum([nt, len(values.costs), sum(map(len, values.goals.values())), len(self.names)])
-        self.costs, self.goals, self.limits = (slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False))
+        self.costs, self.goals, self.limits = (slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
         self.goal, at = {}, 0
         for name in GOALS:
             self.goal[name] = slice(at, at + len(values.goals[name]))
@@ -447,13 +453,16 @@ class CompiledStage:
         self._directions = np.eye(nt + nu)
 
     def values(
-        self, x: Array, u: Array, data: Array, step: tuple[Array, Array] | None = None, shares: Array = np.zeros(1)
+        self, x: Array, u: Array, data: Array, step: tuple[Array, Array] | None = None, shares: Array = WHOLE
     ) -> Array:
         """Outputs of all stages at shares of a step: (shares, N + 1, outputs); the last stage has no gap.
 
         Args:
-            x: (N + 1, nx) states. u: (N, nu) inputs. data: (N + 1, leaves of StageData).
-            step: (N + 1, nt) and (N, nu) changes. shares: (lanes,) of the step.
+            x: (N + 1, nx) states.
+            u: (N, nu) inputs.
+            data: (N + 1, leaves of StageData).
+            step: (N + 1, nt) and (N, nu) changes; none if left out.
+            shares: (lanes,) of the step.
         """
         dx, du = step if step is not None else (np.zeros((len(x), self.nt)), np.zeros(u.shape))
         last = np.zeros((1, self.nu))
@@ -469,7 +478,8 @@ class CompiledStage:
 
     def retract(self, x: Array, d: Array) -> Array:
         """States (N + 1, nx) moved by tangents (N + 1, nt)."""
-        return np.stack(moved(list(x.T), list(d.T)), axis=1)
+        columns: list[Any] = moved(list(x.T), list(d.T))
+        return np.stack(columns, axis=1)
 
 
 def after(rows: Array) -> Array:

@@ -39,7 +39,6 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -123,7 +122,9 @@ class PlanPhase:
     duration: Annotated[
         float | None, Unit("s", "duration; left out: free, chosen by the plan", low=0.02, high=120.0)
     ] = None
-    step: Annotated[float | None, Unit("s", "time between nodes; left out: 0.04, 0.02 in holds", low=0.002, high=0.5)] = None
+    step: Annotated[
+        float | None, Unit("s", "time between nodes; left out: 0.04, 0.02 in holds", low=0.002, high=0.5)
+    ] = None
     contact: Contact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins; empty: none")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins; empty: none")] = ""
@@ -135,12 +136,18 @@ class PlanPhase:
         return self.kind == "hold" or (self.contact is not None and self.contact.kind != "plane")
 
 
+SIXTY = math.radians(60.0)
+"""Usual limit of the tilt, rad: without one the fastest motions turn over."""
+
+
 @immutable
 @checked("limits", TaskError)
 class TaskLimits:
     """Limits of a plan."""
 
-    tilt: Annotated[float, Unit("rad", "largest tilt of the base; pi for none", low=0.01, high=math.pi)] = math.radians(60)
+    tilt: Annotated[float, Unit("rad", "largest tilt of the base; pi for none", low=0.01, high=math.pi)] = math.radians(
+        60
+    )
     thrust_share: Annotated[float, Unit("", "share of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
     torque_share: Annotated[float, Unit("", "share of each joint's highest effort", low=0.05, high=1.0)] = 0.95
     joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
@@ -160,7 +167,9 @@ class Task:
     limits: TaskLimits = TaskLimits()
     obstacles: tuple[Surface, ...] = ()
     minimise: Literal["effort", "time"] = "effort"
-    world: Annotated[Any, Unit("", "table [world] of the scenario that flies the plan; its surfaces are obstacles")] = None
+    world: Annotated[Any, Unit("", "table [world] of the scenario that flies the plan; its surfaces are obstacles")] = (
+        None
+    )
     passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of the world that are no obstacles")] = ()
     gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
@@ -188,10 +197,12 @@ class Task:
         lists += [(f"phases[{k}].to.joints", each.to.joints) for k, each in enumerate(self.phases)]
         for name, joints in lists:
             if joints and len(joints) != n:
-                raise TaskError(f"{name} = {shown(list(joints))}: must be {n} positions, one for each joint, or left out")
-        for each in self.obstacles:
-            if each.moves or each.shape == "hole":
-                raise TaskError(f"obstacles[{each.name}]: must stand still and be no plate with a hole")
+                raise TaskError(
+                    f"{name} = {shown(list(joints))}: must be {n} positions, one for each joint, or left out"
+                )
+        for obstacle in self.obstacles:
+            if obstacle.moves or obstacle.shape == "hole":
+                raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):

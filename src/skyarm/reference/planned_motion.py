@@ -66,7 +66,9 @@ def plan_tables(fields: Fields) -> dict[str, Entry]:
         return {"kind": "spline", "times": [*times], "values": np.asarray(values).tolist()}
 
     axes = {axis: spline(arrays["position"][:, k]) for k, axis in enumerate("xyz")}
-    planned = {name: [spline(column) for column in arrays[name].T] for name in ("center", "tip") if arrays[name].size}
+    planned: dict[str, Entry] = {
+        name: [spline(column) for column in arrays[name].T] for name in ("center", "tip") if arrays[name].size
+    }
     tables: dict[str, Entry] = {
         "base": {"kind": "signals", **axes},
         "yaw": spline(arrays["yaw"]),

@@ -77,8 +77,8 @@ from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
 from skyarm.records.units import FARTHEST
-from skyarm.reference.signal_tables import window_of
 from skyarm.reference.planned_motion import PlannedBody, plan_tables
+from skyarm.reference.signal_tables import window_of
 from skyarm.reference.signals import Signal, signal_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import FASTEST, STRONGEST, TipPush

@@ -248,16 +248,6 @@ def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:
     return clearances(vehicle, surfaces, {body for each in contacts for body in each.touching(vehicle)})
 
 
-def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:
-    """Pairs of the bodies of the only vehicle with each other and with surfaces, ``moving`` ones if so asked."""
-    from skyarm.world.scene.clearance import clearances
-
-    vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
-    contacts = [each.of_agent(name) for each in scenario.worlds]
-    surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
-    return clearances(vehicle, surfaces, {body for each in contacts for body in each.touching(vehicle)})
-
-
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
     R, clearances = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()

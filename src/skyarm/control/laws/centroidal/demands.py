@@ -85,7 +85,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationD
     if arm:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, h)
-    target = step.motion.center or center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
+    target = list(step.motion.center) or center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
     push = center_of_mass.thrust(
         par,
         mass,

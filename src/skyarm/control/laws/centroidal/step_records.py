@@ -47,7 +47,7 @@ class ReferenceMotion:
 
     signals: Sequence[Taylor]
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
-    center: Sequence[Vec3] = ()
+    center: list[Vec3] | tuple[()] = ()
 
 
 @immutable
