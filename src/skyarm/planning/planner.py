@@ -244,7 +244,7 @@ def goal_names(goal: Goal) -> list[str]:
     names += ["axis"] * (goal.tip_axis is not None) + ["attitude"] * bool(goal.attitude)
     names += ["heading"] * (goal.heading is not None) + ["joints"] * bool(goal.joints)
     if goal.rest:
-        names += [name for name in ("velocity", "rate", "joint_rates", "still") if name not in names]
+        names += [name for name in ("velocity", "rate", "joint_rates", "still", "arm") if name not in names]
     return names
 
 

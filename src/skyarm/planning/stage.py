@@ -1,11 +1,12 @@
 """One stage of a plan as a function of scalars: the state after it, costs, goals and limits; compiled for a horizon.
 
-The state is that of the predictive law's model, with the lengths of free phases as constant states; inputs are rotor
-accelerations, joint accelerations and the force of a contact on the tip. Joint torques follow by inverse dynamics, and
+The state is that of the predictive law's model with joint accelerations, and the lengths of free phases as constant
+states; inputs are rotor accelerations, joint jerks and the force of a contact on the tip. Joint torques follow by inverse dynamics, and
 are limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one direction a lane, the stages
 as rows.
 
-Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint rates, rotor speeds, lengths.
+Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint rates, rotor speeds, joint
+accelerations, lengths.
 Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 2008, chapter 3 (forward mode).
 """
 
@@ -41,7 +42,10 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances
 
 ARM_UNIT = 20.0
-"""Joint acceleration (rad/s^2 or m/s^2) of an input of 1."""
+"""Joint acceleration (rad/s^2 or m/s^2) of 1 in a state."""
+
+JERK_UNIT = 200.0
+"""Joint jerk (rad/s^3 or m/s^3) of an input of 1."""
 
 SPIN_UNIT = 20.0
 """Rotor acceleration of an input of 1, hover speeds per second."""
@@ -71,7 +75,7 @@ class Weights:
     Attributes:
         thrust: squared deviation of each rotor's thrust from that in hover, over the latter. torque: squared torque of
             each joint over its limit. state: squared rates of the base and of the joints and joint positions.
-        spin, arm: squared rotor and joint accelerations in units of an input. force: squared contact force over the
+        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state. force: squared contact force over the
             weight.
     """
 
@@ -80,6 +84,7 @@ class Weights:
     state: float = 0.01
     spin: float = 1e-3
     arm: float = 1e-3
+    jerk: float = 1e-3
     force: float = 0.1
 
 
@@ -131,7 +136,7 @@ class StageData:
 
 GOALS = (
     "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates",
-    "still", "inputs",
+    "still", "arm", "inputs",
 )  # fmt: skip
 """Names of the goals that a stage may have, in the order of their rows."""
 
@@ -180,7 +185,7 @@ class Stage:
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of a state, of its tangent and of the inputs."""
         vehicle = self.model.vehicle
-        nt = 12 + 2 * vehicle.n + len(vehicle.rotors) + self.free
+        nt = 12 + 3 * vehicle.n + len(vehicle.rotors) + self.free
         return nt + 1, nt, len(vehicle.rotors) + vehicle.n + 3 * self.contact
 
     @property
@@ -245,17 +250,20 @@ class Stage:
         n, m = vehicle.n, len(vehicle.rotors)
         state, dt, push = self.state(x), self.length(x, data), self.force(u, data)
         spins = tuple(a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True))
-        joints = tuple(a * ARM_UNIT for a in u[m : m + n])
+        joints = tuple(a * ARM_UNIT for a in x[13 + 2 * n + m : 13 + 3 * n + m])
+        jerks = tuple(a * JERK_UNIT for a in u[m : m + n])
         inputs = StageInputs(rotor_accelerations=spins, efforts=())
 
-        def slope(at: State) -> State:
-            return slope_of(at, inputs, *self.accelerations(at, joints, push)[:2], joints)
+        def slope(at: State, later: Scalar) -> State:
+            turned = tuple(a + later * j for a, j in zip(joints, jerks, strict=True))
+            return slope_of(at, inputs, *self.accelerations(at, turned, push)[:2], turned)
 
         linear, angular, columns, tip = self.accelerations(state, joints, push)
         after = runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
+        ends = [a + dt * (j * (JERK_UNIT / ARM_UNIT)) for a, j in zip(x[13 + 2 * n + m :], u[m : m + n], strict=False)]
         numbers = list(leaves(after))
         scaled = [a * (1.0 / b) for a, b in zip(numbers[13 + 2 * n :], self.hover, strict=True)]
-        end = [*numbers[: 13 + 2 * n], *scaled, *x[13 + 2 * n + m :]]
+        end = [*numbers[: 13 + 2 * n], *scaled, *ends, *x[13 + 3 * n + m :]]
         R = state.quaternion.rotation()
         proper = proper_acceleration(R, linear, angular, self.model.gravity)
         _, torques = dynamics.inverse_dynamics(vehicle, state.joints, state.rate, state.joint_rates, proper, joints)
@@ -270,14 +278,16 @@ class Stage:
         moving = (*state.rate, *state.joints, *state.joint_rates)
         costs += [a * (math.sqrt(weights.state) * root) for a in moving]
         costs += [a * (math.sqrt(weights.spin) * root) for a in u[:m]]
-        costs += [a * (math.sqrt(weights.arm) * root) for a in u[m : m + n]]
+        costs += [a * (math.sqrt(weights.arm) * root) for a in x[13 + 2 * n + m : 13 + 3 * n + m]]
+        costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
         costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
         if self.free:
             costs.append(root * data.hurry)
         return StageValues(
             end=end,
             costs=costs,
-            goals=self._goals(state, data, columns, tip) | {"inputs": [*u[: m + n]]},
+            goals=self._goals(state, data, columns, tip)
+            | {"inputs": [*u[:m]], "arm": [a * 1.0 for a in x[13 + 2 * n + m : 13 + 3 * n + m]]},
             inputs=self._input_limits(x, u, spins, efforts, data),
             limits=self._state_limits(x, state, data),
         )
