@@ -47,6 +47,10 @@ from skyarm.log.formats import save_log as save_log
 from skyarm.log.metrics.metric import Metric as Metric
 from skyarm.log.metrics.score import score as score
 from skyarm.log.metrics.windows import Windows as Windows
+from skyarm.planning.planner import Plan as Plan
+from skyarm.planning.planner import plan as plan
+from skyarm.planning.task import Task as Task
+from skyarm.planning.task import load_task as load_task
 from skyarm.plant.interface import Truth as Truth
 from skyarm.records.registry import load_plugin as load_plugin
 from skyarm.records.registry import register as register

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from skyarm.studies.assess.along_reference import CLEARANCES
 from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
@@ -196,6 +197,17 @@ CHECKS: tuple[Check, ...] = (
         "joint rates of the reference; warning beyond the limit of the servo, "
         f"fault beyond it for over {OFTEN:.0%} of the flight",
         "a slower reference, or a higher limit or voltage",
+    ),
+    *(
+        Check(
+            SCENARIO,
+            question,
+            "ok, warning",
+            f"smallest distance of the vehicle's bodies, as they are drawn, from {what}, along the reference; "
+            "warning below 0",
+            "a path farther from it, or another arm pose",
+        )
+        for question, what in zip(CLEARANCES, ("surfaces", "each other"), strict=True)
     ),
     Check(
         SCENARIO,

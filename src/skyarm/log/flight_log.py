@@ -78,7 +78,7 @@ class Log:
             ``estimate.position``, ``components.ARRAY``. Those of components are attributes, too (``log.ARRAY``): each
             declares its columns, with units and meanings.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
+            "controller_undefined", "rotor_contact", "body_contact", "clearance", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
             and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
             ``code`` are the files of user code that flew, by name and SHA-256, which are part of the digest.

@@ -77,6 +77,7 @@ from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
 from skyarm.records.units import FARTHEST
+from skyarm.reference.planned_motion import PlannedBody, plan_tables
 from skyarm.reference.signal_tables import window_of
 from skyarm.reference.signals import Signal, signal_from
 from skyarm.reference.task_records import Setting
@@ -88,7 +89,7 @@ AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """Motion of the base if a file states none."""
 
 
-BESIDE = ("push", "load", "tip", "tracking_start", "governor")
+BESIDE = ("push", "load", "planned", "tip", "tracking_start", "governor")
 """Keys of [reference] that are read elsewhere; for messages."""
 
 
@@ -240,12 +241,15 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    if isinstance(table, dict) and table.get("kind") == "plan":
+        table = plan_tables(Fields(table, where))
     own, rest = {}, table
     if isinstance(table, dict):
-        own = {name: table[name] for name in ("push", "load") if name in table}
+        own = {name: table[name] for name in ("push", "load", "planned") if name in table}
         rest = {name: value for name, value in table.items() if name not in own}
     push = push_from(own["push"], f"{where}.push", setting.duration) if "push" in own else None
     load = signal_from(own["load"], f"{where}.load") if "load" in own else None
+    planned = record_from(PlannedBody, Fields(own["planned"], f"{where}.planned")) if "planned" in own else None
     if isinstance(rest, dict) and "tip" in rest:
         from skyarm.reference.tip_plan import tip_trajectory
 
@@ -268,7 +272,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
     _require_reach(trajectory, where, setting.duration)
-    return dataclasses.replace(trajectory, push=push, load=load)
+    return dataclasses.replace(trajectory, push=push, load=load, planned=planned)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:

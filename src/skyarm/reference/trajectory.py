@@ -23,6 +23,7 @@ from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
+from skyarm.reference.planned_motion import PlannedBody
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
@@ -35,7 +36,8 @@ class Reference:
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
-    0.5 while the tip has to hold a load. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
+    0.5 while the tip has to hold a load. ``center`` is empty but in a
+    plan. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
     """
 
     position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
@@ -58,6 +60,9 @@ class Reference:
         Scalars, Unit("", "desired contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
     ] = ()
     load: Annotated[Scalars, Unit("", "above 0.5 while the tip must hold a load")] = ()
+    center: Annotated[
+        Scalars, Unit("", "planned centre of mass, m, world axes, with four derivatives; empty: that of a level base")
+    ] = ()
     ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
 
     def __post_init__(self) -> None:
@@ -66,7 +71,7 @@ class Reference:
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
-        tuples = tuples and type(self.push) is type(self.load) is type(self.ahead) is tuple
+        tuples = tuples and type(self.push) is type(self.load) is type(self.center) is type(self.ahead) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
@@ -119,6 +124,7 @@ class Trajectory:
     load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
+    planned: PlannedBody | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
@@ -138,6 +144,8 @@ class Trajectory:
             carried = self.tip.base(t, heading, q)
             base = tuple(own + more for own, more in zip(carried, base, strict=True))
             tip = tuple(self.tip.path(t)[0])
+        if self.planned is not None:
+            tip = tuple(signal.derivatives(t)[0] for signal in self.planned.tip)
         moving: dict[str, Any] = dict(zip((*VECTORS, *JOINTS), (*base, *q), strict=True))
         return Reference(
             **moving,
@@ -147,6 +155,7 @@ class Trajectory:
             tip=tip,
             push=() if self.push is None else self.push.at(t),
             load=() if self.load is None else (self.load.derivatives(t)[0],),
+            center=() if self.planned is None else self.planned.center_at(t),
         )
 
     def switch_times(self) -> tuple[float, ...]:
@@ -176,12 +185,12 @@ class Trajectory:
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
         joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints
-        for name in ("tip", "push", "load"):
+        for name in ("tip", "push", "load", "planned"):
             if getattr(self, name) is not None and getattr(other, name) is not None:
                 raise ValueError(f"two trajectories that each have a {name} do not add")
         return Trajectory(
             **{name: getattr(self, name) + getattr(other, name) for name in ("x", "y", "z", "yaw")},
-            **{name: getattr(self, name) or getattr(other, name) for name in ("tip", "push", "load")},
+            **{name: getattr(self, name) or getattr(other, name) for name in ("tip", "push", "load", "planned")},
             joints=joints,
             guards=tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at)),
             phases=tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import absolute, add, logical_and, minimum, sub
@@ -12,10 +12,12 @@ from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
+from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Link, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
+    from skyarm.world.scene.clearance import Clearances
 
 FAR = 1e4
 """Size of a speed (m/s), rate (rad/s) or joint position (rad or m) that counts as divergence."""
@@ -190,6 +192,36 @@ class BodyContact(Ending):
         return f"{deepest[1]} is inside surface '{deepest[2]}'"
 
 
+@immutable
+class Clearance(Ending):
+    """Termination when a body of the vehicle comes too near to a fixed surface or to another body of the vehicle.
+
+    Rods of links that bear contact points, grippers or grasps may touch surfaces.
+    """
+
+    margin: Annotated[Scalar, Unit("m", "smallest distance of a body that does not end the flight", low=0.0)] = 0.0
+
+    status: ClassVar[str] = "clearance"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
+        """True if every distance is at least the margin."""
+        fine: Scalar = True
+        for distance, _ in self._distances(scenario, state):
+            fine = logical_and(fine, distance >= add(self.margin, slack))
+        return fine
+
+    def _distances(self, scenario: Scenario, state: State) -> list[tuple[Scalar, str]]:
+        """Distance (m) and names of each pair of bodies."""
+        pairs, rotation = clearances_of(scenario, moving=False), state.quaternion.rotation()
+        distances = pairs.distances(state.position, rotation, state.joints, state.tilts)
+        return list(zip(distances, pairs.names, strict=True))
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """Message with the smallest distance and its bodies."""
+        least, names = min(self._distances(scenario, state), key=lambda each: float(each[0]))
+        return f"{names} are {float(least):.4g} m apart"
+
+
 BUILT_IN: tuple[Ending, ...] = (
     Divergence(),
     JointLimits(stops=False),
@@ -203,7 +235,17 @@ BUILT_IN: tuple[Ending, ...] = (
 PHASE_FAILED = "phase_failed"
 """Status of a flight whose task has a phase that failed."""
 
-STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
+STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED, Clearance.status)
+
+
+def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:
+    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and with each other."""
+    from skyarm.world.scene.clearance import clearances
+
+    vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
+    contacts = [each.of_agent(name) for each in scenario.worlds]
+    surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
+    return clearances(vehicle, surfaces, {body for each in contacts for body in each.touching(vehicle)})
 
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:

@@ -220,7 +220,7 @@ def _with_paths(table: Entry, where: str, other: Callable[[str, str, str], str])
     if not isinstance(table, Mapping):
         return table
     entries = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
-    words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
+    words = ("file", "mesh") if table.get("kind") in ("samples", "plan") else ("mesh",)
     paths = {word: path for word in words if isinstance(path := table.get(word), str) and path}
     return entries | {word: other(word, path, where) for word, path in paths.items()}
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.algebra.scalars import cos, divide, sin, sqrt
+from skyarm.algebra.scalars import absolute, clip, cos, divide, maximum, minimum, sign, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
+from skyarm.compile import trace
 
 mpmath = pytest.importorskip("mpmath")
 
@@ -31,6 +32,10 @@ FUNCTIONS = {
     "inverse root": (lambda a, b: inverse_root(b), lambda a, b: 1 / mpmath.sqrt(b)),
     "inverse eighth root": (lambda a, b: inverse_root(b, 3), lambda a, b: b ** mpmath.mpf("-0.125")),
     "difference": (lambda a, b: 1.0 - a - (b - 2.0), lambda a, b: 1 - a - (b - 2)),
+    "absolute": (lambda a, b: absolute(-a) + absolute(b), lambda a, b: a + b),
+    "maximum": (lambda a, b: maximum(a, b) - maximum(0.0, a), lambda a, b: b - a),
+    "minimum": (lambda a, b: minimum(a, 2.0) * sign(-b), lambda a, b: -a),
+    "clip": (lambda a, b: clip(b, a, 1.0) + clip(b, 0.0, 2.0), lambda a, b: 1 + b),
     "all": (
         lambda a, b: sin(a * b) / sqrt(b) - cos(a) * 3.0,
         lambda a, b: mpmath.sin(a * b) / mpmath.sqrt(b) - 3 * mpmath.cos(a),
@@ -65,3 +70,20 @@ def test_a_constant_costs_nothing():
 def test_a_choice_takes_every_coefficient_of_one_side():
     assert choose(True, Taylor(A), Taylor(B)).c == A
     assert choose(False, Taylor(A), 3.0).c == (3.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_traced_number_and_a_series_of_traced_numbers_combine_in_either_order():
+    def function(x, dx, y):
+        t = Taylor((x, dx))
+        both = [y + t, t + y, y - t, t - y, y * t, t * y, y / t, t / y, divide(y, t), divide(t, y)]
+        both += [maximum(y, t), maximum(t, y), where(y > t, t, y), where(y < t, t, y), where(y >= t, y, t)]
+        both += [where(y <= t, y, t)]
+        return tuple(c for each in both for c in each.c)
+
+    x, dx, y = 0.7, -0.3, 1.9
+    slope = 1.0 / (x * x)
+    values = [y + x, x + y, y - x, x - y, y * x, x * y, y / x, x / y, y / x, x / y, y, y, x, y, y, x]
+    slopes = [dx, dx, -dx, dx, y * dx, y * dx, -y * slope * dx, dx / y, -y * slope * dx, dx / y, 0, 0, dx, 0, 0, dx]
+    given = trace(function, x, dx, y).flat((x, dx, y))
+    np.testing.assert_allclose(given[::2], values, rtol=1e-15)
+    np.testing.assert_allclose(given[1::2], slopes, rtol=1e-15)

@@ -17,11 +17,18 @@ Function = Callable[..., Scalar]
 
 _PYTHON = (float, int, bool)
 _NAMESPACES: dict[type, Any] = {}
+_OVER_OTHERS: set[type] = set()
 
 
-def register(kind: type, namespace: Any) -> None:
-    """Register the module ``namespace`` that implements sin, where and other functions for a scalar type."""
+def register(kind: type, namespace: Any, *, over_others: bool = False) -> None:
+    """Register the module ``namespace`` that implements sin, where and other functions for a scalar type.
+
+    With ``over_others`` it also decides where an argument of another type stands before, as a series over its
+    coefficients.
+    """
     _NAMESPACES[kind] = namespace
+    if over_others:
+        _OVER_OTHERS.add(kind)
 
 
 def _silent(function: Function) -> Function:
@@ -74,11 +81,13 @@ def _discover(kind: type) -> SimpleNamespace:
 def _namespace(*values: Scalar) -> Any:
     """Find the implementation of scalar functions for the types of some values."""
     kind: type = float
-    for value in values:
-        if type(value) not in _PYTHON:
-            kind = type(value)
-            if kind.__module__.split(".")[0] != "numpy":
-                break  # a tracer or JAX value decides over a NumPy constant beside it
+    for each in map(type, values):
+        if each in _OVER_OTHERS:
+            kind = each
+            break
+        # a tracer or JAX value decides over a NumPy constant beside it
+        if each not in _PYTHON and kind.__module__.split(".")[0] in ("builtins", "numpy"):
+            kind = each
     namespace = _NAMESPACES.get(kind)
     if namespace is None:
         namespace = _NAMESPACES[kind] = _discover(kind)

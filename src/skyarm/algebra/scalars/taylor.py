@@ -151,6 +151,10 @@ class _TaylorFunctions:
         return Taylor(root)
 
     @staticmethod
+    def absolute(x: Taylor) -> Taylor:
+        return choose(x < 0.0, -x, x)
+
+    @staticmethod
     def divide(a: Scalar, b: Scalar) -> Scalar:
         return a / b
 
@@ -201,4 +205,4 @@ def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     )
 
 
-functions.register(Taylor, _TaylorFunctions())
+functions.register(Taylor, _TaylorFunctions(), over_others=True)

@@ -15,6 +15,7 @@ from typing import Any
 from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats, register
 from skyarm.algebra.scalars.elementary import COMPOSED
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.immutable import immutable
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
@@ -58,7 +59,7 @@ class Node:
 
     Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
     keeps the bits of plain Python arithmetic; :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every
-    engine alike.
+    engine alike. A Taylor series on the right takes the operation over.
     """
 
     __slots__ = ("args", "graph", "index", "op", "value")
@@ -69,7 +70,7 @@ class Node:
 
     def __add__(self, other: Scalar) -> Scalar:
         """Add an addition to the traced program."""
-        return self.graph.add(self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.add(self, other)
 
     __radd__ = __add__
 
@@ -77,7 +78,7 @@ class Node:
         """Add a subtraction to the traced program."""
         if type(other) is int and other == 0:
             return self
-        return self.graph.sub(self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.sub(self, other)
 
     def __rsub__(self, other: Scalar) -> Scalar:
         """Add a subtraction with this value on the right to the traced program."""
@@ -87,7 +88,7 @@ class Node:
         """Add a multiplication to the traced program."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
-        return self.graph.mul(self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.mul(self, other)
 
     __rmul__ = __mul__
 
@@ -95,7 +96,7 @@ class Node:
         """Add a division to the traced program."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
-        return self.graph.call("div", self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.call("div", self, other)
 
     def __rtruediv__(self, other: Scalar) -> Scalar:
         """Add a division by this value to the traced program."""
@@ -111,19 +112,19 @@ class Node:
 
     def __lt__(self, other: Scalar) -> Scalar:
         """Add the condition self < other to the traced program."""
-        return self.graph.call("lt", self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.call("lt", self, other)
 
     def __le__(self, other: Scalar) -> Scalar:
         """Add the condition self <= other to the traced program."""
-        return self.graph.call("le", self, other)
+        return NotImplemented if type(other) is Taylor else self.graph.call("le", self, other)
 
     def __gt__(self, other: Scalar) -> Scalar:
         """Add the condition self > other to the traced program."""
-        return self.graph.call("lt", other, self)
+        return NotImplemented if type(other) is Taylor else self.graph.call("lt", other, self)
 
     def __ge__(self, other: Scalar) -> Scalar:
         """Add the condition self >= other to the traced program."""
-        return self.graph.call("le", other, self)
+        return NotImplemented if type(other) is Taylor else self.graph.call("le", other, self)
 
     def __eq__(self, other: object) -> bool:
         """Refuse equality: it would compare symbolic values, not numbers."""

@@ -49,7 +49,7 @@ class ActuatorDemand:
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
         joints, rates: (n, K) rad or m, and per s. tilt: (K,) rad, of the base's z axis off the vertical.
-        turning: (K,) rad/s^2, angular acceleration of the base.
+        turning: (K,) rad/s^2, angular acceleration of the base. rotation: (3, 3, K) R_WB.
     """
 
     time: Array
@@ -59,6 +59,7 @@ class ActuatorDemand:
     rates: Array
     tilt: Array
     turning: Array
+    rotation: Array
 
 
 def motion_of(reference: Any, time: Array) -> MotionSamples:
@@ -113,6 +114,7 @@ def demand_of_motion(
         motion.rates,
         np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),
         np.linalg.norm(turning, axis=0),
+        R,
     )
 
 

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.hover import ROUNDING
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
+from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
-from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
+from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
+
+CLEARANCES = {"clearance from surfaces": True, "clearance of the arm": False}
+"""Questions about distances of the vehicle's bodies -> whether from surfaces, or from each other."""
 
 INSTANTS, FEWEST = 2000, 9
 """Number of instants of a flight, and least number between two jumps of the reference."""
@@ -40,18 +46,24 @@ class Followed:
 
     Attributes:
         demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
+        position: (3, K) of the base, m, world axes.
     """
 
     demand: ActuatorDemand
     rotors: Array
     joints: Array
+    position: Array
 
 
-def along_reference(scenario: Scenario) -> list[Finding]:
+def along_reference(scenario: Scenario, *, clearance: bool = False) -> list[Finding]:
     """Check the reference against joint limits, and find when rotors or joints would saturate.
 
     The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
     out.
+
+    Args:
+        scenario: scenario of one vehicle.
+        clearance: whether distances of its bodies from surfaces and from each other are found, too.
     """
     parts = flight_parts(scenario)
     followed = follow(parts)
@@ -64,6 +76,8 @@ def along_reference(scenario: Scenario) -> list[Finding]:
         fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
         findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
         findings += servo_speeds(scenario, demand.time, demand.rates)
+    if clearance:
+        findings += _clearance(scenario, followed)
     return [*findings, *_hovers_with_loads(parts)]
 
 
@@ -77,7 +91,26 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
         ActuatorDemand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
         np.concatenate([piece.rotors for piece in pieces], axis=1),
         np.concatenate([piece.joints for piece in pieces], axis=1),
+        np.concatenate([piece.position for piece in pieces], axis=1),
     )
+
+
+def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
+    """Smallest distances of the vehicle's bodies, from surfaces and from each other."""
+    every, demand, findings = clearances_of(scenario), followed.demand, []
+    place = Vec3(*followed.position), Mat3(*(Vec3(*row) for row in demand.rotation)), tuple(demand.joints)
+    for question, surfaces in CLEARANCES.items():
+        some = replace(every, pairs=tuple(each for each in every.pairs if (each.surface is not None) == surfaces))
+        if not some.pairs:
+            continue
+        rows = stack_values(len(demand.time), some.distances(*place, time=demand.time))
+        i, k = np.unravel_index(int(np.argmin(rows)), rows.shape)
+        often = float(np.mean(np.any(rows < 0.0, axis=0)))
+        text = f"{some.names[i]} are {rows[i, k]:.3g} m apart at {demand.time[k]:.3g} s"
+        text += f", with an overlap for {often:.1%} of the flight" if often else ""
+        remedy = "a path farther from it, or another arm pose"
+        findings.append(at_least(question, float(rows[i, k]), text, "reference", remedy, warning=0.0, unit="m"))
+    return findings
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
@@ -134,10 +167,12 @@ def _jump_times(scenario: Scenario) -> list[float]:
 
 def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
-    motion = motion_of(reference_at(scenario, time), time)
+    reference = reference_at(scenario, time)
+    motion = motion_of(reference, time)
     demand = demand_of_motion(vehicle, float(scenario.agent.plant.gravity), motion)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
-    return Followed(demand, demand.squared / top, _effort_shares(part, demand))
+    position = stack_values(len(time), reference.position)
+    return Followed(demand, demand.squared / top, _effort_shares(part, demand), position)
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:

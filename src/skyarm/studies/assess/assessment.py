@@ -198,7 +198,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         one, plant = scenario.of(name), scenario.of(name).agent.plant
         about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
         try:
-            along = [*along_reference(one), *push_limits(one), *load_of(scenario, name, bodies, payload)]
+            along = [*along_reference(one, clearance=True), *push_limits(one)]
+            along += load_of(scenario, name, bodies, payload)
         except AllocationError:  # said by the vehicle's own findings
             along = []
         aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)

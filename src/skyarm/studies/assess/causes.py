@@ -35,6 +35,7 @@ FOLLOWS = {
     r"^reference within joint limits|servo's speed": r"^units reference\.joints",
     r"servo's speed": r"^reference within joint limits",
     r"^\w+ along the reference": rf"{LOADS}|{INERTIA}|^units reference|^reference within joint limits",
+    r"^clearance": r"^units reference|^reference within joint limits",
     r"^rotors along the reference": rf"{THRUST}|^thrust margin",
     r"^joints along the reference": r"static effort",
 }

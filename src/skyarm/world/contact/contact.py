@@ -241,6 +241,12 @@ class Contact(Force[ContactMemory]):
 
         return replace(self, points=own(self.points), grippers=own(self.grippers), grasps=own(self.grasps))
 
+    def touching(self, vehicle: Vehicle) -> set[int]:
+        """Bodies of a vehicle (BASE or index of a link) that bear contact points, grippers or grasps."""
+        frames = (each.frame or None for each in self.grippers), (each.frame or None for each in self.grasps)
+        links = {vehicle.frame(name).link for names in frames for name in names}
+        return links | {point.place(vehicle)[1] for point in self.points}
+
     @property
     def logged_pairs(self) -> int:
         """Number of surface-point pairs whose contact forces are logged."""

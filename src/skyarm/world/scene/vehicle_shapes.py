@@ -11,12 +11,13 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3, axis_rotation
 from skyarm.algebra.frames import unit_rows
-from skyarm.algebra.scalars import divide
+from skyarm.algebra.scalars import divide, maximum, minimum, where
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.records.arrays import Array
+from skyarm.records.coerce import concrete
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.description import quaternion_products
@@ -28,6 +29,9 @@ LEAST_REACH = 0.1
 
 PAYLOAD_DENSITY = 2000.0
 """Density (kg/m^3) of the ball that is drawn for a payload, between those of water and aluminium."""
+
+HULL = 0.35, 0.15
+"""Half axes of the drawn hull across and along the vehicle's z axis, as shares of its longest boom."""
 
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
@@ -45,7 +49,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
     merged = {frame.name for frame in vehicle.frames}
     covered = {look.link for look, _ in drawn if look.name not in merged}
-    hull = Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))
+    hull = Shape("hull", "hull", "ellipsoid", BASE, (HULL[0] * reach, HULL[0] * reach, HULL[1] * reach))
     shapes = [] if BASE in covered else [hull]
     shapes += _rotor_shapes(vehicle, reach)
     shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
@@ -73,17 +77,26 @@ def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZE
 
 def rotor_radius(vehicle: Vehicle) -> float:
     """Radius (m) of the drawn rotor discs, small enough that neighbouring discs do not overlap."""
-    hubs = [floats(rotor.position) for rotor in vehicle.rotors]
-    apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
-    longest = 0.5 * longest_boom(vehicle)
-    # coaxial pairs are closer than their discs are wide
-    sideways = [d for d in apart if d > 0.3 * longest]
-    return min([longest, *(0.45 * d for d in sideways)])
+    return float(boom_and_disc(vehicle)[1])
 
 
 def longest_boom(vehicle: Vehicle) -> float:
     """Distance (m) of the farthest rotor from the base, which scales all drawn shapes; 0.1 without rotors."""
-    return max((math.hypot(*floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
+    return float(boom_and_disc(vehicle)[0])
+
+
+def boom_and_disc(vehicle: Vehicle) -> tuple[Scalar, Scalar]:
+    """Longest boom and radius of the rotor discs, m, over any scalar."""
+    hubs = [rotor.position for rotor in vehicle.rotors]
+    longest: Scalar = 0.0
+    for hub in hubs:
+        longest = maximum(longest, hub.norm())
+    longest = where(longest > 0.0, longest, LEAST_REACH)
+    radius: Scalar = 0.5 * longest
+    for apart in ((a - b).norm() for i, a in enumerate(hubs) for b in hubs[:i]):
+        # coaxial pairs are closer than their discs are wide
+        radius = where(apart > 0.15 * longest, minimum(radius, 0.45 * apart), radius)
+    return longest, radius
 
 
 def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
@@ -100,16 +113,20 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
 
 def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
     """Rods that draw a body of the vehicle, from its origin to its joints and frames."""
-    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
-    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
     role = "boom" if body == BASE else "link"
-    if body != BASE and not ends:
-        ends = [("com", vehicle.moving[body].body.com)]
     return [
         shape_between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end))
-        for carried, end in ends
-        if math.hypot(*floats(end)) > 1e-6
+        for carried, end in rod_ends(vehicle, body)
     ]
+
+
+def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
+    """Names and positions (m, axes of the body) of a body's joints and frames away from its origin, else its centre."""
+    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
+    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
+    if body != BASE and not ends:
+        ends = [("com", vehicle.moving[body].body.com)]
+    return [each for each in ends if not concrete(*each[1]) or math.hypot(*each[1]) > 1e-6]
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:

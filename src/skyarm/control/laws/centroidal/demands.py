@@ -85,7 +85,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationD
     if arm:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, h)
-    target = center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
+    target = list(step.motion.center) or center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
     push = center_of_mass.thrust(
         par,
         mass,
@@ -161,6 +161,8 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMoti
         moved, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.motion.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
+    # the planned centre of mass itself says what force it requires
+    answered = list(step.motion.center) or answered
     drag = reference_drag(model, step.state, answered[:4], sideways=sideways is not None, moving=moves)
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], (drag[1] + force_rate, drag[2]))
     changes = (drag[1] + coming.near_rate, drag[2]) if moved else (coming.near_rate, ZERO3)

@@ -169,7 +169,20 @@ def continue_reference(
     for time, row in zip(par.preview[FOLLOWING:], ahead[FOLLOWING:], strict=False):
         last = maximum(time - since, add(last, dt))
         rows.append((last, row))
-    return ReferenceMotion(signals=signals, ahead=rows), channels, age
+    center = planned_center(reference.center, add(age, lead))
+    return ReferenceMotion(signals=signals, ahead=rows, center=center), channels, age
+
+
+def planned_center(held: Scalars, age: Scalar) -> list[Vec3]:
+    """Planned centre of mass with four derivatives (m, world axes), ``age`` seconds after its sample; empty without."""
+    rows = [Vec3(*held[k : k + 3]) for k in range(0, len(held), 3)]
+    terms: list[Scalar] = [1]
+    for power in range(1, len(rows)):
+        terms.append(mul(terms[-1], age) * (1.0 / power))
+    return [
+        sum((row * term for row, term in zip(rows[k + 1 :], terms[1:], strict=False)), value)
+        for k, value in enumerate(rows)
+    ]
 
 
 def gains_of_now(

@@ -42,10 +42,12 @@ class ReferenceMotion:
     Attributes:
         signals: x, y, z, yaw and the joints, series in time.
         ahead: samples to come, each with its time from then, s.
+        center: planned centre of mass, value to fourth derivative, m, world axes; empty without a plan.
     """
 
     signals: Sequence[Taylor]
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
+    center: list[Vec3] | tuple[()] = ()
 
 
 @immutable

@@ -102,10 +102,10 @@ def advance(model: Model, state: State, inputs: StageInputs, disturbance: Distur
     Source: Kutta 1901.
     """
 
-    def slope(at: State) -> State:
+    def slope(at: State, _later: Scalar = 0) -> State:
         return slope_of(at, inputs, *accelerations(model, at, inputs.efforts, disturbance))
 
-    return _runge_kutta_step(state, slope(state), slope, dt)
+    return runge_kutta_step(state, slope(state), slope, dt)
 
 
 def integrate_stage(
@@ -124,17 +124,21 @@ def integrate_stage(
     """
     linear, angular, joints = accelerations(model, state, inputs.efforts, disturbance, dry_rates)
 
-    def slope(at: State) -> State:
+    def slope(at: State, _later: Scalar) -> State:
         return slope_of(at, inputs, *base_accelerations(model, at, joints, disturbance), joints)
 
-    return _runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
+    return runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
 
 
-def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
-    """State after one step of the classical Runge-Kutta method with a given first slope."""
-    k2 = slope(euler_step(state, k1, 0.5 * dt))
-    k3 = slope(euler_step(state, k2, 0.5 * dt))
-    k4 = slope(euler_step(state, k3, dt))
+def runge_kutta_step(state: State, k1: State, slope: Callable[[State, Scalar], State], dt: Scalar) -> State:
+    """State after one step of the classical Runge-Kutta method with a given first slope.
+
+    ``slope`` is a function of the state and of the time (s) since the beginning of the step.
+    """
+    half = 0.5 * dt
+    k2 = slope(euler_step(state, k1, half), half)
+    k3 = slope(euler_step(state, k2, half), half)
+    k4 = slope(euler_step(state, k3, dt), dt)
     mean = (
         (a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*(leaves(k) for k in (k1, k2, k3, k4)), strict=True)
     )

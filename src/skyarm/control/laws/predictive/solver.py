@@ -273,14 +273,17 @@ class Linear:
 
 @immutable(kw_only=False)
 class Policy:
-    """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go P."""
+    """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go x' P x / 2 + p' x."""
 
     k: Array
     K: Array
     P: Array
+    p: Array
 
 
-def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
+def policy(
+    problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0, lift: float = 0.0
+) -> Policy:
     """Riccati recursion: the affine policy that minimises the sum of squared residuals.
 
     Args:
@@ -288,6 +291,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
         held: (N, nu) True where an input is fixed.
         at: (N, nu) where to.
         damping: share by which the second derivatives of the inputs are raised: the step is shorter.
+        lift: number that is added to the second derivatives of inputs and states.
 
     Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
     """
@@ -297,6 +301,8 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
     J = np.concatenate([problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2)
     step = np.concatenate([problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2)
     own = J.transpose(0, 2, 1)[:, :width] @ J
+    if lift:
+        own[:, np.arange(width), np.arange(width)] += lift
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
     Kk = np.empty((stages, nu, nx + 1))
     nothing = np.zeros((stages, nu))
@@ -316,7 +322,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
         # the general form: with held inputs K and k are not the minimiser's
         to_go = M[nu:, nu:] + gains[:, :nx].T @ (inner @ gains + cross) + M[nu:, :nu] @ gains
         P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
-    return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
+    return Policy(Kk[:, :, nx], Kk[:, :, :nx], P, p)
 
 
 def rollout(problem: Linear, feedback: Policy, first: Array, low: Array, high: Array) -> tuple[Array, Array]:

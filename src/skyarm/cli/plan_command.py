@@ -1,0 +1,68 @@
+"""Command ``skyarm plan``: motion of base, arm and rotors from a task."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skyarm.cli.arguments import out_option
+from skyarm.cli.lines import NOT_COMPLETED
+from skyarm.cli.output import bar, give, plain, say_cause, tell
+from skyarm.records.files import output_file, taken_back, write_atomically
+
+
+def plan(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="a task's file (.toml) or a shipped task")],
+    out: Annotated[str, out_option("file of the plan (.npz)", metavar="FILE")] = "plan.npz",
+    scenario: Annotated[
+        str | None, typer.Option("--scenario", metavar="FILE", help="scenario that flies the plan (.toml)")
+    ] = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="longest time of one solution, s")] = 60.0,
+) -> None:
+    """Plan a flight of base and arm from a task.
+
+    Phases with goals for tip, base and joints, obstacles and limits; the result flies as a reference.
+    Exit code 3 if no plan within the limits was found.
+    """
+    from skyarm.planning.plan_file import plan_bytes
+    from skyarm.planning.plan_report import flight_document, summary, summary_lines
+    from skyarm.planning.planner import PlanError
+    from skyarm.planning.planner import plan as solve
+    from skyarm.planning.task import load_task, vehicle_of_file
+    from skyarm.scenario.save import scenario_text
+
+    if not 0.0 < seconds <= 3600.0:
+        raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
+    loaded = load_task(task)
+    files = [(out, "--out", ".npz"), (scenario, "--scenario", ".toml"), (report, "--report", ".html")]
+    with taken_back(*(Path(each).parent for each, _, _ in files if each)):
+        written = [output_file(each, name, suffix) if each else None for each, name, suffix in files]
+        try:
+            with bar(f"{loaded.name}: planning") as advance:
+                found = solve(loaded, seconds=seconds, on_progress=lambda line: advance(0, 0, line))
+        except PlanError as error:
+            say_cause(str(error))
+            give(solved=False, cause=str(error))
+            raise typer.Exit(NOT_COMPLETED) from None
+        file, flight, page = written
+        assert file is not None
+        write_atomically(file, plan_bytes(found))
+        numbers = summary(found)
+        give(solved=True, file=str(file), **plain(numbers))
+        tell(*summary_lines(loaded.name, numbers), f"plan: {file}")
+        if flight is not None:
+            beside = Path(os.path.relpath(file, flight.parent))
+            document = flight_document(found, beside, vehicle_of_file(task, flight.parent))
+            write_atomically(flight, scenario_text(document).encode())
+            tell(f"scenario: {flight}; fly it by: skyarm run {flight}")
+        if page is not None:
+            from skyarm.studies.assess.plan_page import plan_page
+
+            write_atomically(page, plan_page(found).encode())
+            tell(f"page: {page}")

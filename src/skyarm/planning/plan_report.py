@@ -1,0 +1,181 @@
+"""What is tight in a plan: a summary for people and programs, and the scenario that flies the plan."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import Quaternion
+from skyarm.planning.planner import Plan
+from skyarm.records.arrays import Array
+from skyarm.records.files.toml import Entry
+from skyarm.records.immutable import immutable
+from skyarm.records.read_table import entry_of
+
+
+@immutable
+class Tight:
+    """Quantity of a plan nearest to its limit.
+
+    Attributes:
+        name: rotor or joint. share: largest share of its limit. time: when, s.
+    """
+
+    name: str
+    share: float
+    time: float
+
+
+@immutable
+class Summary:
+    """Numbers of a plan.
+
+    Attributes:
+        duration: s. phases: their names and lengths, s. speed: largest of the base, m/s. tilt: largest, rad.
+        rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest distance, m; between which bodies.
+        violation, cost, seconds, seeds, iterations: of the solution.
+    """
+
+    duration: float
+    phases: tuple[tuple[str, float], ...]
+    speed: float
+    tilt: float
+    rotor: Tight
+    torque: Tight | None
+    joint_rate: Tight | None
+    clearance: float | None
+    nearest: str
+    violation: float
+    cost: float
+    seconds: float
+    seeds: int
+    iterations: int
+
+
+def summary(plan: Plan) -> Summary:
+    """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
+    vehicle, task = plan.task.vehicle, plan.task
+    n, m = vehicle.n, len(vehicle.rotors)
+    most = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
+    speeds = plan.x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover) / most
+    efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
+    joints = [link.joint.name for link in vehicle.links]
+    torque = rate = None
+    if n:
+        rate = _tightest(plan.t, np.abs(plan.x[:, 13 + n : 13 + 2 * n]) / task.limits.joint_rate, joints)
+        torque = _tightest(plan.t[:-1], np.abs(plan.torques) / efforts, joints)
+    names = [phase.name or phase.kind for phase in task.phases]
+    gap = plan.nearest.gap if plan.nearest is not None else math.inf
+    return Summary(
+        duration=float(plan.t[-1]),
+        phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
+        speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
+        tilt=float(tilts(plan).max()),
+        rotor=_tightest(plan.t, speeds**2, [rotor.name for rotor in vehicle.rotors]),
+        torque=torque,
+        joint_rate=rate,
+        clearance=gap if math.isfinite(gap) else None,
+        nearest=plan.nearest.words if plan.nearest is not None else "",
+        violation=plan.solution.violation,
+        cost=plan.solution.cost,
+        seconds=plan.seconds,
+        seeds=plan.seeds,
+        iterations=plan.solution.iterations,
+    )
+
+
+def tilts(plan: Plan) -> Array:
+    """Tilt (rad) of the base at the nodes of a plan."""
+    up = Quaternion(*plan.x[:, 3:7].T).rotation().rows[2].z
+    return np.asarray(np.arccos(np.clip(np.asarray(up, dtype=float), -1.0, 1.0)))
+
+
+def _tightest(t: Array, shares: Array, names: list[str]) -> Tight:
+    k, j = np.unravel_index(int(shares.argmax()), shares.shape)
+    return Tight(name=names[int(j)], share=float(shares[k, j]), time=float(t[k]))
+
+
+def summary_lines(name: str, found: Summary) -> list[str]:
+    """Lines of text of a summary."""
+    parts = ", ".join(f"{each} {length:.3g} s" for each, length in found.phases)
+    lines = [f"{name}: {found.duration:.3f} s ({parts})"]
+    lines.append(f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f} degrees")
+    for words, each in (
+        ("rotor thrust", found.rotor),
+        ("joint torque", found.torque),
+        ("joint rate", found.joint_rate),
+    ):
+        if each is not None:
+            lines.append(f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name} at {each.time:.2f} s")
+    if found.clearance is not None:
+        lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
+    seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
+    lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
+    return lines
+
+
+SETTLE = 1.0
+"""Time (s) of hover before a plan begins and after it ends, in the scenario that flies it."""
+
+
+def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
+    """Tables of a scenario that flies a plan by the centroidal law, in the task's world with its obstacles.
+
+    Args:
+        plan: the plan.
+        file: its file, as the scenario names it.
+        vehicle: name or path of the vehicle.
+    """
+    task, lean = plan.task, min(summary(plan).tilt + 0.1, 1.4)
+    world: dict[str, Any] = dict(task.world or {})
+    stated = [each.get("name") for each in world.get("surfaces", [])]
+    own = [each for each in task.obstacles if each.name not in stated]
+    if own:
+        words = ("name", "shape", "size", "position", "angles")
+        rows = [{word: getattr(each, word) for word in words if word == "name" or getattr(each, word)} for each in own]
+        world["surfaces"] = [*world.get("surfaces", []), *({k: entry_of(v) for k, v in row.items()} for row in rows)]
+    events = gripper_events(plan)
+    world["grippers"] = [
+        each | ({"closed": events[each["name"]]} if each.get("name") in events else {})
+        for each in world.get("grippers", [])
+    ]
+    world = {name: entry for name, entry in world.items() if entry}
+    document: dict[str, Entry] = {
+        "schema": 1,
+        "name": task.name,
+        "duration": round(float(plan.t[-1]) + 2.0 * SETTLE, 6),
+        # the plan is known on board: its reference comes in each control period
+        "rates": {"control": 200, "reference": 200},
+        "plant": {"vehicle": vehicle, "gravity": task.gravity},
+        "controller": {
+            "law": "centroidal",
+            "mode": "joint",
+            "bandwidth": 1.0,
+            "tilt": round(max(1.2, 1.5 * math.tan(lean)), 3),
+        },
+        "environment": {"ground": False},
+        "reference": {"kind": "plan", "file": str(file), "start": SETTLE},
+    }
+    return document | ({"world": world} if world else {})
+
+
+def gripper_events(plan: Plan) -> dict[str, Entry]:
+    """Commands of the grippers that the phases of a task close and open, as signals of the scenario's time."""
+    times: dict[str, list[tuple[float, bool]]] = {}
+    for phase, edge in zip(plan.task.phases, plan.edges[:-1], strict=True):
+        at = SETTLE + float(plan.t[edge])
+        for name, closes in ((phase.gripper, True), (phase.release, False)):
+            if name:
+                times.setdefault(name, []).append((at, closes))
+    commands: dict[str, Entry] = {}
+    for name, rows in times.items():
+        pieces: list[Entry] = [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
+        for (at, closes), ends in zip(rows, [*(t for t, _ in rows[1:]), None], strict=True):
+            if closes:
+                piece: dict[str, Entry] = {"kind": "constant", "value": 1, "start": at}
+                pieces.append(piece if ends is None else piece | {"stop": ends})
+        commands[name] = {"kind": "sum", "signals": pieces} if len(pieces) > 1 else pieces[0]
+    return commands

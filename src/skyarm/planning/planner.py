@@ -1,0 +1,531 @@
+"""Plan of a task: stages and seeds from its phases, the best of several solutions, and what is tight in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import time
+from collections.abc import Callable, Collection, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.model import Model
+from skyarm.dynamics import frame_pose
+from skyarm.dynamics.state import example_state
+from skyarm.planning.seeds import ways_around
+from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
+from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
+from skyarm.planning.task import Goal, PlanPhase, Task
+from skyarm.records.arrays import Array, stack_values
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import leaves
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.clearance import Clearances, clearances
+from skyarm.world.scene.vehicle_shapes import boom_and_disc
+
+TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
+"""Cost of a second of free time, by what is minimised."""
+
+PENALTIES = (100.0, 10.0)
+"""First penalties that are tried, one after the other."""
+
+HOLD_STEP = 0.02
+"""Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
+
+
+class PlanError(ValueError):
+    """Error: no plan within the limits was found; one line with the phase, the constraint and how far it is off."""
+
+
+@immutable(eq=False)
+class Plan:
+    """Planned motion of one vehicle.
+
+    Attributes:
+        task: planned task. t: (N + 1,) s. x: (N + 1, nx) states. u: (N, nu) inputs. K: (N, nu, nt) gains.
+        edges: node at which each phase begins, and the last. solution: of the solver.
+    """
+
+    task: Task
+    stage: Stage
+    compiled: CompiledStage
+    data: Array
+    t: Array
+    x: Array
+    u: Array
+    K: Array
+    edges: tuple[int, ...]
+    solution: Solution
+    seconds: float
+    seeds: int
+    nearest: Nearest | None = None
+
+    @property
+    def torques(self) -> Array:
+        """Joint torques (N m or N) at the beginning of each stage, (N, n)."""
+        vehicle, stage = self.task.vehicle, self.stage
+        limits = self.compiled.values(self.x, self.u, self.data)[0][:-1, self.compiled.limits]
+        columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
+        most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
+        return np.asarray((limits[:, columns] + 1.0) * most)
+
+
+@lru_cache(maxsize=8)
+def compiled_stage(stage_key: tuple[object, ...]) -> CompiledStage:
+    """Compiled stage for a model, limits, weights and shape."""
+    model, limits, weights, contact, free, near = stage_key
+    stage = Stage(model=model, limits=limits, weights=weights, contact=contact, free=free, clearances=near)  # type: ignore[arg-type]
+    return CompiledStage(stage)
+
+
+def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage:
+    """Compiled stage of a task.
+
+    ``met``: pairs of the vehicle's own bodies that count; the plan before went through them.
+    """
+    own = task.limits
+    limits = Limits(**{each.name: getattr(own, each.name) for each in dataclasses.fields(Limits)})
+    weights = Weights()
+    contact = any(phase.kind == "contact" for phase in task.phases)
+    free = sum(phase.duration is None for phase in task.phases)
+    model = Model(vehicle=task.vehicle, gravity=task.gravity)
+    near = clearances(task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)])
+    pairs = [
+        pair
+        for pair in near.pairs
+        if (not pair.volume.startswith("boom/") if pair.surface is not None else (pair.volume, pair.other) in met)
+    ]
+    close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
+    return compiled_stage((model, limits, weights, contact, free, close))
+
+
+def placeholder(k: int, obstacle: Surface) -> Surface:
+    """Obstacle of the same shape, which one compiled stage serves wherever the obstacles stand."""
+    return Surface(
+        name=f"obstacle{k}",
+        shape=obstacle.shape,
+        size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
+        position=Vec3(0.5, 0.25, 0.125),
+        angles=Vec3(0.5, 0.25, 0.125),
+    )
+
+
+def placed(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
+    """Obstacles of a task as the data of a compiled stage."""
+    return tuple(Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))]) for each in stage.stage.obstacles)
+
+
+def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
+    """Number of stages of each phase."""
+    usual = [HOLD_STEP if phase.resting else task.step for phase in task.phases]
+    steps = [phase.step or step for phase, step in zip(task.phases, usual, strict=True)]
+    return [max(2, round(length / step)) for length, step in zip(lengths, steps, strict=True)]
+
+
+def attitude(angles: Sequence[float]) -> Quaternion:
+    """Quaternion of roll, pitch and yaw (rad)."""
+    state = example_state(0, 0).with_views(dict(zip(("roll", "pitch", "yaw"), angles, strict=True)))
+    return state.quaternion
+
+
+def tip_below(task: Task, joints: Array) -> Array:
+    """Position of the tip in base axes, m."""
+    vehicle = task.vehicle
+    if not vehicle.end_effector:
+        return np.zeros(3)
+    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints.tolist())).p)])
+
+
+@immutable(eq=False)
+class Outline:
+    """Places of the base at the edges of the phases, and lengths of these: what seeds are made of.
+
+    Attributes:
+        bases: (phases + 1, 3) m. joints: of each edge. lengths: s.
+    """
+
+    bases: Array
+    joints: Array
+    lengths: list[float]
+
+
+def outline(task: Task) -> Outline:
+    """Straight outline of a task: the base above or below each tip goal, at rest in its posture."""
+    n = task.vehicle.n
+    joints = np.array(task.start.joints or (0.0,) * n)
+    base = np.array([*map(float, task.start.position)])
+    bases, postures, lengths = [base], [joints], []
+    for phase in task.phases:
+        goal = phase.to
+        joints = np.array(goal.joints) if goal.joints else joints
+        if goal.base is not None:
+            base = np.array([*map(float, goal.base)])
+        elif goal.tip is not None:
+            base = np.array([*map(float, goal.tip)]) - tip_below(task, joints)
+        lengths.append(phase.duration or usual_length(float(np.linalg.norm(base - bases[-1]))))
+        bases.append(base)
+        postures.append(joints)
+    return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
+
+
+def usual_length(distance: float) -> float:
+    """Length (s) of a free motion to begin from."""
+    return max(0.6, 2.0 * math.sqrt(distance / 6.0))
+
+
+def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: float = 0.0) -> PlanProblem:
+    """Goals, limits and data of all stages of a task; ``clearance`` in m."""
+    example = dataclasses.replace(
+        stage.stage.example(),
+        obstacles=placed(task, stage),
+        clearance=clearance,
+        hurry=math.sqrt(2.0 * TIME_WEIGHTS[task.minimise]),
+    )
+    total, free = sum(counts), itertools.count()
+    goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
+    limits = np.ones((total + 1, len(stage.names)), dtype=bool)
+    limits[0, stage.input_limits :], limits[-1, : stage.input_limits] = False, False
+    for k, name in enumerate(stage.names):
+        limits[0, k] |= name.startswith("length of")
+    rows: list[StageData] = []
+    edge = 0
+    for phase, count in zip(task.phases, counts, strict=True):
+        data = _data(example, phase, count, next(free) if phase.duration is None else None, stage.stage.weight)
+        rows += [data] * count
+        last = edge + count
+        for name in goal_names(phase.to):
+            goals[last, stage.goal[name]] = True
+        if phase.resting:
+            goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
+        if phase.contact is not None and phase.contact.kind == "plane":
+            goals[edge + (edge == 0) : last, stage.goal["lift"]] = True
+        cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
+        if cone and (phase.contact is None or phase.contact.kind == "bar"):
+            limits[edge:last, cone] = False
+        if phase.to.rest:  # the motion ends smoothly
+            goals[last - 1, stage.goal["inputs"]] = True
+        edge = last
+    goals[0, stage.goal["inputs"]] = True
+    # goals at an edge have the numbers of the phase that ends there
+    table = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float)
+    edge = 0
+    for phase, count in zip(task.phases, counts, strict=True):
+        edge += count
+        ends = _data(example, phase, count, None, stage.stage.weight)
+        names = _columns(example)
+        for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
+            if _states(phase.to, field):
+                table[edge, names[field]] = leaves(getattr(ends, field))
+    return PlanProblem(data=table, goals=goals, limits=limits)
+
+
+def _states(goal: Goal, field: str) -> bool:
+    """True if a goal states a field of a stage's data."""
+    given = {"axis": goal.tip_axis, "attitude": goal.attitude or goal.heading, "joints": goal.joints or None}
+    return given.get(field, getattr(goal, field, None)) not in (None, ())
+
+
+def _columns(example: StageData) -> dict[str, slice]:
+    """Columns of a table of stage data, by field."""
+    out, at = {}, 0
+    for each in dataclasses.fields(example):
+        size = len(leaves(getattr(example, each.name)))
+        out[each.name] = slice(at, at + size)
+        at += size
+    return out
+
+
+def goal_names(goal: Goal) -> list[str]:
+    """Names of the goals (of :data:`skyarm.planning.stage.GOALS`) that a phase's goal asks for."""
+    names = [name for name in ("tip", "tip_velocity", "base", "velocity") if getattr(goal, name) is not None]
+    names += ["axis"] * (goal.tip_axis is not None) + ["attitude"] * bool(goal.attitude)
+    names += ["heading"] * (goal.heading is not None) + ["joints"] * bool(goal.joints)
+    if goal.rest:
+        names += [name for name in ("velocity", "rate", "joint_rates", "still", "arm") if name not in names]
+    return names
+
+
+LEAST_PRESS = 0.02
+"""Least force along the normal of a contact that presses, over the weight: the cone of friction has no slope at 0."""
+
+
+def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
+    """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
+    goal, none = phase.to, Vec3(0.0, 0.0, 0.0)
+    contact = phase.contact
+    turned = goal.attitude or (0.0, 0.0, goal.heading or 0.0)
+    return dataclasses.replace(
+        example,
+        dt=0.0 if phase.duration is None else phase.duration / count,
+        free=tuple(1.0 / count if k == free else 0.0 for k in range(len(example.free))),
+        tip=goal.tip or none,
+        tip_velocity=goal.tip_velocity or none,
+        base=goal.base or none,
+        velocity=goal.velocity or none,
+        attitude=attitude(turned),
+        axis=goal.tip_axis or none,
+        joints=goal.joints or example.joints,
+        touching=float(contact is not None),
+        normal=contact.normal if contact else none,
+        friction=contact.friction if contact else 0.0,
+        press=max(contact.force / weight, LEAST_PRESS) if contact else 0.0,
+    )
+
+
+def guess_from(
+    task: Task, stage: CompiledStage, counts: Sequence[int], ways: Sequence[Array], shape: Outline, sense: float = 1.0
+) -> Guess:
+    """Seed along given places of the base.
+
+    Args:
+        task: the task.
+        stage: compiled.
+        counts: stages of each phase.
+        ways: for each phase the (points, 3) places from its beginning to its end, m.
+        shape: of which the joints and lengths are taken.
+        sense: 1 turns the short way, -1 the long way round where the attitude changes.
+    """
+    n, m, total = task.vehicle.n, len(task.vehicle.rotors), sum(counts)
+    x = np.zeros((total + 1, stage.nx))
+    edges = np.cumsum([0, *counts])
+    for k, way in enumerate(ways):
+        nodes = np.arange(edges[k], edges[k + 1] + 1)
+        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+        part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
+        for axis in range(3):
+            x[nodes, axis] = np.interp(part, length, way[:, axis])
+        for j in range(n):
+            x[nodes, 13 + j] = np.linspace(shape.joints[k, j], shape.joints[k + 1, j], len(nodes))
+    turned = attitude(task.start.attitude)
+    for k, phase in enumerate(task.phases):
+        nodes = np.arange(edges[k], edges[k + 1] + 1)
+        after = turned if phase.resting else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
+        x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
+        turned = after
+    speeds = np.array(start_speeds(task, stage))
+    x[:, 13 + 2 * n : 13 + 2 * n + m] = 1.0
+    x[0, 13 + 2 * n : 13 + 2 * n + m] = speeds
+    free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
+    x[:, stage.nx - len(free) :] = free
+    u = np.zeros((total, stage.nu))
+    for k, phase in enumerate(task.phases):
+        if phase.contact is not None:
+            u[edges[k] : edges[k + 1], m + n :] = 0.3 * np.array([*phase.contact.normal])
+    return Guess(x, u)
+
+
+def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) -> Array:
+    """Attitudes (count, 4) of a turn from one attitude to another at a constant rate."""
+    turn = before.conjugate() * after
+    vector = np.array([*turn])
+    vector = -vector if vector[0] < -1e-9 else vector
+    size = float(np.linalg.norm(vector[1:]))
+    axis = vector[1:] / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
+    angle = 2.0 * math.atan2(size, vector[0])
+    angle = angle if sense > 0.0 else angle - 2.0 * math.pi * (size > 1e-9)
+    half = 0.5 * np.linspace(0.0, angle, count)
+    steps = Quaternion(np.cos(half), *(np.sin(half) * c for c in axis))
+    return np.stack(np.broadcast_arrays(*(before * steps)), axis=1)
+
+
+def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
+    """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
+    from skyarm.dynamics.actuators.hover import hover_trim
+
+    trim = hover_trim(task.vehicle, task.start.joints or (0.0,) * task.vehicle.n, task.gravity)
+    level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
+    return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
+
+
+def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None] | None = None) -> Plan:
+    """Plan a task: solve from several seeds and return the best plan.
+
+    Args:
+        task: see :func:`skyarm.planning.task.load_task`.
+        seconds: longest time of one solution, s.
+        on_progress: called with a line of text now and then.
+
+    Raises:
+        PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off.
+    """
+    begun, shape, met = time.perf_counter(), outline(task), set[tuple[str, str]]()
+    counts = node_counts(task, shape.lengths)
+    stage, clearance = stage_of(task), task.limits.clearance
+    problem = problem_of(task, stage, counts, clearance)
+    senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
+    guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
+    best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
+    nearest = Nearest(gap=math.inf)
+    for _ in range(ROUNDS):
+        if best is None or not best.violation < TOLERANCE:
+            raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+        plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
+        nearest = nearest_of(plan)
+        if nearest.gap >= 0.0:
+            return dataclasses.replace(plan, nearest=nearest)
+        # between the nodes, or between bodies that did not count yet
+        met |= nearest.pairs
+        clearance += CLOSER
+        stage = stage_of(task, met)
+        problem = problem_of(task, stage, counts, clearance)
+        best, more = _best_of(stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
+        tried += more
+    raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
+
+
+CLOSER = 0.02
+"""Distance (m) by which the clearance grows where bodies meet between the nodes."""
+
+ROUNDS = 4
+"""Largest number of solutions, each with the bodies that met in the one before."""
+
+
+def _best_of(
+    stage: CompiledStage,
+    problem: PlanProblem,
+    guesses: Sequence[Guess],
+    seconds: float,
+    on_progress: Callable[[str], None] | None,
+    enough: int = 1000,
+) -> tuple[Solution | None, int]:
+    """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
+    best: Solution | None = None
+    tried = solved = 0
+    for guess in guesses:
+        for penalty in PENALTIES:
+            last = None
+            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
+                if on_progress is not None and last.iterations % 20 == 0:
+                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+            tried += 1
+            if last is not None and _better(last, best):
+                best = last
+            if last is not None and last.solved:
+                solved += 1
+                break
+        if solved >= enough:
+            break
+    return best, tried
+
+
+def _plan_of(
+    task: Task,
+    stage: CompiledStage,
+    problem: PlanProblem,
+    counts: Sequence[int],
+    best: Solution,
+    spent: float,
+    tried: int,
+) -> Plan:
+    free = stage.stage.free
+    steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
+    return Plan(
+        task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
+        x=best.x, u=best.u, K=best.K,
+        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seconds=spent, seeds=tried,
+    )  # fmt: skip
+
+
+@immutable(eq=False)
+class Nearest:
+    """Smallest distance of a plan: m, time (s) and bodies; and all pairs of own bodies that meet."""
+
+    gap: float
+    time: float = 0.0
+    words: str = ""
+    pairs: frozenset[tuple[str, str]] = frozenset()
+
+
+FINE = 1e-3
+"""Time (s) between two instants at which the distances of a plan are looked at."""
+
+
+def nearest_of(plan: Plan) -> Nearest:
+    """Smallest distance between the vehicle's bodies and obstacles, and each other, every millisecond of a plan."""
+    near = clearances(plan.task.vehicle, plan.task.obstacles)
+    if not near.pairs:
+        return Nearest(gap=math.inf)
+    t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
+    gaps = _gaps(plan, near, t)
+    close = t[gaps.min(axis=0) < max(0.1, gaps.min() + 0.02)]
+    fine = np.unique(np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1]))
+    if len(fine):
+        t, gaps = fine, _gaps(plan, near, fine)
+    pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
+    own = {
+        (p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0
+    }
+    named = near.pairs[int(pair)]
+    return Nearest(
+        gap=float(gaps[pair, k]), time=float(t[k]), words=f"{named.volume} and {named.other}", pairs=frozenset(own)
+    )
+
+
+def _gaps(plan: Plan, near: Clearances, t: Array) -> Array:
+    """Distances (pairs, instants) at times of a plan, m."""
+    n, x = plan.task.vehicle.n, states_at(plan, t)
+    R = Quaternion(*x[:, 3:7].T).rotation()
+    rows = near.distances(Vec3(*x[:, :3].T), R, tuple(x[:, 13 : 13 + n].T))
+    return stack_values(len(t), rows)
+
+
+def states_at(plan: Plan, t: Array) -> Array:
+    """States of a plan between its nodes, (instants, nx), by cubic Hermite interpolation of pose and joints."""
+    n, nodes = plan.task.vehicle.n, plan.t
+    k = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
+    h = (nodes[k + 1] - nodes[k])[:, None]
+    s = (t - nodes[k])[:, None] / h
+    q = Quaternion(*plan.x[:, 3:7].T).derivative(Vec3(*plan.x[:, 10:13].T))
+    rates = np.zeros_like(plan.x)
+    rates[:, :3], rates[:, 3:7] = plan.x[:, 7:10], np.stack([*q], axis=1)
+    rates[:, 13 : 13 + n] = plan.x[:, 13 + n : 13 + 2 * n]
+    a, b, va, vb = plan.x[k], plan.x[k + 1], rates[k], rates[k + 1]
+    out = a + (b - a) * s
+    held = [*range(7), *range(13, 13 + n)]
+    cubic = (
+        (2 * s**3 - 3 * s**2 + 1) * a
+        + (3 * s**2 - 2 * s**3) * b
+        + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
+    )
+    out[:, held] = cubic[:, held]
+    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    return np.asarray(out)
+
+
+def _better(one: Solution, other: Solution | None) -> bool:
+    """True if a solution is better than another: feasible first, then of lower cost."""
+    if other is None:
+        return True
+    feasible, before = one.violation < TOLERANCE, other.violation < TOLERANCE
+    if feasible != before:
+        return feasible
+    return one.cost < other.cost if feasible else one.violation < other.violation
+
+
+def seeds(task: Task, shape: Outline) -> list[list[Array]]:
+    """Ways of the base for each phase, one list for each seed: straight ones, then ways around the obstacles."""
+    reach = float(sum(boom_and_disc(task.vehicle)))
+    each = [ways_around(task.obstacles, a, b, reach) for a, b in itertools.pairwise(shape.bases)]
+    return [[ways[min(k, len(ways) - 1)] for ways in each] for k in range(max(map(len, each)))]
+
+
+def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
+    """One line: which constraint of which phase a motion violates most, and how far."""
+    if last is None or not np.isfinite(last.violation):
+        return "no motion was found"
+    labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
+    found = [
+        (float(np.abs(last.gap).max()), int(np.abs(last.gap).max(axis=1).argmax()), "dynamics"),
+        *(
+            (float(size.max()), int(size.max(axis=1).argmax()), names[int(size.max(axis=0).argmax())])
+            for size, names in ((np.abs(last.goals), labels), (np.maximum(last.limits, 0.0), list(stage.names)))
+        ),
+    ]
+    size, node, name = max(found)
+    edges = np.cumsum([0, *counts])
+    k = min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1
+    phase = task.phases[max(k, 0)]
+    return f"phases[{max(k, 0)}] {phase.name!r}: no motion within the limits was found: {name} is off by {size:.3g}"

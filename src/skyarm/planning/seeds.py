@@ -1,0 +1,137 @@
+"""Ways of the base that a plan begins from: straight ones, and ways around obstacles found on a grid.
+
+A ball about the base is led from cell to cell by A* and the way is cut short where the straight line is free. A large
+ball keeps away from everything; a smaller one passes where the vehicle must fold, tilt or pass edgewise, which the
+solver then finds.
+Source: Hart, Nilsson, Raphael 1968 (A*).
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from skyarm.algebra import E_Z, Vec3
+from skyarm.records.arrays import Array
+from skyarm.vehicle import BASE
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.clearance import Volume, surface_distance
+
+CELL = 0.15
+"""Edge (m) of a cell of the grid; larger where the scene would have more than ``MOST_CELLS``."""
+
+MOST_CELLS = 200_000
+
+MARGIN = 1.5
+"""Distance (m) by which the grid is larger than start, goal and obstacles."""
+
+BALLS = (1.0, 0.6, 0.3)
+"""Radii of the ball, over the vehicle's reach."""
+
+
+def free_distance(obstacles: Sequence[Surface], points: Array) -> Array:
+    """Distance (m) of points (..., 3) from the nearest obstacle."""
+    best = np.full(points.shape[:-1], math.inf)
+    for each in obstacles:
+        place = Vec3(points[..., 0], points[..., 1], points[..., 2])
+        gap = surface_distance(Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0)
+        best = np.minimum(best, np.broadcast_to(np.asarray(gap, dtype=float), best.shape))
+    return best
+
+
+def ways_around(obstacles: Sequence[Surface], start: Array, goal: Array, reach: float) -> list[Array]:
+    """Ways (points, 3) from a start to a goal, m: the straight one, then one for each ball that passes elsewhere."""
+    ways = [np.array([start, goal])]
+    if not obstacles or np.allclose(start, goal):
+        return ways
+    points, shape, places = _grid(obstacles, start, goal)
+    gaps = free_distance(obstacles, points)
+    for share in BALLS:
+        ball = share * reach
+        if _is_free(obstacles, start, goal, ball):
+            break
+        way = _search(gaps, points, shape, places, ball)
+        if way is not None:
+            ways.append(_cut_short(obstacles, np.array([start, *way[1:-1], goal]), ball))
+    return ways
+
+
+def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Array, tuple[int, ...], tuple[int, int]]:
+    """Points of the grid (cells, 3), its shape, and the cells of start and goal."""
+    low, high = np.minimum(start, goal) - MARGIN, np.maximum(start, goal) + MARGIN
+    for each in obstacles:
+        if each.shape != "plane":
+            middle, far = np.array([*map(float, each.position)]), float(each.farthest) + 0.5 * MARGIN
+            low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
+    low, high = np.maximum(low, start - 20.0), np.minimum(high, start + 20.0 + np.abs(goal - start))
+    cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
+    axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
+    shape = tuple(len(axis) for axis in axes)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    nearest = [
+        int(np.ravel_multi_index(tuple(np.clip(np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1)), shape))
+        for p in (start, goal)
+    ]
+    return points, shape, (nearest[0], nearest[1])
+
+
+STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
+
+
+def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int, int], ball: float) -> Array | None:
+    """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is none."""
+    start, goal = ends
+    open_cells = gaps > ball
+    open_cells[[start, goal]] = True
+    costs, before = {start: 0.0}, {start: start}
+    queue = [(float(np.linalg.norm(points[start] - points[goal])), start)]
+    done: set[int] = set()
+    strides = (shape[1] * shape[2], shape[2], 1)
+    while queue:
+        _, cell = heapq.heappop(queue)
+        if cell == goal:
+            way = [cell]
+            while before[way[-1]] != way[-1]:
+                way.append(before[way[-1]])
+            return points[way[::-1]]
+        if cell in done:
+            continue
+        done.add(cell)
+        at = (cell // strides[0], cell // strides[1] % shape[1], cell % shape[2])
+        for step in STEPS:
+            to = [a + b for a, b in zip(at, step, strict=True)]
+            if any(not 0 <= c < size for c, size in zip(to, shape, strict=True)):
+                continue
+            other = to[0] * strides[0] + to[1] * strides[1] + to[2]
+            if other in done or not open_cells[other]:
+                continue
+            # ways close to obstacles are longer
+            length = float(np.linalg.norm(points[other] - points[cell])) * (1.0 + 0.3 * ball / max(gaps[other], 0.05))
+            cost = costs[cell] + length
+            if cost < costs.get(other, math.inf):
+                costs[other], before[other] = cost, cell
+                heapq.heappush(queue, (cost + float(np.linalg.norm(points[other] - points[goal])), other))
+    return None
+
+
+def _is_free(obstacles: Sequence[Surface], a: Array, b: Array, ball: float) -> bool:
+    """True if a ball passes on the straight line between two points."""
+    count = max(2, int(np.linalg.norm(b - a) / 0.03))
+    line = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
+    gaps = free_distance(obstacles, line)
+    return bool((gaps > min(ball, float(gaps[0]), float(gaps[-1])) * 0.999).all())
+
+
+def _cut_short(obstacles: Sequence[Surface], way: Array, ball: float) -> Array:
+    """Way without the points that a straight free line can leave out."""
+    kept, at = [0], 0
+    while at < len(way) - 1:
+        ends = range(len(way) - 1, at, -1)
+        ahead = next((k for k in ends if _is_free(obstacles, way[at], way[k], ball)), at + 1)
+        kept.append(ahead)
+        at = ahead
+    return way[kept]

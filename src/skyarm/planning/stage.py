@@ -1,0 +1,502 @@
+"""One stage of a plan as a function of scalars: the state after it, costs, goals and limits; compiled for a horizon.
+
+The state is that of the predictive law's model with joint accelerations, and the lengths of free phases as constant
+states; inputs are rotor accelerations, joint jerks and the force of a contact on the tip. Joint torques follow by inverse dynamics, and
+are limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one direction a lane, the stages
+as rows.
+
+Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint rates, rotor speeds, joint
+accelerations, lengths.
+Source: Diehl, Bock, Diedam, Wieber 2006 (multiple shooting); Griewank, Walther 2008, chapter 3 (forward mode).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from skyarm import dynamics
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import sqrt
+from skyarm.algebra.scalars.taylor import Taylor, as_series
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
+from skyarm.control.laws.predictive.prediction import StageInputs, base_accelerations, runge_kutta_step, slope_of
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.dynamics.state import proper_acceleration
+from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.clearance import Clearances
+
+ARM_UNIT = 20.0
+"""Joint acceleration (rad/s^2 or m/s^2) of 1 in a state."""
+
+JERK_UNIT = 200.0
+"""Joint jerk (rad/s^3 or m/s^3) of an input of 1."""
+
+SPIN_UNIT = 20.0
+"""Rotor acceleration of an input of 1, hover speeds per second."""
+
+
+@immutable
+class Limits:
+    """Limits of a plan.
+
+    Attributes:
+        tilt: rad, of the base; infinite for none. thrust_share: of each rotor's highest thrust. torque_share: of each
+            joint's highest effort. joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
+    """
+
+    tilt: float = math.radians(60.0)
+    thrust_share: float = 0.9
+    torque_share: float = 0.95
+    joint_rate: float = 3.0
+    speed: float = math.inf
+    rate: float = math.inf
+
+
+@immutable
+class Weights:
+    """Weights of what a plan minimises beside its limits, per second of the motion.
+
+    Attributes:
+        thrust: squared deviation of each rotor's thrust from that in hover, over the latter. torque: squared torque of
+            each joint over its limit. state: squared rates of the base and of the joints and joint positions.
+        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state. force: squared contact force over the
+            weight.
+    """
+
+    thrust: float = 0.2
+    torque: float = 0.1
+    state: float = 0.01
+    spin: float = 1e-3
+    arm: float = 1e-3
+    jerk: float = 1e-3
+    force: float = 0.1
+
+
+@immutable
+class Place:
+    """Size (m), position (m) and angles (rad) of an obstacle as data: none of its zeros is structure."""
+
+    size: Scalars
+    position: Vec3
+    angles: Vec3
+
+    @classmethod
+    def of(cls, surface: Surface) -> Place:
+        """Place of a surface."""
+        numbers = [tuple(float(c) for c in each) for each in (surface.size, surface.position, surface.angles)]
+        return cls(size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2]))
+
+
+@immutable
+class StageData:
+    """Numbers of one stage that are not unknown: its length, goals and contact.
+
+    Attributes:
+        dt: s, the fixed length. free: share of each free phase length that is added.
+        tip, tip_velocity, base, velocity: goals, m and m/s, world axes. attitude: goal of the base.
+        axis: goal of the tip frame's z axis, world axes. joints: goal, rad or m.
+        touching: 1 in contact, else 0. normal: unit vector out of the surface. friction: coefficient.
+        press: least normal force over the weight. hurry: root of twice the cost of a second.
+        clearance: least distance, m. obstacles: shapes of the scene.
+    """
+
+    dt: Scalar
+    free: Scalars
+    tip: Vec3
+    tip_velocity: Vec3
+    base: Vec3
+    velocity: Vec3
+    attitude: Quaternion
+    axis: Vec3
+    joints: Scalars
+    touching: Scalar
+    normal: Vec3
+    friction: Scalar
+    press: Scalar
+    hurry: Scalar
+    clearance: Scalar
+    obstacles: tuple[Place, ...] = ()
+
+
+GOALS = (
+    "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates",
+    "still", "arm", "inputs",
+)  # fmt: skip
+"""Names of the goals that a stage may have, in the order of their rows."""
+
+
+@immutable
+class StageValues:
+    """Values of one stage.
+
+    Attributes:
+        end: state after it, of x. costs: residuals, half of whose squared sum is the cost.
+        goals: errors by name. limits: names and values, of which none may be above 0; those of ``inputs`` first.
+    """
+
+    end: list[Scalar]
+    costs: list[Scalar]
+    goals: dict[str, Sequence[Scalar]]
+    inputs: list[tuple[str, Scalar]]
+    limits: list[tuple[str, Scalar]]
+
+
+@immutable(eq=False, slots=False)
+class Stage:
+    """Function of one stage for one model, its limits and weights.
+
+    Attributes:
+        model: of the plan. limits, weights: see there. contact: whether the tip may be in contact.
+        free: number of free phase lengths.
+        clearances: pairs of bodies whose distances are limits; its obstacles give the shapes, the data the places.
+    """
+
+    model: Model
+    limits: Limits = Limits()
+    weights: Weights = Weights()
+    contact: bool = False
+    free: int = 0
+    clearances: Clearances | None = None
+    hover: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        vehicle = self.model.vehicle
+        trim = hover_trim(vehicle, (0.0,) * vehicle.n, self.model.gravity)
+        mean = math.sqrt(sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared))
+        object.__setattr__(self, "hover", tuple(mean for _ in vehicle.rotors))
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Numbers of a state, of its tangent and of the inputs."""
+        vehicle = self.model.vehicle
+        nt = 12 + 3 * vehicle.n + len(vehicle.rotors) + self.free
+        return nt + 1, nt, len(vehicle.rotors) + vehicle.n + 3 * self.contact
+
+    @property
+    def weight(self) -> float:
+        """Weight of the vehicle, N."""
+        return float(self.model.vehicle.mass) * float(self.model.gravity)
+
+    def state(self, x: Sequence[Scalar]) -> State:
+        """State of the vehicle from the numbers of a state."""
+        n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
+        return State(
+            position=Vec3(*x[:3]),
+            quaternion=Quaternion(*x[3:7]),
+            velocity=Vec3(*x[7:10]),
+            rate=Vec3(*x[10:13]),
+            joints=tuple(x[13 : 13 + n]),
+            joint_rates=tuple(x[13 + n : 13 + 2 * n]),
+            rotor_speeds=tuple(a * b for a, b in zip(x[13 + 2 * n : 13 + 2 * n + m], self.hover, strict=True)),
+        )
+
+    @property
+    def obstacles(self) -> tuple[Surface, ...]:
+        """Obstacles that the clearances name, each once."""
+        pairs = self.clearances.pairs if self.clearances is not None else ()
+        return tuple({pair.other: pair.surface for pair in pairs if pair.surface is not None}.values())
+
+    def example(self) -> StageData:
+        """Example of a stage's numbers, for tracing."""
+        return StageData(
+            dt=0.0, free=(0.0,) * self.free, tip=ZERO3_DATA, tip_velocity=ZERO3_DATA, base=ZERO3_DATA,
+            velocity=ZERO3_DATA, attitude=Quaternion(1.0, 0.0, 0.0, 0.0), axis=ZERO3_DATA,
+            joints=(0.0,) * self.model.vehicle.n, touching=0.0, normal=ZERO3_DATA, friction=0.0, press=0.0,
+            hurry=0.0, clearance=0.0,
+            obstacles=tuple(map(Place.of, self.obstacles)),
+        )  # fmt: skip
+
+    def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
+        """Length of the stage, s."""
+        return sum((a * b for a, b in zip(x[len(x) - self.free :], data.free, strict=True)), data.dt)
+
+    def force(self, u: Sequence[Scalar], data: StageData) -> Vec3:
+        """Contact force on the tip, N, world axes."""
+        if not self.contact:
+            return ZERO3
+        return Vec3(*(a * (data.touching * self.weight) for a in u[len(u) - 3 :]))
+
+    def accelerations(self, state: State, joints: Scalars, push: Vec3) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
+        """Accelerations of the base under given joint accelerations, tip Jacobian and tip position, base axes."""
+        vehicle, R = self.model.vehicle, state.quaternion.rotation()
+        pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
+        if vehicle.end_effector:
+            frame = vehicle.frame(vehicle.end_effector)
+            columns = jacobian_columns(vehicle, frame, state.joints)
+            tip = dynamics.frame_pose(vehicle, frame, state.joints).p
+            if self.contact:
+                pressed = Disturbance(force=push, torque=tip.cross(R.apply_T(push)), efforts=(0,) * vehicle.n)
+        return *base_accelerations(self.model, state, joints, pressed), columns, tip
+
+    def __call__(self, x: Sequence[Scalar], u: Sequence[Scalar], data: StageData) -> StageValues:
+        """Values of the stage from its state, its inputs and its numbers."""
+        vehicle, weights = self.model.vehicle, self.weights
+        n, m = vehicle.n, len(vehicle.rotors)
+        state, dt, push = self.state(x), self.length(x, data), self.force(u, data)
+        spins = tuple(a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True))
+        joints = tuple(a * ARM_UNIT for a in x[13 + 2 * n + m : 13 + 3 * n + m])
+        jerks = tuple(a * JERK_UNIT for a in u[m : m + n])
+        inputs = StageInputs(rotor_accelerations=spins, efforts=())
+
+        def slope(at: State, later: Scalar) -> State:
+            turned = tuple(a + later * j for a, j in zip(joints, jerks, strict=True))
+            return slope_of(at, inputs, *self.accelerations(at, turned, push)[:2], turned)
+
+        linear, angular, columns, tip = self.accelerations(state, joints, push)
+        after = runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
+        ends = [a + dt * (j * (JERK_UNIT / ARM_UNIT)) for a, j in zip(x[13 + 2 * n + m :], u[m : m + n], strict=False)]
+        numbers = list(leaves(after))
+        scaled = [a * (1.0 / b) for a, b in zip(numbers[13 + 2 * n :], self.hover, strict=True)]
+        end = [*numbers[: 13 + 2 * n], *scaled, *ends, *x[13 + 3 * n + m :]]
+        R = state.quaternion.rotation()
+        proper = proper_acceleration(R, linear, angular, self.model.gravity)
+        _, torques = dynamics.inverse_dynamics(vehicle, state.joints, state.rate, state.joint_rates, proper, joints)
+        held = R.apply_T(push)
+        efforts = [t - c.linear.dot(held) for t, c in zip(torques, columns or [Motion(ZERO3, ZERO3)] * n, strict=True)]
+        root = sqrt(dt)
+        costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[13 + 2 * n : 13 + 2 * n + m]]
+        costs += [
+            t * (math.sqrt(weights.torque) / largest(link.joint.effort_limit) * root)
+            for t, link in zip(efforts, vehicle.links, strict=True)
+        ]
+        moving = (*state.rate, *state.joints, *state.joint_rates)
+        costs += [a * (math.sqrt(weights.state) * root) for a in moving]
+        costs += [a * (math.sqrt(weights.spin) * root) for a in u[:m]]
+        costs += [a * (math.sqrt(weights.arm) * root) for a in x[13 + 2 * n + m : 13 + 3 * n + m]]
+        costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
+        costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
+        if self.free:
+            costs.append(root * data.hurry)
+        return StageValues(
+            end=end,
+            costs=costs,
+            goals=self._goals(state, data, columns, tip)
+            | {"inputs": [*u[:m]], "arm": [a * 1.0 for a in x[13 + 2 * n + m : 13 + 3 * n + m]]},
+            inputs=self._input_limits(x, u, spins, efforts, data),
+            limits=self._state_limits(x, state, data),
+        )
+
+    def _goals(self, state: State, data: StageData, columns: list[Motion], tip: Vec3) -> dict[str, Sequence[Scalar]]:
+        """Errors of the goals, by name."""
+        vehicle, R = self.model.vehicle, state.quaternion.rotation()
+        moving, axis = state.rate.cross(tip), E_Z
+        for column, rate in zip(columns, state.joint_rates, strict=False):
+            moving = moving + column.linear * rate
+        if vehicle.end_effector:
+            axis = dynamics.frame_pose(vehicle, vehicle.frame(vehicle.end_effector), state.joints).R.column(2)
+        turn = data.attitude.conjugate() * state.quaternion
+        # at rest nothing moves and nothing begins to: the rotors balance the weight
+        linear, angular = self.accelerations(state, (0.0,) * vehicle.n, ZERO3)[:2]
+        ahead = data.attitude.rotation().column(0)
+        nose = R.column(0)
+        tip_velocity = state.velocity + R.apply(moving)
+        return {
+            "lift": [data.normal.dot(tip_velocity)],
+            "tip": [*(state.position + R.apply(tip) - data.tip)],
+            "tip_velocity": [*(tip_velocity - data.tip_velocity)],
+            "axis": [*R.apply(axis).cross(data.axis)],
+            "base": [*(state.position - data.base)],
+            "heading": [ahead.x * nose.y - ahead.y * nose.x],
+            "attitude": [2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z],
+            "velocity": [*(state.velocity - data.velocity)],
+            "rate": [*state.rate],
+            "joints": [a - b for a, b in zip(state.joints, data.joints, strict=True)],
+            "joint_rates": [*state.joint_rates],
+            "still": [*(linear * (1.0 / 9.81)), *(angular * 0.02)],
+        }
+
+    def _input_limits(
+        self, x: Sequence[Scalar], u: Sequence[Scalar], spins: Scalars, efforts: Sequence[Scalar], data: StageData
+    ) -> list[tuple[str, Scalar]]:
+        """Limits of rotor accelerations (by the lag), joint torques and the contact force."""
+        vehicle, limits = self.model.vehicle, self.limits
+        n, m = vehicle.n, len(vehicle.rotors)
+        out = []
+        for rotor, w, spin, hover in zip(vehicle.rotors, x[13 + 2 * n :], u[:m], self.hover, strict=False):
+            most = float(rotor.max_speed) / hover
+            for tau, end, sign in ((rotor.time_constant_up, most, 1.0), (rotor.time_constant_down, 0.0, -1.0)):
+                lag = SPIN_UNIT * max(float(tau), 1e-3)
+                out.append((f"acceleration of {rotor.name}", sign * (spin * lag + w - end) * (1.0 / most)))
+        for link, effort in zip(vehicle.links, efforts, strict=True):
+            most = float(link.joint.effort_limit) * limits.torque_share
+            if math.isfinite(most) and most > 0.0:
+                out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
+        if self.contact:
+            f = Vec3(*u[m + n : m + n + 3])
+            along = f.dot(data.normal)
+            across = f - data.normal * along
+            # the cone's square: smooth at its tip
+            out.append(("contact force", data.press - along))
+            out.append(("friction", across.dot(across) - data.friction * data.friction * (along * along)))
+        return out
+
+    def _state_limits(self, x: Sequence[Scalar], state: State, data: StageData) -> list[tuple[str, Scalar]]:
+        """Limits of the state: rotor thrust, joints, tilt, speed, clearance, and lengths of free phases."""
+        vehicle, limits = self.model.vehicle, self.limits
+        n, R = vehicle.n, state.quaternion.rotation()
+        out: list[tuple[str, Scalar]] = []
+        for rotor, w, hover in zip(vehicle.rotors, x[13 + 2 * n :], self.hover, strict=False):
+            most = float(rotor.max_speed) / hover
+            out.append((f"thrust of {rotor.name}", w * (1.0 / most) - math.sqrt(limits.thrust_share)))
+            out.append((f"thrust of {rotor.name}", 0.02 - w * (1.0 / most)))
+        for link, q, rate in zip(vehicle.links, state.joints, state.joint_rates, strict=True):
+            joint = link.joint
+            for end, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
+                if math.isfinite(float(end)):
+                    out.append((f"position of {joint.name}", sign * (q - float(end))))
+            out += [(f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0) for sign in (1.0, -1.0)]
+        if limits.tilt < math.pi:
+            out.append(("tilt", math.cos(limits.tilt) - R.rows[2].z))
+        for name, vector, most in (("speed", state.velocity, limits.speed), ("rate", state.rate, limits.rate)):
+            if math.isfinite(most):
+                out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))
+        if self.clearances is not None:
+            here = {
+                each.name: replace(each, size=at.size, position=at.position, angles=at.angles)
+                for each, at in zip(self.obstacles, data.obstacles, strict=True)
+            }
+            pairs = [
+                pair if pair.surface is None else replace(pair, surface=here[pair.other])
+                for pair in self.clearances.pairs
+            ]
+            near = replace(self.clearances, pairs=tuple(pairs))
+            rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
+            out += [(f"clearance of {pair.volume} and {pair.other}", data.clearance - gap) for pair, gap in rows]
+        out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
+        return out
+
+
+def largest(effort: Scalar) -> float:
+    """Effort limit of a joint (N m or N), or 1 where there is none."""
+    most = float(effort)
+    return most if math.isfinite(most) and most > 0.0 else 1.0
+
+
+def moved(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
+    """State moved by a tangent: the quaternion by q (1, d/2), normalised."""
+    q = Quaternion(*x[3:7]) * Quaternion(1.0, 0.5 * d[3], 0.5 * d[4], 0.5 * d[5])
+    added = [a + b for a, b in zip(x[7:], d[6:], strict=True)]
+    return [*(a + b for a, b in zip(x[:3], d[:3], strict=True)), *q.normalized(), *added]
+
+
+def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
+    """Tangent from a state to the end of the stage before it."""
+    turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
+    straight = [a - b for a, b in zip((*end[:3], *end[7:]), (*following[:3], *following[7:]), strict=True)]
+    return [*straight[:3], 2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z, *straight[3:]]
+
+
+WHOLE = np.ones(1)
+"""Share of a whole step."""
+
+
+class CompiledStage:
+    """Machine code of a stage: values along a step of several lengths, and exact first derivatives.
+
+    Attributes:
+        costs, goals, limits: slices of the outputs behind the gap. goal: slice of each goal by name, within ``goals``.
+        names: names of the limits. input_limits: number of them that belong to inputs, the first ones.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self.stage = stage
+        nx, nt, nu = stage.sizes
+        data = stage.example()
+        parts: dict[str, Any] = {}
+
+        def outputs(
+            x: Sequence[Scalar], u: Sequence[Scalar], following: Sequence[Scalar], given: StageData
+        ) -> list[Scalar]:
+            values = stage(x, u, given)
+            parts["values"] = values
+            goals = [error for name in GOALS for error in values.goals[name]]
+            bounds = [value for _, value in (*values.inputs, *values.limits)]
+            return [*gap(values.end, following), *values.costs, *goals, *bounds]
+
+        def along(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
+            x, u, following, given, dx, du, dnext = row
+            scaled = partial(map, lambda d: par[0] * d)
+            near = moved(x, list(scaled(dx))), [a + b for a, b in zip(u, scaled(du), strict=True)]
+            return carry, numbers(outputs(*near, moved(following, list(scaled(dnext))), given))
+
+        def slopes(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
+            (dx, du), (x, u, following, given) = par, row
+            turned = Quaternion(*x[3:7]) * Quaternion(0, 0.5 * dx[3], 0.5 * dx[4], 0.5 * dx[5])
+            direction = [*dx[:3], *turned, *dx[6:]]
+            X = [Taylor(pair) for pair in zip(x, direction, strict=True)]
+            U = [Taylor(pair) for pair in zip(u, du, strict=True)]
+            fixed = rebuild(given, iter([as_series(a, 1) for a in leaves(given)]))
+            after = [as_series(a, 1) for a in following]
+            return carry, numbers([o.c[1] if isinstance(o, Taylor) else 0.0 for o in outputs(X, U, after, fixed)])
+
+        row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, data)
+        lanes = Lanes(host_width())
+        tangent = ((0.0,) * nt, (0.0,) * nu)
+        self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True)
+        self._values = Kernel(trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)), lanes, logging=True)
+        values: StageValues = parts["values"]
+        self.nx, self.nt, self.nu = nx, nt, nu
+        self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
+        self.input_limits = len(values.inputs)
+        ends = np.cumsum([nt, len(values.costs), sum(map(len, values.goals.values())), len(self.names)])
+        self.costs, self.goals, self.limits = (slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
+        self.goal, at = {}, 0
+        for name in GOALS:
+            self.goal[name] = slice(at, at + len(values.goals[name]))
+            at += len(values.goals[name])
+        self._directions = np.eye(nt + nu)
+
+    def values(
+        self, x: Array, u: Array, data: Array, step: tuple[Array, Array] | None = None, shares: Array = WHOLE
+    ) -> Array:
+        """Outputs of all stages at shares of a step: (shares, N + 1, outputs); the last stage has no gap.
+
+        Args:
+            x: (N + 1, nx) states.
+            u: (N, nu) inputs.
+            data: (N + 1, leaves of StageData).
+            step: (N + 1, nt) and (N, nu) changes; none if left out.
+            shares: (lanes,) of the step.
+        """
+        dx, du = step if step is not None else (np.zeros((len(x), self.nt)), np.zeros(u.shape))
+        last = np.zeros((1, self.nu))
+        rows = [x, np.vstack([u, last]), after(x), data, dx, np.vstack([du, last]), after(dx)]
+        _, log = self._values.run(np.zeros((1, len(shares))), shares[None, :], np.hstack(rows))
+        return np.ascontiguousarray(log.transpose(2, 0, 1))
+
+    def jacobians(self, x: Array, u: Array, data: Array) -> Array:
+        """Derivatives of the outputs by the tangents of state and inputs: (N + 1, outputs, nt + nu)."""
+        rows = np.hstack([x, np.vstack([u, np.zeros((1, self.nu))]), after(x), data])
+        _, log = self._slopes.run(np.zeros((1, self.nt + self.nu)), self._directions, rows)
+        return log
+
+    def retract(self, x: Array, d: Array) -> Array:
+        """States (N + 1, nx) moved by tangents (N + 1, nt)."""
+        columns: list[Any] = moved(list(x.T), list(d.T))
+        return np.stack(columns, axis=1)
+
+
+def after(rows: Array) -> Array:
+    """Rows one stage later; the last one stays."""
+    return np.vstack([rows[1:], rows[-1:]])
+
+
+def numbers(values: Sequence[Scalar]) -> Scalars:
+    """Outputs of a traced function, with constants as data."""
+    return tuple(float(value) if isinstance(value, int) else value for value in values)

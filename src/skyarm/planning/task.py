@@ -1,0 +1,290 @@
+"""Task of a plan: vehicle, start, phases with goals, limits and obstacles, as its file states them.
+
+::
+
+    schema = 1
+    name = "eagle_catch"
+    vehicle = "hexacopter370_flying_arm_3"   # a shipped name or the path of a file
+    minimise = "effort"                      # or "time"
+
+    [start]
+    position = [-5, 0, 1]                    # m
+
+    [limits]
+    tilt = 1.05                              # rad
+
+    [[phases]]
+    name = "approach"
+    to = { tip = [0, 0, 0] }                 # at the end of the phase
+    duration = 1.4                           # s; left out: free
+
+    [[phases]]
+    name = "grasp"
+    kind = "hold"                            # the tip rests
+    duration = 0.2
+    gripper = "claw"                         # closes when the phase begins
+
+    [[phases]]
+    name = "away"
+    to = { base = [5, 0, 1.5], heading = 0.0, joints = [0, 0, 0], rest = true }
+    duration = 1.6
+
+    [[obstacles]]
+    shape = "box"
+    position = [2.5, 0, 0]
+    size = [0.2, 4, 2]
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
+from skyarm.records.immutable import immutable
+from skyarm.records.read_table import record_from
+from skyarm.records.units import Unit
+from skyarm.vehicle import Vehicle
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.world.contact.surface import Surface
+
+
+class TaskError(ValueError):
+    """Error of a planning task: one line with file, field, value and what is allowed."""
+
+
+@immutable
+class Start:
+    """State at the beginning of a plan, at rest.
+
+    Attributes:
+        attitude: roll, pitch, yaw (ZYX) of the base.
+    """
+
+    position: Annotated[Vec3, Unit("m", "position of the base origin at the beginning, world axes")] = ZERO3
+    attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base at the beginning")] = (0.0,) * 3
+    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions at the beginning; empty: zero")] = ()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "start", TaskError)
+        if len(self.attitude) != 3:
+            raise TaskError(f"start.attitude = {shown(list(self.attitude))}: must be three angles, rad")
+
+
+@immutable
+@checked("to", TaskError)
+class Goal:
+    """Goal at the end of a phase; what is left out is free."""
+
+    tip: Annotated[Vec3 | None, Unit("m", "position of the tip, world axes")] = None
+    tip_velocity: Annotated[Vec3 | None, Unit("m/s", "velocity of the tip, world axes")] = None
+    tip_axis: Annotated[Vec3 | None, Unit("", "direction of the tip frame's z axis, world axes")] = None
+    base: Annotated[Vec3 | None, Unit("m", "position of the base origin, world axes")] = None
+    velocity: Annotated[Vec3 | None, Unit("m/s", "velocity of the base origin, world axes")] = None
+    attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base; empty: free")] = ()
+    heading: Annotated[float | None, Unit("rad", "heading of the base about world z")] = None
+    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions; empty: free")] = ()
+    rest: Annotated[bool, Unit("", "whether base and joints are at rest, and stay so")] = False
+
+
+@immutable
+@checked("contact", TaskError)
+class Contact:
+    """Contact of the tip throughout a phase.
+
+    Attributes:
+        kind: "point", which holds the tip by pressing; "bar", which holds it by any force; "plane", on which it slides.
+    """
+
+    kind: Literal["point", "bar", "plane"] = "point"
+    normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes")] = Vec3(0.0, 0.0, 1.0)
+    friction: Annotated[float, Unit("", "coefficient of friction", low=0.0)] = 0.7
+    force: Annotated[float, Unit("N", "least force along the normal", low=0.0)] = 0.0
+
+
+@immutable
+@checked("phase", TaskError)
+class PlanPhase:
+    """Phase of a task.
+
+    Attributes:
+        kind: "go", a free motion; "hold", in which the tip rests; "contact", in which it also is pushed.
+        to: goal at the end. contact: of kind "contact".
+    """
+
+    name: Annotated[str, Unit("", "name of the phase in reports")] = ""
+    kind: Literal["go", "hold", "contact"] = "go"
+    to: Goal = Goal()
+    duration: Annotated[
+        float | None, Unit("s", "duration; left out: free, chosen by the plan", low=0.02, high=120.0)
+    ] = None
+    step: Annotated[
+        float | None, Unit("s", "time between nodes; left out: 0.04, 0.02 in holds", low=0.002, high=0.5)
+    ] = None
+    contact: Contact | None = None
+    gripper: Annotated[str, Unit("", "gripper that closes when the phase begins; empty: none")] = ""
+    release: Annotated[str, Unit("", "gripper that opens when the phase begins; empty: none")] = ""
+    tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase; left out: that of the limits")] = None
+
+    @property
+    def resting(self) -> bool:
+        """True if the tip rests throughout the phase."""
+        return self.kind == "hold" or (self.contact is not None and self.contact.kind != "plane")
+
+
+SIXTY = math.radians(60.0)
+"""Usual limit of the tilt, rad: without one the fastest motions turn over."""
+
+
+@immutable
+@checked("limits", TaskError)
+class TaskLimits:
+    """Limits of a plan."""
+
+    tilt: Annotated[float, Unit("rad", "largest tilt of the base; pi for none", low=0.01, high=math.pi)] = math.radians(
+        60
+    )
+    thrust_share: Annotated[float, Unit("", "share of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
+    torque_share: Annotated[float, Unit("", "share of each joint's highest effort", low=0.05, high=1.0)] = 0.95
+    joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
+    speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
+    rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
+    clearance: Annotated[float, Unit("m", "least distance from obstacles and between own bodies", low=0.0)] = 0.05
+
+
+@immutable
+class Task:
+    """Planning task: a vehicle, its start, phases with goals, limits and obstacles."""
+
+    name: Annotated[str, Unit("", "name of the task")] = "task"
+    vehicle: Vehicle
+    start: Start = Start()
+    phases: tuple[PlanPhase, ...] = ()
+    limits: TaskLimits = TaskLimits()
+    obstacles: tuple[Surface, ...] = ()
+    minimise: Literal["effort", "time"] = "effort"
+    world: Annotated[Any, Unit("", "table [world] of the scenario that flies the plan; its surfaces are obstacles")] = (
+        None
+    )
+    passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of the world that are no obstacles")] = ()
+    gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
+    step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
+
+    @classmethod
+    def short_spellings(cls, fields: Fields) -> dict[str, object]:
+        """Vehicle of a table, by its name, and obstacles, of which each has a name or a number."""
+        world, passable = fields.inner("world"), fields.take("passable", [])
+        rows = [*fields.tables("obstacles"), *world.tables("surfaces")]
+        rows = [each for each in rows if not isinstance(passable, list) or each.table.get("name") not in passable]
+        named = [Fields({"name": f"obstacle{k}"} | each.table, each.where) for k, each in enumerate(rows)]
+        obstacles = tuple(record_from(Surface, each) for each in named)
+        surfaces = [each.table.get("name") for each in world.tables("surfaces")]
+        if not isinstance(passable, list) or any(name not in surfaces for name in passable):
+            raise ValueError(f"{fields.at('passable')} = {shown(passable)}: must be names of surfaces of the world")
+        named_vehicle = load_vehicle(fields.take("vehicle"))
+        return {"vehicle": named_vehicle, "obstacles": obstacles, "passable": tuple(passable)}
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "task", TaskError)
+        n = self.vehicle.n
+        if not self.phases:
+            raise TaskError("task.phases: must be one phase or more")
+        lists = [("start.joints", self.start.joints)]
+        lists += [(f"phases[{k}].to.joints", each.to.joints) for k, each in enumerate(self.phases)]
+        for name, joints in lists:
+            if joints and len(joints) != n:
+                raise TaskError(
+                    f"{name} = {shown(list(joints))}: must be {n} positions, one for each joint, or left out"
+                )
+        for obstacle in self.obstacles:
+            if obstacle.moves or obstacle.shape == "hole":
+                raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
+        for k, each in enumerate(self.phases):
+            _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
+        if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
+            raise TaskError(f"task.vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
+
+
+def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:
+    """Refuse a phase that cannot be planned.
+
+    Raises:
+        TaskError: one line.
+    """
+    goal = phase.to
+    if phase.kind == "contact" and phase.contact is None:
+        raise TaskError(f"{at}.contact: is missing; a phase of kind 'contact' needs one")
+    if phase.kind != "contact" and phase.contact is not None:
+        raise TaskError(f"{at}.contact: must be left out in a phase of kind {phase.kind!r}")
+    if goal.attitude and len(goal.attitude) != 3:
+        raise TaskError(f"{at}.to.attitude = {shown(list(goal.attitude))}: must be three angles, rad")
+    if goal.attitude and goal.heading is not None:
+        raise TaskError(f"{at}.to.heading = {goal.heading:g}: must be left out beside attitude")
+    needs_tip = phase.kind != "go" or goal.tip is not None or goal.tip_velocity is not None or goal.tip_axis is not None
+    if needs_tip and not vehicle.end_effector:
+        raise TaskError(f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none (end_effector)")
+    if phase.kind != "go" and before is not None and before.to.tip is None and not before.resting:
+        raise TaskError(f"{at}: the tip rests where the phase before leaves it, which must say to.tip")
+
+
+def load_task(path: PathLike) -> Task:
+    """Load a planning task from a TOML file, or a shipped one by its name.
+
+    Raises:
+        TaskError: one line with file, field, value and what is allowed.
+    """
+    with errors_as(TaskError):
+        text = file_name(path, "task")
+        file = Path(text)
+        shipped = LIBRARY / f"{text}.toml"
+        if shipped.is_file():
+            file = shipped
+        elif file.suffix != ".toml":
+            raise TaskError(f"task = {shown(text)}: must be a .toml file or one of {', '.join(list_tasks())}")
+        elif reason := unreadable(file):
+            raise TaskError(f"task = {shown(text)}: {reason}")
+        try:
+            return task_from(read_toml(file.read_bytes()), file.parent)
+        except ValueError as error:
+            raise TaskError(f"{text}: {error}") from None
+
+
+def task_from(table: object, folder: Path = Path()) -> Task:
+    """Planning task from the table of its file.
+
+    Args:
+        table: as read from TOML.
+        folder: where paths of vehicles begin.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields = Fields(table, "")
+    fields.require_schema()
+    own, name = dict(fields.table), fields.take("vehicle")
+    own.pop("schema", None)
+    if isinstance(name, str) and name not in list_vehicles() and (folder / name).is_file():
+        own["vehicle"] = str(folder / name)
+    return record_from(Task, Fields(own, ""))
+
+
+def vehicle_of_file(path: PathLike, folder: Path) -> str:
+    """Name of a task's vehicle, or the path of its file from a folder, as a scenario there states it."""
+    shipped = LIBRARY / f"{path}.toml"
+    file = shipped if shipped.is_file() else Path(path)
+    name = str(read_toml(file.read_bytes())["vehicle"])
+    own = file.parent / name
+    return os.path.relpath(own, folder) if name not in list_vehicles() and own.is_file() else name
+
+
+LIBRARY = Path(__file__).parent / "library"
+"""Folder of the shipped tasks."""
+
+
+def list_tasks() -> tuple[str, ...]:
+    """Return the names of the shipped planning tasks."""
+    return tuple(sorted(each.stem for each in LIBRARY.glob("*.toml")))
