@@ -228,10 +228,8 @@ class Session:
     def wind(self) -> WindSample:
         """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
         self._require_one("wind")
-        stages, now = Stages(self.scenario), self.now
-        around = stages.surroundings(now, self.time)
-        (motion,) = stages.motions(now, around)
-        return wind_at(around.of(0), motion)
+        (only,) = Stages(self.scenario).around(self.now, self.time)
+        return wind_at(*only)
 
     @property
     def reference(self) -> Reference:
