@@ -17,7 +17,7 @@ from tab import TOKEN, Open, Tab
 
 import skyarm
 from skyarm.records.path_names import agent_of
-from skyarm.view.studio.fleet import Fleet, is_of_law, pushes_of
+from skyarm.view.studio.fleet import Fleet, Flight, FlownAgent, is_of_law, pushes_of
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.view.studio.page import Page
 from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture
@@ -195,6 +195,7 @@ def test_a_moved_slider_is_of_one_vehicle_and_is_still_moved_when_it_is_chosen_a
     path = "agents.right.reference.base.z"
     page.choose_agent("right")
     fly(page)
+    assert panels.slider(path).given[0] == "reference base z (m)", "whose it is says the menu"
     panels.slider(path).use(1.2)
     page.choose_agent("left")
     fly(page)
@@ -229,6 +230,14 @@ def test_a_push_acts_on_the_chosen_vehicle_and_the_saved_flight_repeats_it(
     page.fleet.go(PUSHED - 20)
     page.fleet.go(PUSHED + 60)
     np.testing.assert_array_equal(page.fleet.flights[0].session.log.agents["right"].position, own.position)
+
+
+def test_a_load_hangs_at_the_vehicle_that_it_was_hung_at() -> None:
+    flight = Flight.__new__(Flight)
+    flight.first, flight.knobs, flight.title = team("bar"), (), "a"
+    flight.moved = {3: {"agents.right.plant.payload.mass": 0.2}}
+    flight.session = SimpleNamespace(tick=3)  # type: ignore[assignment]
+    assert [FlownAgent(flight, name).hung_mass for name in ("left", "right")] == [0.0, 0.2]
 
 
 def test_sliders_of_a_team_are_those_of_its_vehicles_and_of_what_they_share_once() -> None:
