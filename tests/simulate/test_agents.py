@@ -313,7 +313,7 @@ def test_commands_of_one_vehicle_leave_the_others_under_their_laws(machine_code:
 
 def test_what_a_session_of_several_vehicles_has_not_is_one_line() -> None:
     session = skyarm.Session(team("bar", duration=0.05))
-    for word in ("state", "measurement", "reference", "wind", "latest_arrays"):
+    for word in ("state", "measurement", "reference", "wind"):
         with pytest.raises(
             ScenarioError, match=rf"^session\.{word}: is of one agent; session\.now\.agents is of left, right$"
         ):

@@ -69,7 +69,7 @@ def numbers(node: MemoryNode, values) -> bytes:
     return encode(NUMBERS, node.definitions, {"data": np.array(values)}, 1, packed=node.packed)[0].tobytes()
 
 
-@pytest.mark.parametrize("name", ["case3_wind", "estimated"])
+@pytest.mark.parametrize("name", ["case3_wind", "estimated", "press_and_hold"])
 def test_live_messages_are_those_of_the_log_to_the_byte(name):
     link, node, told = linked(name, 0.3)
     while link.step():
