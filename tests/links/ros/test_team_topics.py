@@ -28,11 +28,16 @@ NUMBERS, POSE, JOINTS = "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped
 
 @cache
 def armed() -> skyarm.Scenario:
-    """Two vehicles with arms, one with a sensor of its own."""
-    one, other = (skyarm.load_scenario(name, duration=1.5) for name in ("case1", "case3"))
+    """A vehicle without an arm, and one with an arm and a sensor of its own."""
+    other = skyarm.load_scenario("case3", duration=1.5)
+    tables = {
+        **{"schema": 1, "name": "hover", "duration": 1.5, "controller": {"preset": "centroidal_joint"}},
+        "plant": {"vehicle": "dragonfly", "gravity": float(other.agent.plant.gravity)},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 1.0, 1.2]}},
+    }
     imu = skyarm.load_scenario("hover_swing").agent.sensors[0].sensor
     right = dataclasses.replace(other.agent, sensors=(NamedSensor(name="imu", sensor=imu),))
-    return dataclasses.replace(one, agents={"left": one.agent, "right": right})
+    return dataclasses.replace(other, agents={"left": skyarm.scenario_from(tables).agent, "right": right})
 
 
 def linked(scenario: skyarm.Scenario) -> tuple[RosLink, MemoryNode, list[str]]:
@@ -90,6 +95,7 @@ def test_rotors_and_applied_commands_are_those_of_the_vehicle_in_the_name():
     for name, own in link.session.log.agents.items():
         turning = [decode(JOINTS, node.definitions, each) for each in node.sent[f"/{name}/rotor_states"]]
         np.testing.assert_array_equal([each["velocity"] for each in turning], own.rotor_speeds)
+        assert turning[0]["name"] == [rotor.name for rotor in armed().agents[name].plant.vehicle.rotors]
         applied = [decode(NUMBERS, node.definitions, each)["data"] for each in node.sent[f"/{name}/skyarm/applied"]]
         np.testing.assert_array_equal(applied, np.hstack([own.rotor_commands, own.efforts]))
 
@@ -101,7 +107,7 @@ def test_a_command_flies_one_vehicle_while_the_other_is_under_its_law():
     for k in range(40):
         if k == 5:
             node.inbox["/right/skyarm/command"] = [message(node, NUMBERS, {"data": np.array(values)})]
-            node.inbox["/left/skyarm/command"] = [message(node, NUMBERS, {"data": np.array(values[:5])})]
+            node.inbox["/left/skyarm/command"] = [message(node, NUMBERS, {"data": np.array(values)})]
         link.step()
         other.step({"right": command} if 5 <= k < 25 else None)  # 0.1 s at 200 Hz
     assert link.commanded == 20
@@ -109,32 +115,32 @@ def test_a_command_flies_one_vehicle_while_the_other_is_under_its_law():
         np.testing.assert_array_equal(own.rotor_commands, other.log.agents[name].rotor_commands)
         np.testing.assert_array_equal(own.position, other.log.agents[name].position)
     (line,) = told
-    assert line.startswith("/left/skyarm/command: a message is ignored: 5 numbers: must be 4 rotor speeds, 2 efforts")
+    assert line.startswith("/left/skyarm/command: a message is ignored: 6 numbers: must be 4 rotor speeds, 0 efforts")
 
 
 def test_goals_move_the_vehicle_that_they_are_sent_to_and_the_log_repeats_them(tmp_path):
     link, node, told = linked(armed())
-    goal = {"header": {"stamp": 0, "frame_id": "world"}, "pose": {"position": {"x": 0.1, "y": 0.0, "z": 1.1}}}
-    begun = {name: each.reference.at(1.4) for name, each in armed().agents.items()}
-    names = [each.joint.name for each in armed().agents["left"].plant.vehicle.links]
+    goal = {"header": {"stamp": 0, "frame_id": "world"}, "pose": {"position": {"x": 0.1, "y": 0.8, "z": 1.1}}}
+    names = [each.joint.name for each in armed().agents["right"].plant.vehicle.links]
+    assert {*node.heard} == {
+        *("/left/skyarm/command", "/left/skyarm/goal"),
+        *("/right/skyarm/command", "/right/skyarm/goal", "/right/skyarm/joint_goal"),
+    }
     while link.session.running:
         if link.session.tick == 10:
-            node.inbox["/right/skyarm/goal"] = [message(node, POSE, goal)]
-            node.inbox["/left/skyarm/joint_goal"] = [
-                message(node, JOINTS, {"name": names[1:2], "position": np.array([0.2])})
-            ]
+            node.inbox["/left/skyarm/goal"] = [message(node, POSE, goal)]
+            joints = {"name": names[1:2], "position": np.array([0.2])}
+            node.inbox["/right/skyarm/joint_goal"] = [message(node, JOINTS, joints)]
         link.take_goals()
         link.session.step()
     log = link.session.log
     assert link.goals == 2
     assert not told
-    assert log.agents["right"].position_reference[-1] == pytest.approx((0.1, 0.0, 1.1), abs=1e-12)
-    assert log.agents["left"].joints_reference[-1, 1] == pytest.approx(0.2, abs=1e-12)
-    kept = int(np.searchsorted(log.time, 1.4 - 1e-9))
-    left = [float(c) for c in begun["left"].position]
-    assert log.agents["left"].position_reference[kept] == pytest.approx(left, abs=1e-12)
-    joints = [float(q) for q in begun["right"].joints]
-    assert log.agents["right"].joints_reference[kept] == pytest.approx(joints, abs=1e-12)
+    assert log.agents["left"].position_reference[-1] == pytest.approx((0.1, 0.8, 1.1), abs=1e-12)
+    assert log.agents["right"].joints_reference[-1, 1] == pytest.approx(0.2, abs=1e-12)
+    own = armed().agents["right"].reference.at(log.time[-1])
+    assert log.agents["right"].position_reference[-1] == pytest.approx([float(c) for c in own.position], abs=1e-12)
+    assert log.agents["right"].joints_reference[-1, 0] == pytest.approx(float(own.joints[0]), abs=1e-12)
     again = skyarm.run(skyarm.load_log(skyarm.save_log(log, tmp_path / "flight.npz")).scenario)
     for name, own in log.agents.items():
         np.testing.assert_array_equal(again.agents[name].position, own.position)
