@@ -19,7 +19,6 @@ from skyarm.log.formats import load_log
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.scenario.scenario_differences import changed_field_lines
 from skyarm.scenario.scenario_record import NamedSensor
-from support.commands import refused
 from support.commands import skyarm as typed
 from support.components import Fix
 from support.teams import TEAMS, nothing, team, with_law
@@ -177,10 +176,3 @@ def test_contacts_of_a_team_are_listed_for_all(bar):
         ValueError, match=r"^log\.phase_ends: is of one agent; log\.agents\[NAME\]\.phase_ends, of left, right$"
     ):
         bar.phase_ends  # noqa: B018
-
-
-def test_live_topics_of_a_team_are_refused_before_ros_is_sought(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    line = "--ros = 1: must be left out for agents left, right; --log FILE.mcap has their topics"
-    refused(typed("run", str(TEAMS / "bar.toml"), "--ros", "1"), line)
-    assert list(tmp_path.iterdir()) == []

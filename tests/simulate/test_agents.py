@@ -326,7 +326,7 @@ def test_commands_of_one_vehicle_leave_the_others_under_their_laws(machine_code:
 
 def test_what_a_session_of_several_vehicles_has_not_is_one_line() -> None:
     session = skyarm.Session(team("bar", duration=0.05))
-    for word in ("state", "measurement", "reference", "wind", "latest_arrays"):
+    for word in ("state", "measurement", "reference", "wind"):
         with pytest.raises(
             ScenarioError, match=rf"^session\.{word}: is of one agent; session\.now\.agents is of left, right$"
         ):
@@ -396,3 +396,13 @@ def test_the_gripper_of_another_vehicle_tells_a_law_of_no_load() -> None:
         skyarm.scenario_from(tables, TEAMS)
     tables["world"]["grippers"].append({"name": "other", "agent": "right"})
     skyarm.scenario_from(tables, TEAMS)
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_force_of_one_vehicle_acts_on_it_alone(plant: str) -> None:
+    both, force = two().with_kind(plant), Vec3(0.3, 0.0, 0.0)
+    log = skyarm.run(dataclasses.replace(both, forces=(skyarm.world.ForceWind(force_W=force, agent="right"),)))
+    pushed = dataclasses.replace(alone(both, "right"), forces=(skyarm.world.ForceWind(force_W=force),))
+    assert_same(log.agents["left"], skyarm.run(alone(both, "left")))
+    assert_same(log.agents["right"], skyarm.run(pushed))
+    assert (log.agents["right"].wind_force - log.agents["left"].wind_force == [0.3, 0.0, 0.0]).all()

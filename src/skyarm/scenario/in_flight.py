@@ -20,7 +20,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, replace_at
-from skyarm.records.path_names import OF_AGENT, agent_of, word_of
+from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
@@ -34,6 +34,7 @@ from skyarm.scenario.paths import (
     errors_of_agent,
     is_below,
     place_of_delay,
+    prefix_of,
     roots,
     variable_words,
 )
@@ -374,11 +375,9 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 def _held_by_all(scenario: Scenario) -> dict[str, object]:
     """Settings of all vehicles that must stay the same throughout a flight, by name."""
-    several = len(scenario.agents) > 1
-    names = {name: f"{OF_AGENT}{name}." if several else "" for name in scenario.agents}
     return {
-        before + setting: value
-        for name, before in names.items()
+        prefix_of(scenario, name) + setting: value
+        for name in scenario.agents
         for setting, value in _held_throughout(scenario.of(name)).items()
     }
 

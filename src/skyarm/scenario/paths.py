@@ -56,6 +56,11 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
     return one, path
 
 
+def prefix_of(scenario: Scenario, name: str) -> str:
+    """Beginning of the parameter paths of one of a scenario's vehicles; empty for the only one."""
+    return f"{OF_AGENT}{name}." if len(scenario.agents) > 1 else ""
+
+
 def is_of_agent(path: str) -> bool:
     """True if a key path of a scenario file is of one vehicle, such as plant.gravity, and not of all."""
     return any(
@@ -168,8 +173,7 @@ def path_of(scenario: Scenario, place: Place) -> str:
     own = place_in_agent(place)
     if own != place:
         member = [*scenario.agents][int(place[2])]
-        path = path_of(scenario.of(member), own)
-        return path if len(scenario.agents) == 1 else f"{OF_AGENT}{member}.{path}"
+        return prefix_of(scenario, member) + path_of(scenario.of(member), own)
     slot, name = slot_at(place)
     if EACH in slot.place:
         name = str(part(scenario, (*slot.record, name)).name)

@@ -24,7 +24,7 @@ from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
-from skyarm.records.files import did_you_mean, errors_as, number, shown
+from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
@@ -368,6 +368,10 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
         if concrete(gravity, gravities[first]) and gravity != gravities[first]:
             words = f"must be {gravities[first]!r} as of {first}; there is one world"
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
+    agents = ("", *scenario.agents, *scenario.others)
+    for where, force in scenario.placed_winds_and_forces:
+        if (agent := getattr(force, "agent", "")) not in agents:
+            raise ValueError(f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}")
     for where, whole in scenario.placed_shared:
         component = whole.of_agent(first) if scenario.others else whole
         with _at_its_place(where):

@@ -432,10 +432,10 @@ class Engine:
         row: Array = self._log[tick]
         return row
 
-    def states_and_commands(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Logged states and commands of the only vehicle, of periods ``start`` to ``stop`` as views."""
-        first, command, measured = self._marks[0][:3]
-        return self._log[start:stop, first:command], self._log[start:stop, command:measured]
+    def states_and_commands(self, start: int, stop: int) -> list[tuple[Array, Array]]:
+        """Logged states and commands of each vehicle, of periods ``start`` to ``stop`` as views."""
+        rows = self._log[start:stop]
+        return [(rows[:, first:command], rows[:, command:measured]) for first, command, measured, *_ in self._marks]
 
     @cached_property
     def _marks(self) -> list[list[int]]:

@@ -12,6 +12,7 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
+from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
@@ -228,10 +229,8 @@ class Session:
     def wind(self) -> WindSample:
         """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
         self._require_one("wind")
-        stages, now = Stages(self.scenario), self.now
-        around = stages.surroundings(now, self.time)
-        (motion,) = stages.motions(now, around)
-        return wind_at(around.of(0), motion)
+        (only,) = Stages(self.scenario).around(self.now, self.time)
+        return wind_at(*only)
 
     @property
     def reference(self) -> Reference:
@@ -331,11 +330,14 @@ class Session:
     @property
     def latest_arrays(self) -> dict[str, Array]:
         """Time, state and commands of the last control period by their names in a log; faster than :attr:`latest`."""
-        self._require_one("latest_arrays")
-        engine = self._engine
+        engine, arrays = self._engine, dict[str, Array]()
         start = max(engine.tick - 1, engine.begun)
-        rows = engine.states_and_commands(start, engine.tick)
-        return state_arrays(engine.scenario.agent.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
+        times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
+        rows = zip(agents.items(), engine.states_and_commands(start, engine.tick), strict=True)
+        for (name, agent), (states, commands) in rows:
+            own = state_arrays(agent.plant.vehicle, times, states, commands)
+            arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
+        return {**arrays, "time": times}
 
     def snapshot(self) -> Snapshot:
         """Copy of the session's current state, from which :meth:`restore` continues."""

@@ -181,6 +181,11 @@ class Stages:
         own, drives = [loop.components for loop in now.agents], [loop.drives for loop in now.agents]
         return self.together(own, now.components, drives, time)
 
+    def around(self, now: LoopState, time: Scalar) -> list[tuple[Surroundings, PointMotion]]:
+        """Surroundings and motion of each vehicle, in order, at a state of the loop."""
+        around = self.surroundings(now, time)
+        return [(around.of(i), motion) for i, motion in enumerate(self.motions(now, around))]
+
     def motions(self, now: LoopState, around: Together) -> tuple[PointMotion, ...]:
         """Motion of each vehicle at a state of the loop, at the time at which the plant opens grasps."""
         motions = around.motions(self.worlds, [loop.state for loop in now.agents])

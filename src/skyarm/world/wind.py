@@ -170,6 +170,9 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
     ] = ZERO3
     gust: Gust | None = None
     gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
+    agent: Annotated[str, Unit("", "name of the only vehicle on which the force acts; empty for each")] = field(
+        default="", metadata=WRITTEN_IF_ANY
+    )
 
     blows: ClassVar[str] = "force"
 
@@ -190,7 +193,7 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
         force = self.force_W
         for gust in self.all_gusts:
             force = force + gust.at(t)
-        return (Wrench(force_W=force, point=self.point_B),)
+        return (Wrench(force_W=force, point=self.point_B, agent=self.agent),)
 
 
 Turbulence = DrydenMemory | tuple[()]

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import http.client
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import viser
 import zstandard
 from websockets.sync.client import ClientConnection, connect
+
+from skyarm.view.studio.fleet import Fleet
+from skyarm.view.studio.page import Page
+from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -23,6 +30,40 @@ CAMERA = {
     "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
 }
+
+
+TOKEN = "0123456789abcdef"
+
+
+class Open:
+    """A page that is open.
+
+    Args:
+        folder: of saved flights. source: name or file of the scenario. laws: laws of the flights.
+    """
+
+    def __init__(self, folder: Path, source: str, laws: Sequence[str | None]) -> None:
+        listening = listening_socket(0)
+        self.port = listening.getsockname()[1]
+        self.server = open_server(listening, AccessGuard(self.port, TOKEN), "test")
+        self.page = Page(self.server, Fleet(source), laws, folder)
+        self.thread = threading.Thread(target=self.page.run)
+        self.thread.start()
+
+    def close(self) -> None:
+        """End the page's loop and its server."""
+        self.page.stop()
+        self.thread.join(10.0)
+        close_server(self.server)
+
+    def get(self, path: str, **headers: str) -> tuple[int, bytes, str]:
+        """Status, content and cookie of an answer."""
+        client = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        client.request("GET", path, headers=headers)
+        answer = client.getresponse()
+        found = answer.status, answer.read(), answer.getheader("Set-Cookie") or ""
+        client.close()
+        return found
 
 
 class Tab:

@@ -11,16 +11,19 @@ import pytest
 
 import skyarm
 from skyarm.records.files import read_toml
-from skyarm.scenario.scenario_file import LIBRARY
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
     LONGEST,
     Fleet,
     Flight,
+    FlownAgent,
+    pushes_of,
 )
 from skyarm.view.studio.knobs import knobs_of
-from skyarm.view.studio.page import cases
+from skyarm.view.studio.sights import scenes_at
 from skyarm.world import TimedPayload
+from skyarm.world.scene.scene import Scene
 from support.cases import sampled, toml_text
 from support.teams import TEAMS
 
@@ -48,8 +51,9 @@ def states(flight: Flight) -> np.ndarray:
 
 
 def states_of(log: skyarm.Log) -> np.ndarray:
-    """Base, attitude and joints of a log."""
-    return np.hstack([log.position, log.quaternion, log.velocity, log.joints, log.rotor_commands])
+    """Base, attitude and joints of all vehicles of a log."""
+    names = "position", "quaternion", "velocity", "joints", "rotor_commands"
+    return np.hstack([own[name] for own in log.agents.values() for name in names])
 
 
 def test_an_untouched_flight_is_the_scenarios_own(fleet: Fleet) -> None:
@@ -144,13 +148,19 @@ def test_laws_meet_the_same_noise(fleet: Fleet) -> None:
     assert not np.allclose(paths[0], paths[1], atol=1e-6)
 
 
+def only(flight: Flight) -> FlownAgent:
+    """The only vehicle of a flight."""
+    (agent,) = flight.agents.values()
+    return agent
+
+
 def errors(flight: Flight, start: float, stop: float) -> np.ndarray:
-    return np.array([seen.error for seen in flight.sights if start <= seen.time <= stop])
+    return np.array([seen.error for seen in only(flight).sights if start <= seen.time <= stop])
 
 
 def test_a_gust_raises_the_tip_error_which_recovers(fleet: Fleet) -> None:
     fleet.go(200)
-    fleet.push((0.0, 1.0, 0.0), 2.0, 1.0)
+    fleet.push((0.0, 1.0, 0.0), 2.0, 1.0, "main")
     fleet.go(1180)  # before the arm moves
     for flight in fleet.flights:
         calm = errors(flight, 0.5, 1.0).max()
@@ -227,11 +237,12 @@ def test_a_lost_vehicle_is_shown_as_lost_until_a_reset(fleet: Fleet) -> None:
 def test_plots_keep_what_was_seen(fleet: Fleet) -> None:
     fleet.go(400)
     flight = fleet.flights[0]
-    assert [seen.tick for seen in flight.recent(1.0)] == list(range(200, 401, 10))
+    agent = only(flight)
+    assert [seen.tick for seen in agent.recent(1.0)] == list(range(200, 401, 10))
     fleet.go(300)
-    assert flight.recent(0.5)[-1].tick == flight.last.tick == 300
+    assert agent.recent(0.5)[-1].tick == agent.last.tick == 300
     log = flight.session.log
-    seen = flight.recent(1.0)[5]
+    seen = agent.recent(1.0)[5]
     wanted = np.linalg.norm(log.tool[seen.tick] - log.tool_reference[seen.tick])
     assert seen.error == pytest.approx(wanted, abs=1e-12)
 
@@ -278,7 +289,7 @@ def test_mujocos_plant_flies_in_the_studio_too(tmp_path: Path) -> None:
 OTHERS = {"arm_length": "study", "press_in_four_worlds": "study", "carrier": "vehicle", "servo_quad": "vehicle"}
 """Examples that are no scenarios -> what they are."""
 
-EVERY = [*cases(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
+EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
 
 
 @pytest.mark.parametrize("source", sampled(EVERY, 8), ids=lambda source: Path(source).stem)
@@ -289,13 +300,11 @@ def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(sourc
         return
     fleet, scenario = Fleet(source), skyarm.load_scenario(source)
     flown = fleet.scenario
-    assert (flown.reference, flown.path_time, flown.changes) == (
-        scenario.reference,
-        scenario.path_time,
-        scenario.changes,
-    )
+    assert flown.changes == scenario.changes
+    for own, before in zip(flown.agents.values(), scenario.agents.values(), strict=True):
+        assert (own.reference, own.path_time) == (before.reference, before.path_time)
     assert flown.duration == (scenario.duration if fleet.planned else LONGEST)
-    count = len(knobs_of(flown, fleet.push_path))
+    count = len(knobs_of(flown, pushes_of(flown).values()))
     assert 30 < count < 200, "a page's sliders, none for a curve's coefficients"
 
 
@@ -365,16 +374,20 @@ def test_another_law_flies_without_the_changes_of_the_files_own(tmp_path: Path) 
     assert not fleet.under("centroidal_tip").changes
 
 
+def scene_of(session: skyarm.Session) -> Scene:
+    """What is drawn around the only vehicle now."""
+    (scene,) = scenes_at(session.scenario, session.now, session.time, np.zeros(3))
+    return scene
+
+
 def test_a_payload_is_drawn_while_it_is_held() -> None:
     load = TimedPayload(mass=0.02, pick=0.01, drop=0.03)
     scenario = dataclasses.replace(skyarm.load_scenario("case2"), payloads=(load,))
     session = skyarm.Session(scenario, machine_code=False)
-    flight = Flight.__new__(Flight)
-    flight.session, flight.first = session, scenario
     held = []
     for _ in range(8):
         session.step()
-        held.append(len(flight.scene(np.zeros(3)).solids))
+        held.append(len(scene_of(session).solids))
     assert held == [0, 0, 1, 1, 1, 1, 0, 0]
     assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]
 
@@ -396,11 +409,9 @@ def test_a_grasp_that_has_opened_pulls_with_no_arrow() -> None:
     tables["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}
     scenario = skyarm.scenario_from(tables, TEAMS)
     session = skyarm.Session(scenario, machine_code=False)
-    flight = Flight.__new__(Flight)
-    flight.session, flight.first = session, scenario
     arrows = {}
     for k in range(1, 41):
         session.step()
-        arrows[k] = sum(float(np.abs(each.force).max()) for each in flight.scene(np.zeros(3)).arrows)
+        arrows[k] = sum(float(np.abs(each.force).max()) for each in scene_of(session).arrows)
     assert 0.1 < arrows[8] < 2.0
     assert arrows[40] == 0.0

@@ -14,8 +14,8 @@ import skyarm
 from skyarm.simulate.first_state import first_state
 from skyarm.view.studio import picture
 from skyarm.view.studio.controls import Chart, add_clock
-from skyarm.view.studio.picture import COLORS, LOST, FleetPicture, FlightNodes, StudioStage, tones_of
-from skyarm.view.studio.sights import poses_of
+from skyarm.view.studio.picture import COLORS, LOST, AgentNodes, FleetPicture, StudioStage, tones_of
+from skyarm.world.scene.scene import Scene
 from support.peers import Scene as Nodes
 
 
@@ -121,7 +121,6 @@ def test_a_lost_vehicle_turns_red_and_back(monkeypatch: pytest.MonkeyPatch) -> N
         vehicle=SimpleNamespace(place=lambda *_: None, color=lambda paint: colors.append(paint("base"))),
         _place_scene=lambda *_: None,
         _attached_mass=lambda *_: (),
-        _around=np.zeros(3),
         _forces=SimpleNamespace(point=lambda _: None),
         _trail=SimpleNamespace(points=None),
         _lost=False,
@@ -129,20 +128,14 @@ def test_a_lost_vehicle_turns_red_and_back(monkeypatch: pytest.MonkeyPatch) -> N
         _label=SimpleNamespace(text="", position=None),
         _above=np.zeros(3),
     )
-    flight = SimpleNamespace(
-        session=SimpleNamespace(state=state, running=True),
-        poses=lambda: poses_of(vehicle, state),
-        scene=lambda _: None,
-        recent=lambda _: (),
-        title="one",
-        lost=False,
-    )
+    flight = SimpleNamespace(session=SimpleNamespace(running=True), lost=False)
+    agent = SimpleNamespace(flight=flight, recent=lambda _: (), title="one", hung_mass=0.0, last=None)
     monkeypatch.setattr(picture, "force_arrows", lambda *_: ())
     monkeypatch.setattr(picture, "trail", lambda _: None)
     texts = []
     for lost in (False, True, True, False):
         flight.lost = lost
-        FlightNodes.draw(nodes, flight, slow=True)  # type: ignore[arg-type]
+        AgentNodes.draw(nodes, agent, state, Scene(), slow=True)  # type: ignore[arg-type]
         texts.append(nodes._label.text)
     assert colors == [tones_of(LOST)("base"), tones_of(COLORS[0])("base")]
     assert texts == ["one", "one: lost", "one: lost", "one"]

@@ -1,6 +1,5 @@
 """The page over its own protocol, without a browser: who may speak, what a frame can do, and what a slider moves."""
 
-import http.client
 import math
 import os
 import random
@@ -8,49 +7,19 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import msgspec
 import pytest
-from tab import CAMERA, Tab
+from tab import CAMERA, TOKEN, Open, Tab
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet
-from skyarm.view.studio.page import Page
 from skyarm.view.studio.picture import COLORS
-from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
-
-TOKEN = "0123456789abcdef"
-
-
-class Open:
-    """A page that is open."""
-
-    def __init__(self, folder: Path) -> None:
-        listening = listening_socket(0)
-        self.port = listening.getsockname()[1]
-        self.server = open_server(listening, AccessGuard(self.port, TOKEN), "test")
-        self.page = Page(self.server, Fleet("case2"), ["paper_ct", "paper_pd"], folder)
-        self.thread = threading.Thread(target=self.page.run)
-        self.thread.start()
-
-    def close(self) -> None:
-        self.page.stop()
-        self.thread.join(10.0)
-        close_server(self.server)
-
-    def get(self, path: str, **headers: str) -> tuple[int, bytes, str]:
-        client = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
-        client.request("GET", path, headers=headers)
-        answer = client.getresponse()
-        found = answer.status, answer.read(), answer.getheader("Set-Cookie") or ""
-        client.close()
-        return found
 
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
-    page = Open(tmp_path_factory.mktemp("studio"))
+    page = Open(tmp_path_factory.mktemp("studio"), "case2", ["paper_ct", "paper_pd"])
     try:
         yield page
     finally:

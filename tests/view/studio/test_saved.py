@@ -26,7 +26,7 @@ def led(source: str, law: str) -> Fleet:
     fleet.go(60)
     fleet.move({"environment.wind.force.y": 0.5, "sensors.position": 0.002})
     fleet.go(120)
-    fleet.push((0.0, 1.0, 0.0), 10.0, 0.1)
+    fleet.push((0.0, 1.0, 0.0), 10.0, 0.1, "main")
     fleet.move({"plant.payload.mass": 0.02, "reference.base.z": 1.1, "delays.command": 0.003})
     fleet.go(200)
     fleet.move({"plant.payload.mass": 0.04, "environment.faults.front.effectiveness": 0.98}, 0)

@@ -51,11 +51,6 @@ def test_what_cannot_be_flown_is_said_before_a_page_opens() -> None:
     assert "--port = 70000: must be from 0 to 65535" in refused("--port", "70000")
 
 
-def test_several_vehicles_are_refused_in_one_line() -> None:
-    bar = FLIGHTS.parent / "teams" / "bar.toml"
-    assert "agents = left, right: must be one; the studio shows one vehicle" in refused(str(bar), "--port", "0")
-
-
 def test_what_cannot_be_replayed_is_one_line() -> None:
     nano = str(next((FLIGHTS / "nanobench").glob("*.csv")))
     flight = [nano, "--vehicle", "hummingbird", "--port", "0"]

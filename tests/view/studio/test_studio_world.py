@@ -15,13 +15,15 @@ from skyarm import scenario_from
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.session import Session
+from skyarm.simulate.stages import Stages
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.controls import charts
-from skyarm.view.studio.fleet import Flight
+from skyarm.view.studio.fleet import Flight, FlownAgent
 from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import sight
+from skyarm.view.studio.sights import PlottedInstant, contact_forces, sights
 from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
@@ -46,6 +48,12 @@ def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
     assert seen.contact == seen.contacts["wall"]
     flown.step()
     assert seen.contact == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
+
+
+def sight(flown: Session) -> PlottedInstant:
+    """What is plotted of the only vehicle."""
+    (seen,) = sights(flown)
+    return seen
 
 
 def scene_at(time: float, flown: Session) -> Scene:
@@ -117,10 +125,13 @@ def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_gro
         for k in (1, 2):
             away = dataclasses.replace(start, position=start.position + Vec3(3.0 * k, 0.0, 0.5))
             flight = Flight.__new__(Flight)
+            now = flown.now.with_agent(dataclasses.replace(flown.now.agent, state=away))
             flight.session = SimpleNamespace(  # type: ignore[assignment]
-                state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now, ended=None
+                running=True, scenario=flown.scenario, time=0.0, tick=0, now=now, ended=None
             )
-            flight.title, flight.sights, flight.first, flight.moved = "a", [seen], flown.scenario, {}
+            flight.title, flight.first, flight.moved, flight.knobs = "a", flown.scenario, {}, ()
+            flight.agents = {"main": FlownAgent(flight, "main")}
+            flight.agents["main"].sights = [seen]
             picture.draw([flight])
             base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
             drawn = np.array(base.position) + stage.position
@@ -168,7 +179,7 @@ def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
     nodes.place(placed.rotations, placed.positions, turned)
     speeds = np.full(len(vehicle.rotors), 100.0)
     seen: Any = SimpleNamespace(air=np.zeros(3), pushed=np.zeros(3))
-    ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turned)  # type: ignore[arg-type]
+    ends = force_arrows(vehicle, seen, placed, speeds, turned)
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
         R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])
@@ -176,3 +187,30 @@ def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
         np.testing.assert_allclose(node.position, [float(c) for c in rotor.position], atol=1e-4)
         along = ends[i, 1] - ends[i, 0]
         np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-9)
+
+
+def test_contact_forces_of_a_team_are_those_on_the_vehicle_that_touches() -> None:
+    one = session().scenario
+    assert one.world is not None
+    world = dataclasses.replace(
+        one.world,
+        points=tuple(dataclasses.replace(each, agent="left") for each in one.world.points),
+        grippers=tuple(dataclasses.replace(each, agent="left") for each in one.world.grippers),
+    )
+    environment = dataclasses.replace(one.environment, world=world)
+    both = dataclasses.replace(one, agents={"right": one.agent, "left": one.agent}, environment=environment)
+    (right, left), (alone,) = touching(both), touching(one)
+    assert left == alone
+    assert left["wall"] > 0.0
+    assert right == {}
+    seen = SimpleNamespace(time=0.0, error=0.0, tilt=0.0, contacts=right, efforts=(0.0, 0.0), rotors=(0.0,))
+    flight = SimpleNamespace(first=both.of("right"), title="a", recent=lambda _: [seen, seen])
+    gui = SimpleNamespace(add_uplot=lambda data, *_, **words: SimpleNamespace(data=data, **words))
+    plots = {chart._node.title: chart._node.data for chart in charts(gui, [flight])}  # type: ignore[arg-type, list-item]
+    assert not np.any(plots["contact force (N)"][1])
+
+
+def touching(scenario: Any) -> list[dict[str, float]]:
+    """Contact forces on each vehicle at the start of a scenario."""
+    rows = Stages(scenario).around(first_loop_state(scenario), 0.0)
+    return [contact_forces(around.components, around.memories, motion) for around, motion in rows]

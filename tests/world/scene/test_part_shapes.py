@@ -95,7 +95,7 @@ def test_a_rope_is_in_the_studio() -> None:
     picture = FleetPicture(SimpleNamespace(scene=nodes, initial_camera=SimpleNamespace()))
     picture.build(scenario(), ["a"])
     rope = nodes.nodes["/stage/lines1/rope"]
-    flight = Flight(None, scenario(), "environment.forces.2")
+    flight = Flight(None, scenario())
     flight.to(8)
     picture.hurry()
     picture.draw([flight])

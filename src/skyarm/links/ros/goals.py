@@ -17,6 +17,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.reference import Trajectory
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
 from skyarm.reference.signals import Signal
+from skyarm.scenario.paths import prefix_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle import Vehicle
 
@@ -32,8 +33,23 @@ FARTHEST = SPEED * float(DURATIONS[-1]) * 8.0 / 15.0
 time."""
 
 
-def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
-    """Make a scenario's reference accept goals in flight; return the scenario, and the reason if impossible."""
+def with_goals(scenario: Scenario) -> tuple[Scenario, dict[str, str]]:
+    """Make the references of a scenario accept goals in flight; where that is impossible, return the reason by vehicle.
+
+    Returns:
+        The scenario, and the name of each vehicle that takes no goals with the reason.
+    """
+    agents, reasons = dict(scenario.agents), dict[str, str]()
+    for name, agent in scenario.agents.items():
+        if reason := _reason_against(scenario.of(name)):
+            reasons[name] = reason
+        else:
+            agents[name] = replace(agent, reference=redirectable(agent.reference))
+    return replace(scenario, agents=agents), reasons
+
+
+def _reason_against(scenario: Scenario) -> str:
+    """Reason why the reference of a vehicle, of the scenario of its flight, takes no goals; empty if it can."""
     reference = scenario.agent.reference
     reasons = {
         "its tip leads the base": reference.tip is not None or reference.push is not None,
@@ -41,13 +57,17 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
         "its path is slowed down by a governor": scenario.agent.path_time is not None,
         "it changes in flight": any(each.path.startswith("reference") for each in scenario.changes),
     }
-    reason = next((words for words, holds in reasons.items() if holds), "")
-    return (scenario, reason) if reason else (scenario.with_reference(redirectable(reference)), "")
+    return next((words for words, holds in reasons.items() if holds), "")
 
 
-def goal_paths(reference: Trajectory) -> list[str]:
-    """Parameter paths that a goal changes; empty if the reference takes no goals."""
-    return [f"reference.{word}.{field}" for word in _signals(reference) for field in FIELDS]
+def goal_paths(scenario: Scenario) -> list[str]:
+    """Parameter paths that goals change; empty if no reference takes any."""
+    return [
+        f"{prefix_of(scenario, name)}reference.{word}.{field}"
+        for name, agent in scenario.agents.items()
+        for word in _signals(agent.reference)
+        for field in FIELDS
+    ]
 
 
 def takes_goals(reference: Trajectory) -> bool:

@@ -10,7 +10,7 @@ from contextlib import closing
 from skyarm.cli.lines import say
 from skyarm.links.ros import open_node
 from skyarm.links.ros.node import Node, RosError
-from skyarm.links.ros.ros_link import GOAL, JOINT_GOAL, RosLink, Warn, live_session
+from skyarm.links.ros.ros_link import RosLink, Warn, goal_topics, open_live
 from skyarm.log.flight_log import Log
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
@@ -105,13 +105,10 @@ def fly_with_topics(
     """Fly a scenario for ``skyarm run --ros``.
 
     Raises:
-        ValueError: a pace below 0, another version, several vehicles, or a ROS that is not there.
+        ValueError: a pace below 0, another version, or a ROS that is not there.
     """
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
-    if len(scenario.agents) > 1:
-        agents = ", ".join(scenario.agents)
-        raise ValueError(f"--ros = {version}: must be left out for agents {agents}; --log FILE.mcap has their topics")
     return fly_live(
         scenario, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
         warn=lambda line: say(f"warning: {line}"),
@@ -142,12 +139,12 @@ def fly_live(
     interrupted: BaseException | None = None
     clock = Pace(pace)
     try:
-        session, reason = live_session(scenario, preparing)
+        session, reasons = open_live(scenario, preparing)
         if session.slow:
             warn(f"{session.slow}; flying as Python floats: slower, the same numbers")
-        if reason:
-            topics = f"{GOAL} and {JOINT_GOAL}" if scenario.agent.plant.vehicle.n else GOAL
-            warn(f"no goals are taken on {topics}, since of the reference {reason}")
+        for name, reason in reasons.items():
+            topics = goal_topics(scenario, name)
+            warn(f"no goals are taken on {' and '.join(topics)}, since of the reference {reason}")
         with closing(session):
             link = RosLink(session, node, warn=warn)
             try:

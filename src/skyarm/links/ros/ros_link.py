@@ -6,6 +6,8 @@ Topics are those of a log (:mod:`skyarm.log.ros.topics`) with the clock, the rot
   in the place of the law's command until ``timeout`` after the last message; not where an autopilot flies;
 * ``/skyarm/goal``: pose of the base, ``/skyarm/joint_goal``: positions of named joints; the reference moves there
   smoothly and stays, whether more messages come or not.
+
+Of several vehicles all but the clock begin with the vehicle's name: ``/left/skyarm/goal``.
 """
 
 from __future__ import annotations
@@ -13,11 +15,11 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import TracebackType
 
 import numpy as np
 
-from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros.goals import base_goal, changes_to, check_reach, goal_paths, joint_goal, takes_goals, with_goals
 from skyarm.links.ros.node import Content, Node
@@ -26,10 +28,13 @@ from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.scene import LogSection
-from skyarm.log.ros.topics import FlightTopics, Topic, every_of
+from skyarm.log.ros.topics import FlightTopics, Topic, every_of, namespace_of, topics_of_all
+from skyarm.log.sensor_data import ESTIMATE, READINGS
+from skyarm.log.team_log import WITHIN
 from skyarm.records.arrays import Array
-from skyarm.records.plain import Plain
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.reference import Trajectory
+from skyarm.scenario.paths import prefix_of
+from skyarm.scenario.scenario_record import Agent, Scenario
 from skyarm.simulate.assemble_log import log_of_agent, sensor_data
 from skyarm.simulate.session import Session, open_session
 
@@ -51,12 +56,20 @@ GOAL_PAUSE = 0.2
 
 Warn = Callable[[str], object]
 
+Take = Callable[[str, str, Callable[[Content], None]], None]
+"""Function that uses the messages of a topic, given the topic's name and type and a function of one message."""
+
 
 class LiveInstant:
-    """Arrays of the latest control period by log name; costly ones are computed on demand."""
+    """Arrays of the latest control period by log name; costly ones are computed on demand.
 
-    def __init__(self, session: Session, info: Mapping[str, Plain]) -> None:
-        self._session, self._info = session, info
+    Args:
+        session: session of the flight.
+        log: log of its first part, which describes each vehicle.
+    """
+
+    def __init__(self, session: Session, log: Log) -> None:
+        self._session, self._log = session, log
         self._known = session.latest_arrays
 
     @property
@@ -67,12 +80,15 @@ class LiveInstant:
     def __getitem__(self, array: str) -> Array:
         """Array of the latest control period, (1,) or (1, k), by its log name."""
         if array not in self._known:
-            (name,), latest = self._session.scenario.agents, self._session.latest
-            piece = latest.of(name)
-            if "." in array:
-                self._known |= sensor_data(piece)[0]
+            agent, within, own = array.rpartition(WITHIN)
+            name = agent or next(iter(self._log.agents))
+            piece = self._session.latest.of(name)
+            if own.startswith((READINGS, ESTIMATE)):
+                arrays = sensor_data(piece)[0]
             else:
-                self._known |= log_of_agent(piece.scenario, [piece], None, info=dict(self._info)).arrays()
+                info = dict(self._log.agents[name].info)
+                arrays = log_of_agent(piece.scenario, [piece], None, info=info).arrays()
+            self._known |= {f"{agent}{within}{each}": values for each, values in arrays.items()}
         return self._known[array]
 
 
@@ -94,37 +110,25 @@ class RosLink:
             raise ValueError(f"timeout = {timeout!r}: must be a finite time above 0 s")
         self.session, self.node = session, node
         self.commanded = self.goals = 0
-        self._timeout, self._warn = timeout, warn
+        self._warn, self._begun = warn, False
         self._refused: set[str] = set()
-        self._command: Command | None = None
-        self._heard = -math.inf
-        self._goal: dict[str, float] = {}
-        self._last_goal = -math.inf
-        self._begun = False
         try:
-            self._takes_commands = autopilot_of(session.scenario.agent.controller) is None
-            log = session.log
-            self._info = log.info
-            self._definitions = node.definitions
+            self._log, self._definitions = session.log, node.definitions
             # of the table of every number only a file explains the type
-            of_log = (topic for topic in FlightTopics(log).topics if topic.kind != FLIGHT)
-            self._topics = (*of_log, *_own_topics(session, log))
-            self._register()
+            of_log = (topic for topic in FlightTopics(self._log).topics if topic.kind != FLIGHT)
+            own = {name: _own_topics(session.scenario.agents[name], log) for name, log in self._log.agents.items()}
+            self._topics = (*of_log, Topic(CLOCK, TIME, 1, lambda part: {"clock": part.stamps}), *topics_of_all(own))
+            for topic in self._topics:
+                node.advertise(topic.name, topic.kind, latched=topic.every == 0)
+            self._agents = {
+                name: _AgentInputs(session, name, timeout, self._take_messages) for name in session.scenario.agents
+            }
+            for each in self._agents.values():
+                for subscription in each.subscriptions:
+                    node.subscribe(*subscription)
         except BaseException:
             node.close()
             raise
-
-    def _register(self) -> None:
-        """Advertise and subscribe to all ROS topics of the simulation session."""
-        node, scenario = self.node, self.session.scenario
-        for topic in self._topics:
-            node.advertise(topic.name, topic.kind, latched=topic.every == 0)
-        if self._takes_commands:
-            node.subscribe(COMMAND, NUMBERS)
-        if takes_goals(scenario.agent.reference):
-            node.subscribe(GOAL, POSE)
-            if scenario.agent.plant.vehicle.n:
-                node.subscribe(JOINT_GOAL, JOINTS)
 
     def __enter__(self) -> RosLink:
         """Return the link; leaving the block closes it."""
@@ -149,44 +153,19 @@ class RosLink:
         self.publish()
         return going
 
-    def take_command(self) -> Command | None:
-        """Newest received command that has not timed out; None if the law commands the next period."""
-        sizes = self.session.scenario.agent.plant.vehicle.sizes
-        for message in self._take_messages(COMMAND, NUMBERS) if self._takes_commands else ():
-            try:
-                self._command, self._heard = command_of(message["data"], *sizes), self.session.time
-            except MessageError as error:
-                self._refuse(COMMAND, error)
-        return self._command if self.session.time - self._heard < self._timeout - 1e-9 else None
+    def take_command(self) -> Command | Mapping[str, Command] | None:
+        """Newest received command that has not timed out, of several vehicles by name; None if the laws command."""
+        newest = {name: each.take_command() for name, each in self._agents.items()}
+        commands = {name: command for name, command in newest.items() if command is not None}
+        return next(iter(commands.values()), None) if len(newest) == 1 else commands or None
 
     def take_goals(self) -> None:
-        """Redirect the reference to the newest received goals, at most five times a second."""
-        session = self.session
-        if not takes_goals(session.scenario.agent.reference):
-            return
-        for message in self._take_messages(GOAL, POSE):
-            try:
-                self._aim(base_goal(message))
-            except MessageError as error:
-                self._refuse(GOAL, error)
-        vehicle = session.scenario.agent.plant.vehicle
-        for message in self._take_messages(JOINT_GOAL, JOINTS) if vehicle.n else ():
-            try:
-                self._aim(joint_goal(message, vehicle))
-            except MessageError as error:
-                self._refuse(JOINT_GOAL, error)
-        if self._goal and session.running and session.time - self._last_goal >= GOAL_PAUSE - 1e-9:
-            session.change(changes_to(session.scenario.agent.reference, session.time, self._goal))
-            self._goal, self._last_goal = {}, session.time
-            self.goals += 1
-
-    def _aim(self, goals: Mapping[str, float]) -> None:
-        check_reach(self.session.scenario.agent.reference, self.session.time, goals)
-        self._goal |= goals
+        """Redirect the references to the newest received goals, of each vehicle at most five times a second."""
+        self.goals += sum([each.take_goals() for each in self._agents.values()])
 
     def publish(self) -> None:
         """Publish the latest control period on all topics that are due."""
-        instant, tick = LiveInstant(self.session, self._info), self.session.tick - 1
+        instant, tick = LiveInstant(self.session, self._log), self.session.tick - 1
         if not instant.time.size:
             return
         for topic in self._topics:
@@ -199,27 +178,104 @@ class RosLink:
             self.node.send(topic.name, data[0].tobytes())
         self._begun = True
 
-    def _take_messages(self, topic: str, kind: str) -> list[Content]:
-        """Decode the messages that have arrived on a topic; invalid ones are refused."""
-        messages = []
+    def _take_messages(self, topic: str, kind: str, use: Callable[[Content], None]) -> None:
+        """Decode and use the messages that have arrived on a topic; invalid ones are refused."""
         for data in self.node.take(topic):
             try:
-                messages.append(decode(kind, self._definitions, data, packed=self.node.packed))
+                use(decode(kind, self._definitions, data, packed=self.node.packed))
             except MessageError as error:
-                self._refuse(topic, error)
-        return messages
+                if topic not in self._refused:
+                    self._refused.add(topic)
+                    self._warn(f"{topic}: a message is ignored: {error}; more of them are ignored without a word")
 
-    def _refuse(self, topic: str, error: MessageError) -> None:
-        if topic not in self._refused:
-            self._refused.add(topic)
-            self._warn(f"{topic}: a message is ignored: {error}; more of them are ignored without a word")
+
+class _AgentInputs:
+    """Commands and goals from ROS for one vehicle of a session.
+
+    Args:
+        session: session of the flight.
+        name: name of the vehicle.
+        timeout: s of flight after the last command until the law takes over again.
+        take: function that uses the messages of a topic, given its name and type and a function of one message.
+
+    Attributes:
+        subscriptions: name and type of the messages of each topic.
+    """
+
+    def __init__(self, session: Session, name: str, timeout: float, take: Take) -> None:
+        scenario = session.scenario
+        self._session, self._name, self._timeout, self._take = session, name, timeout, take
+        self._of, self._vehicle = prefix_of(scenario, name), scenario.agents[name].plant.vehicle
+        self._commands = [f"{namespace_of(scenario.agents, name)}{COMMAND}"] if scenario.autopilot is None else []
+        self._goals = [*zip(goal_topics(scenario, name), (POSE, JOINTS), (base_goal, self._joint_goal), strict=False)]
+        goals = self._goals if takes_goals(self._reference) else []
+        self.subscriptions = [*((topic, NUMBERS) for topic in self._commands), *((at, kind) for at, kind, _ in goals)]
+        self._command: Command | None = None
+        self._received = self._last_goal = -math.inf
+        self._goal: dict[str, float] = {}
+
+    def take_command(self) -> Command | None:
+        """Newest received command that has not timed out; None if the law commands the next period."""
+        for topic in self._commands:
+            self._take(topic, NUMBERS, self._use_command)
+        return self._command if self._session.time - self._received < self._timeout - 1e-9 else None
+
+    def _use_command(self, message: Content) -> None:
+        self._command, self._received = command_of(message["data"], *self._vehicle.sizes), self._session.time
+
+    def take_goals(self) -> bool:
+        """Redirect the reference to the newest received goals, at most five times a second; True if it did."""
+        session = self._session
+        if not takes_goals(self._reference):
+            return False
+        for topic, kind, goal_of in self._goals:
+            self._take(topic, kind, partial(self._aim, goal_of))
+        if not (self._goal and session.running and session.time - self._last_goal >= GOAL_PAUSE - 1e-9):
+            return False
+        changes = changes_to(self._reference, session.time, self._goal)
+        session.change({f"{self._of}{path}": value for path, value in changes.items()})
+        self._goal, self._last_goal = {}, session.time
+        return True
+
+    @property
+    def _reference(self) -> Trajectory:
+        """Reference in force."""
+        return self._session.scenario.agents[self._name].reference
+
+    def _joint_goal(self, message: Content) -> dict[str, float]:
+        return joint_goal(message, self._vehicle)
+
+    def _aim(self, goal_of: Callable[[Content], dict[str, float]], message: Content) -> None:
+        goals = goal_of(message)
+        check_reach(self._reference, self._session.time, goals)
+        self._goal |= goals
+
+
+def goal_topics(scenario: Scenario, name: str) -> list[str]:
+    """Topics of the goals of a vehicle: of its base and, if it has any, of its joints."""
+    joints = scenario.agents[name].plant.vehicle.n
+    return [f"{namespace_of(scenario.agents, name)}{topic}" for topic in ([GOAL, JOINT_GOAL] if joints else [GOAL])]
 
 
 def live_session(scenario: Scenario, preparing: Callable[[float, float], object] | None = None) -> tuple[Session, str]:
-    """Open a session whose reference takes goals from ROS; else return the reason why it takes none."""
-    live, reason = with_goals(scenario)
+    """Open a session whose references take goals from ROS; where one takes none, return the reason, too."""
+    session, reasons = open_live(scenario, preparing)
+    several = len(scenario.agents) > 1
+    return session, "; ".join(f"{name}: {reason}" if several else reason for name, reason in reasons.items())
+
+
+def open_live(
+    scenario: Scenario, preparing: Callable[[float, float], object] | None = None
+) -> tuple[Session, dict[str, str]]:
+    """Open a session whose references take goals from ROS; return it with the reason of each vehicle that takes none.
+
+    Args:
+        scenario: scenario to fly.
+        preparing: function as of :func:`skyarm.simulate.session.open_session`.
+    """
+    live, reasons = with_goals(scenario)
     # inputs of its program from the start: the first goal would make the program anew, which takes half a second
-    return open_session(live, goal_paths(live.agent.reference), preparing=preparing), reason
+    return open_session(live, goal_paths(live), preparing=preparing), reasons
 
 
 def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
@@ -242,24 +298,17 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
     )
 
 
-def _own_topics(session: Session, log: Log) -> tuple[Topic, ...]:
-    """Topics that a log lacks: clock in every control period; rotor speeds and command at the base's rate."""
+def _own_topics(agent: Agent, log: Log) -> tuple[Topic, ...]:
+    """Topics of a vehicle that its log lacks: rotor speeds and command at the base's rate."""
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
-
-    def clock(part: LogSection) -> Content:
-        return {"clock": part.stamps}
 
     def turning(part: LogSection) -> Content:
         return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
 
-    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.agent.plant.vehicle.tilts else [])]
+    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if agent.plant.vehicle.tilts else [])]
 
     def command(part: LogSection) -> Content:
         return {"data": np.hstack([part[name] for name in arrays])}
 
-    return (
-        Topic(CLOCK, TIME, 1, clock),
-        Topic(ROTORS, JOINTS, fast, turning),
-        Topic(APPLIED, NUMBERS, fast, command),
-    )
+    return Topic(ROTORS, JOINTS, fast, turning), Topic(APPLIED, NUMBERS, fast, command)

@@ -8,7 +8,7 @@ vehicles, topics and frames begin with the vehicle's name, as ``/left/odom`` and
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -96,7 +96,7 @@ class FlightTopics:
         first = next(iter(log.agents.values()))
         self.topics = (
             Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
-            *(of_agent(each, name) if len(own) > 1 else each for name, topics in own.items() for each in topics),
+            *topics_of_all(own),
             *_sensor_topics(first, lambda source, field: source == COMPONENTS and field in shared),
         )
 
@@ -129,7 +129,18 @@ def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
     ]
 
 
-def of_agent(topic: Topic, agent: str) -> Topic:
+def topics_of_all(topics: Mapping[str, Iterable[Topic]]) -> Iterator[Topic]:
+    """Topics of all vehicles, given for each as if it flew alone; names and frames of several begin with its name."""
+    for agent, own in topics.items():
+        yield from (_of_agent(each, agent) for each in own) if len(topics) > 1 else own
+
+
+def namespace_of(agents: Collection[str], agent: str) -> str:
+    """Beginning of the names of a vehicle's topics, given all vehicles; empty for the only one."""
+    return f"/{agent}" if len(agents) > 1 else ""
+
+
+def _of_agent(topic: Topic, agent: str) -> Topic:
     """Topic of one of several vehicles: its name and its frames begin with the vehicle's."""
     name = topic.name if topic.name in TRANSFORMS else f"/{agent}{topic.name}"
     return replace(topic, name=name, values=lambda part: _in_frames(topic.values(part.of(f"{agent}{WITHIN}")), agent))

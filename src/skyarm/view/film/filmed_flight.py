@@ -17,7 +17,7 @@ from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels, vehicle_logs
 from skyarm.world.component import Component
-from skyarm.world.scene.component_scenes import scene_in_log
+from skyarm.world.scene.component_scenes import scene_in_log, scenes_of
 from skyarm.world.scene.scene import PATCH, Instants, Scene
 from skyarm.world.scene.shapes import RGBA, Solid
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
@@ -186,11 +186,12 @@ def _with_scenes(team: Flights, log: Log, times: Array, about: Array | None = No
             vehicle=each.vehicle, times=times, position=each.position, quaternion=each.quaternion, joints=each.joints,
             around=around, patch=patch, name=name,
         )  # fmt: skip
-    for each, own, (name, seen) in zip(team, log.agents.values(), agents.items(), strict=True):
-        scene = _scene(own, scenario.of(name).components, replace(seen, agents=agents))
-        if each is not team[0]:
-            mine = _scene(own, scenario.own_components(scenario.agents[name]), seen)
-            scene = replace(mine, attached=scene.attached)
+
+    def draw(name: str, shared: bool) -> Scene:
+        models = *scenario.own_components(scenario.agents[name]), *(scenario.shared_components if shared else ())
+        return _scene(log.agents[name], models, replace(agents[name], agents=agents))
+
+    for each, scene in zip(team, scenes_of(agents, draw), strict=True):
         yield replace(each, scene=scene)
 
 

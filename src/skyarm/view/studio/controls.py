@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.view.studio.clock import SPEEDS, Clock
-from skyarm.view.studio.fleet import Flight
+from skyarm.view.studio.fleet import FlownAgent
 from skyarm.view.studio.knobs import AdjustableNumber
 from skyarm.view.studio.picture import COLORS
 from skyarm.view.studio.sights import PlottedInstant
@@ -225,12 +225,12 @@ class Chart(Generic[Seen]):
         return (np.array(times), *curves, *limit, np.full(len(times), next(self._turns)))
 
 
-def charts(gui: GuiApi, flights: Sequence[Flight]) -> list[Chart[PlottedInstant]]:
-    """Create all live plots for some flights."""
+def charts(gui: GuiApi, flights: Sequence[FlownAgent]) -> list[Chart[PlottedInstant]]:
+    """Create all live plots for one vehicle in some flights."""
     return [Chart(gui, title, flights, columns, limit) for title, columns, limit in _chart_rows(flights)]
 
 
-def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Column[PlottedInstant]], float | None]]:
+def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, Column[PlottedInstant]], float | None]]:
     """Yield (title, curve functions by label, limit or None) of each live plot."""
     yield "tip error (mm)", {"": lambda seen: 1e3 * seen.error}, None
     yield "tilt (deg)", {"": lambda seen: math.degrees(seen.tilt)}, None
@@ -258,7 +258,7 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
 
 def _force(surface: str) -> Column[PlottedInstant]:
     """Make a function that reads the normal force (N) of a surface on the vehicle at an instant."""
-    return lambda seen: seen.contacts[surface]
+    return lambda seen: seen.contacts.get(surface, 0.0)
 
 
 def _effort(joint: int, limited: bool) -> Column[PlottedInstant]:

@@ -11,23 +11,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from skyarm.control.catalogue import AUTOPILOTS, every_name
-from skyarm.control.controller import autopilot_of
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
-from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
+from skyarm.records.path_names import agent_of, word_of
+from skyarm.scenario.paths import prefix_of
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
+from skyarm.scenario.scenario_record import Agent, Scenario, ScenarioError, with_words
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, AdjustableNumber, knobs_of
-from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, sight
+from skyarm.view.studio.sights import PlottedInstant, sights
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
-from skyarm.world.scene.component_scenes import scene_now
-from skyarm.world.scene.scene import Scene, instant_of
-from skyarm.world.scene.vehicle_shapes import Placed
 
 MOST = 3
 """Largest number of simultaneous flights."""
@@ -53,21 +49,38 @@ LOG, SCENARIO = ".npz", ".toml"
 
 def adjustable(plain: Scenario) -> Scenario:
     """Add wind, push, actuator faults and delay to a scenario, inactive until a slider sets them."""
-    named, vehicle = {fault.name for fault in plain.agent.faults}, plain.agent.plant.vehicle
+    agents = {name: _adjustable(each, plain.kind) for name, each in plain.agents.items()}
+    names = plain.agents if len(agents) > 1 else ("",)
+    return with_words(
+        plain,
+        agents=agents,
+        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+        forces=(*plain.forces, *(ForceWind(gust=Gust(duration=0.1), agent=name) for name in names)),
+    )
+
+
+def _adjustable(agent: Agent, kind: str) -> Agent:
+    """Add inactive actuator faults and, where the plant's kind of simulator varies it, the delay to a vehicle."""
+    named, vehicle = {fault.name for fault in agent.faults}, agent.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=link.joint.name) for link in vehicle.links]
     names = [fault.name for fault in faults]
     faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
-    delays = plain.agent.delays
-    if plain.kind == "rigid_body" and plain.agent.controller.compiled and delays.longest_command is None:
+    delays = agent.delays
+    if kind == "rigid_body" and agent.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return with_words(
-        plain,
-        faults=(*plain.agent.faults, *faults),
-        delays=delays,
-        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
-    )
+    return dataclasses.replace(agent, faults=(*agent.faults, *faults), delays=delays)
+
+
+def pushes_of(scenario: Scenario) -> dict[str, str]:
+    """Path of the push on each vehicle of an adjustable scenario, by the vehicle's name."""
+    begin = len(scenario.forces) - len(scenario.agents)
+    return {name: f"environment.forces.{begin + i}" for i, name in enumerate(scenario.agents)}
+
+
+def is_of_law(path: str) -> bool:
+    """True for a parameter path of a law or its model, which belongs to one flight."""
+    return word_of(path).startswith(OF_LAW)
 
 
 class Fleet(Clock):
@@ -77,23 +90,21 @@ class Fleet(Clock):
         source: name or file of the scenario.
 
     Raises:
-        ScenarioError: one line: not a scenario, or one of several vehicles.
+        ScenarioError: one line: not a scenario.
     """
 
     def __init__(self, source: str) -> None:
         super().__init__()
         plain = load_scenario(source)
-        if len(plain.agents) > 1:
-            raise ScenarioError(f"agents = {', '.join(plain.agents)}: must be one; the studio shows one vehicle")
         self.source = source
         self.planned, self._duration = True, plain.duration
         with contextlib.suppress(ValueError):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
-            if (plain.agent.reference, plain.agent.path_time) == (longer.agent.reference, longer.agent.path_time):
+            pairs = zip(plain.agents.values(), longer.agents.values(), strict=True)
+            if all((a.reference, a.path_time) == (b.reference, b.path_time) for a, b in pairs):
                 self.planned, self._duration = False, longest
         self.scenario = self.under(None)
-        self.push_path = f"environment.forces.{len(self.scenario.forces) - 1}"
         self.flights: list[Flight] = []
 
     def under(self, law: str | None) -> Scenario:
@@ -106,7 +117,7 @@ class Fleet(Clock):
 
     def make_flight(self, law: str | None) -> Flight:
         """Create a flight under a controller; compiling it takes a while."""
-        return Flight(law, self.under(law), self.push_path)
+        return Flight(law, self.under(law))
 
     @property
     def rate(self) -> int:
@@ -134,7 +145,7 @@ class Fleet(Clock):
         rate = self.flights[place or 0].rate if self.flights else self.rate
         try:
             for number, values in moved.items():
-                shared = {path: value for path, value in values.items() if not path.startswith(OF_LAW)}
+                shared = {path: value for path, value in values.items() if not is_of_law(path)}
                 tick = flight.tick_at(number / rate)
                 flight.to(tick)
                 if shared and flight.tick == tick and flight.session.running:
@@ -171,17 +182,18 @@ class Fleet(Clock):
                 flight.move(values)
         self.furthest = self.tick
 
-    def push(self, direction: Sequence[float], force: float, seconds: float) -> None:
-        """Apply a force (N) on the base for some seconds from now on.
+    def push(self, direction: Sequence[float], force: float, seconds: float, agent: str) -> None:
+        """Apply a force (N) on a vehicle's base for some seconds from now on.
 
         Args:
             direction: unit vector, world axes.
             force: N.
             seconds: s.
+            agent: name of the vehicle.
         """
         peak = {f"peak.{axis}": force * float(c) for axis, c in zip("xyz", direction, strict=True)}
         gust = {**peak, "start": self.time, "duration": seconds}
-        self.move({f"{self.push_path}.gust.{name}": value for name, value in gust.items()})
+        self.move({f"{pushes_of(self.scenario)[agent]}.gust.{name}": value for name, value in gust.items()})
 
     def go(self, tick: int) -> None:
         """Go forward or back to a given control period."""
@@ -252,21 +264,22 @@ class Flight:
     Args:
         law: name that it is chosen by; None is the scenario's own.
         scenario: adjustable, under the law.
-        push: beginning of the paths of the push.
 
     Attributes:
         moved: control periods flown -> path -> value of the numbers that the user changed then.
+        agents: each vehicle by name.
     """
 
-    def __init__(self, law: str | None, scenario: Scenario, push: str) -> None:
+    def __init__(self, law: str | None, scenario: Scenario) -> None:
         self.law, self.first = law, scenario
-        self.title = law or scenario.agent.controller.name
-        self.knobs = knobs_of(scenario, push)
-        numbers = [f"{push}.gust.{name}" for name in ("peak.x", "peak.y", "peak.z", "start", "duration")]
-        self._paths = [*(knob.path for knob in self.knobs), *numbers]
+        self.title, pushes = law or scenario.law_names, pushes_of(scenario).values()
+        self.knobs = knobs_of(scenario, pushes)
+        numbers = ("peak.x", "peak.y", "peak.z", "start", "duration")
+        self._paths = [knob.path for knob in self.knobs]
+        self._paths += [f"{push}.gust.{name}" for push in pushes for name in numbers]
         self.session = _session(scenario, self._paths)
         self.moved: dict[int, dict[str, float]] = {}
-        self.sights: list[PlottedInstant] = []
+        self.agents = {name: FlownAgent(self, name) for name in scenario.agents}
         self._every = max(1, round(self.rate / SAMPLES))
         self._snapshots: list[Snapshot] = []
         self._record()
@@ -297,56 +310,6 @@ class Flight:
         made = [values for tick, values in self.moved.items() if tick <= self.tick]
         return {path: value for values in made for path, value in values.items()}
 
-    @property
-    def own_knobs(self) -> tuple[AdjustableNumber, ...]:
-        """Adjustable parameters of the controller and its nominal model."""
-        return tuple(knob for knob in self.knobs if knob.path.startswith(OF_LAW))
-
-    @property
-    def shared_knobs(self) -> tuple[AdjustableNumber, ...]:
-        """Adjustable parameters of the environment and reference, common to all flights."""
-        return tuple(knob for knob in self.knobs if not knob.path.startswith(OF_LAW))
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """Simulated vehicle of the plant."""
-        return self.first.agent.plant.vehicle
-
-    def poses(self) -> Placed:
-        """Current positions and rotations of the vehicle's bodies."""
-        return poses_of(self.vehicle, self.session.state)
-
-    def goal(self) -> Placed:
-        """Desired positions and rotations of the vehicle's bodies at the current time."""
-        return goal_of(self.vehicle, self.session.scenario.agent.reference.at(self.session.time))
-
-    @property
-    def hung_mass(self) -> float:
-        """Mass (kg) that the user attached to the tip."""
-        return self.values.get("plant.payload.mass", 0.0)
-
-    def scene(self, around: Array) -> Scene:
-        """Surfaces, objects and forces around the vehicle at the current time."""
-        session = self.session
-        motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.agent.plant.gravity)
-        motion.task_time = session.time
-        seen = instant_of(motion, session.time, around)
-        return scene_now(session.scenario.components, session.now.memories, seen, motion)
-
-    @property
-    def last(self) -> PlottedInstant:
-        """Latest plotted quantities up to the current time."""
-        return self.sights[self._samples_until(self.tick) - 1]
-
-    def recent(self, seconds: float) -> list[PlottedInstant]:
-        """Plotted quantities of a flight over its last seconds."""
-        first = math.ceil(self.tick - seconds * self.rate) - 1
-        return self.sights[self._samples_until(first) : self._samples_until(self.tick)]
-
-    def _samples_until(self, tick: int) -> int:
-        """Number of stored plot samples up to and including a control period."""
-        return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
-
     def move(self, values: Mapping[str, float]) -> None:
         """Change parameters of this flight from the next control period on.
 
@@ -359,7 +322,8 @@ class Flight:
         self.moved.setdefault(now, {}).update({path: float(value) for path, value in values.items()})
         # what was flown beyond this instant was flown with other numbers
         self._snapshots = [snapshot for snapshot in self._snapshots if snapshot.tick <= now]
-        self.sights = [seen for seen in self.sights if seen.tick <= now]
+        for agent in self.agents.values():
+            agent.sights = [seen for seen in agent.sights if seen.tick <= now]
 
     def step(self) -> bool:
         """Simulate one control period; False once the flight has ended."""
@@ -372,13 +336,15 @@ class Flight:
     def begin(self) -> None:
         """Restart the flight with the scenario's parameters."""
         self.moved = {}
+        for agent in self.agents.values():
+            agent.sights = []
         if self.session.returns:
             self.session.restore(self._snapshots[0])
-            self._snapshots, self.sights = self._snapshots[:1], self.sights[:1]
+            self._snapshots = self._snapshots[:1]
         else:
             self.session.close()
-            self.session, self.sights = _session(self.first, self._paths), []
-            self._record()
+            self.session = _session(self.first, self._paths)
+        self._record()
 
     def to(self, tick: int) -> None:
         """Go to a control period: restore an earlier snapshot, then simulate forward.
@@ -403,14 +369,71 @@ class Flight:
         due = tick % self.rate == 0 and self.session.returns
         if due and (not self._snapshots or self._snapshots[-1].tick < tick):
             self._snapshots.append(self.session.snapshot())
-        if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
-            self.sights.append(sight(self.session))
+        before = next(iter(self.agents.values())).sights
+        if tick % self._every == 0 and (not before or before[-1].tick < tick):
+            for agent, seen in zip(self.agents.values(), sights(self.session), strict=True):
+                agent.sights.append(seen)
+
+
+class FlownAgent:
+    """One vehicle of a flight in the studio, with the quantities of its plots and its sliders.
+
+    Args:
+        flight: flight of all vehicles.
+        name: name of the vehicle.
+
+    Attributes:
+        first: scenario of its flight alone, as it began.
+        title: name of the flight, and of several vehicles its own.
+        sights: plotted quantities, oldest first.
+    """
+
+    def __init__(self, flight: Flight, name: str) -> None:
+        self.flight, self.first, self._of = flight, flight.first.of(name), prefix_of(flight.first, name)
+        self.title = f"{flight.title}, {name}" if self._of else flight.title
+        self.sights: list[PlottedInstant] = []
+        self._knobs = [knob for knob in flight.knobs if agent_of(knob.path) in ("", name)]
+
+    @property
+    def own_knobs(self) -> list[AdjustableNumber]:
+        """Adjustable parameters of the controller and its nominal model."""
+        return [knob for knob in self._knobs if is_of_law(knob.path)]
+
+    @property
+    def shared_knobs(self) -> list[AdjustableNumber]:
+        """Adjustable parameters of vehicle, reference and environment, common to all flights."""
+        return [knob for knob in self._knobs if not is_of_law(knob.path)]
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """Simulated vehicle of the plant."""
+        return self.first.agent.plant.vehicle
+
+    @property
+    def hung_mass(self) -> float:
+        """Mass (kg) that the user attached to the tip."""
+        return self.flight.values.get(f"{self._of}plant.payload.mass", 0.0)
+
+    @property
+    def last(self) -> PlottedInstant:
+        """Latest plotted quantities up to the current time."""
+        return self.sights[self._samples_until(self.flight.tick) - 1]
+
+    def recent(self, seconds: float) -> list[PlottedInstant]:
+        """Plotted quantities of the vehicle over its last seconds."""
+        tick = self.flight.tick
+        first = math.ceil(tick - seconds * self.flight.rate) - 1
+        return self.sights[self._samples_until(first) : self._samples_until(tick)]
+
+    def _samples_until(self, tick: int) -> int:
+        """Number of stored plot samples up to and including a control period."""
+        return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
-    if autopilot_of(scenario.agent.controller) is not None:
+    if scenario.autopilot is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
     with contextlib.suppress(ScenarioError):

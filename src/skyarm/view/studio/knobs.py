@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from skyarm.records.files import number
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_record, part, parts
-from skyarm.records.path_names import path_names
+from skyarm.records.path_names import path_names, word_of
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.splines import Polynomials
 from skyarm.scenario.numbers import declared_at, number_at, words_of
-from skyarm.scenario.paths import places_of
+from skyarm.scenario.paths import is_of_agent, places_of, prefix_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
@@ -55,7 +55,7 @@ class AdjustableNumber:
     @property
     def label(self) -> str:
         """Label of a slider: its parameter path such as plant.gravity in words, and the unit."""
-        words = words_of(self.path)
+        words = words_of(word_of(self.path))
         return f"{words} ({self.declared.unit})" if self.declared.unit else words
 
     @property
@@ -74,26 +74,30 @@ class AdjustableNumber:
         return min(max(number(value, self.path), self.low), self.high)
 
 
-def knobs_of(scenario: Scenario, without: str = "") -> tuple[AdjustableNumber, ...]:
-    """List all adjustable parameters of a scenario, in the order of the slider panels.
+def knobs_of(scenario: Scenario, without: Collection[str] = ()) -> tuple[AdjustableNumber, ...]:
+    """List all adjustable parameters of a scenario, in the order of the slider panels and of its vehicles.
 
     Times at which something starts or stops are left out, since they mean nothing once they have passed.
 
     Args:
         scenario: scenario of the flight.
-        without: beginning of the paths that have no slider.
+        without: paths of forces that have no sliders.
     """
     knobs, seen = list[AdjustableNumber](), set[Place]()
-    hidden = places_of(scenario, f"{without}.point_B.x")[0][:-2] if without else ("",)
-    for group, path in _paths(scenario):
-        places = _places(scenario, path)
-        # a number may have two names: the file's word comes first
-        if not places or seen.intersection(places) or places[0][: len(hidden)] == hidden:
-            continue
-        seen.update(places)
-        value, declared = number_at(scenario, path), declared_at(scenario, path)
-        if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
-            knobs.append(AdjustableNumber(path, group, declared, *_span(group, value, declared), value))
+    for name in scenario.agents:
+        one, of = scenario.of(name), prefix_of(scenario, name)
+        hidden = {places_of(one, f"{path}.point_B.x")[0][:-2] for path in without}
+        for group, word in _paths(one):
+            path = f"{of}{word}" if is_of_agent(word) else word
+            places = _places(one, word)
+            names = {(path.removesuffix(word), *place) for place in places}
+            # a number may have two names: the file's word comes first
+            if not places or seen & names or any(places[0][: len(each)] == each for each in hidden):
+                continue
+            seen |= names
+            value, declared = number_at(one, word), declared_at(one, word)
+            if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
+                knobs.append(AdjustableNumber(path, group, declared, *_span(group, value, declared), value))
     return tuple(knobs)
 
 

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import Chart, KnobPanel, add_clock, charts, literal, on_user_input, swatch
-from skyarm.view.studio.fleet import BLOW, GUST, MOST, Fleet, Flight, law_names
+from skyarm.view.studio.fleet import BLOW, GUST, MOST, Fleet, Flight, FlownAgent, law_names
 from skyarm.view.studio.knobs import AdjustableNumber
 from skyarm.view.studio.page_loop import PageLoop
 from skyarm.view.studio.picture import COLORS, FleetPicture
 from skyarm.view.studio.sights import PlottedInstant
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.server import GuiApi, Tab, ViserServer
+    from skyarm.view.studio.server import GuiApi, Menu, Tab, ViserServer
 
 NO_LAW = "none"
 NO_CASE = "choose"
 DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
-
-
-def cases() -> tuple[str, ...]:
-    """Names of the shipped scenarios of one vehicle."""
-    texts = {name: (LIBRARY / f"{name}.toml").read_text("utf-8") for name in list_scenarios()}
-    return tuple(name for name, text in texts.items() if "[agents." not in text)
 
 
 class Controls:
@@ -46,9 +40,10 @@ class Controls:
 
         def push(value: str) -> None:
             towards = DIRECTIONS[direction.value]
-            page.do(lambda fleet: fleet.push(towards, *pushes[value]))
+            page.do(lambda fleet: fleet.push(towards, *pushes[value], page.agent))
 
         on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
+        self._menus: list[Menu] = []
         self.tabs = gui.add_tab_group()
         # the two last ones are filled anew with the flights; they stay, and so does the one that is chosen
         self.plots, menus, self.world, self.laws = map(self.tabs.add_tab, ("plots", "scenario", "world", "laws"))
@@ -57,7 +52,7 @@ class Controls:
                 for place in range(MOST):
                     self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
             with gui.add_folder("cases"):
-                menu = gui.add_dropdown("case", (NO_CASE, *cases()), initial_value=NO_CASE)
+                menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
                 on_user_input(menu, page.choose_case)
                 save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
                 on_user_input(save, lambda _: page.save())
@@ -69,6 +64,16 @@ class Controls:
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
         on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
+
+    def add_agents(self, gui: GuiApi, page: Page, names: Collection[str]) -> None:
+        """Create the menu of the vehicle that plots, sliders and pushes belong to; none for the only one."""
+        for menu in self._menus:
+            menu.remove()
+        self._menus = []
+        if len(names) > 1:
+            hint = "plots, sliders and pushes are of this one"
+            self._menus = [gui.add_dropdown("vehicle", tuple(names), hint=hint, order=self.tabs.order - 0.5)]
+            on_user_input(self._menus[0], page.choose_agent)
 
 
 class Page(PageLoop):
@@ -84,11 +89,11 @@ class Page(PageLoop):
         super().__init__(server, "machine code")
         self._out = out
         self._moves: dict[int | None, dict[str, float]] = {}
-        self.fleet = fleet
+        self.fleet, self.agent = fleet, next(iter(fleet.scenario.agents))
         self._making = 0
         self._turn = 0
         self._picture: FleetPicture = FleetPicture(server)
-        own = self.fleet.scenario.agent.controller.name
+        own = self.fleet.scenario.law_names
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart[PlottedInstant]] = []
@@ -117,11 +122,23 @@ class Page(PageLoop):
 
         self._orders.put(choose)
 
+    def choose_agent(self, name: str) -> None:
+        """Queue a change of the vehicle that plots, sliders and pushes belong to."""
+
+        def choose() -> None:
+            if name in self.fleet.scenario.agents:
+                self.agent = name
+                with self._server.atomic():
+                    self._fill_tabs()
+                self._show_values()
+
+        self._orders.put(choose)
+
     def choose_case(self, name: str) -> None:
         """Load a shipped scenario by name, under the current controllers."""
 
         def choose() -> None:
-            if name in cases():
+            if name in list_scenarios():
                 laws = [flight.law for flight in self.fleet.flights]
                 self._begin(Fleet(name), laws or [None])
 
@@ -161,9 +178,10 @@ class Page(PageLoop):
 
     def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
         """Show a scenario at its initial state, and start compiling its flights."""
-        self.fleet = fleet
         scenario = fleet.scenario
-        self._picture.build(scenario, [law or scenario.agent.controller.name for law in laws])
+        self.fleet, self.agent = fleet, next(iter(scenario.agents))
+        self._controls.add_agents(self._server.gui, self, scenario.agents)
+        self._picture.build(scenario, [law or scenario.law_names for law in laws])
         for place, law in enumerate(laws):
             self._make(fleet, law, place)
 
@@ -177,7 +195,7 @@ class Page(PageLoop):
             flight: Flight | None = fleet.make_flight(law)
             words = ""
         except Exception as error:  # of a law of the user's own it may be any
-            name = law or fleet.scenario.agent.controller.name
+            name = law or fleet.scenario.law_names
             flight, words = None, f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 
@@ -190,21 +208,29 @@ class Page(PageLoop):
 
     def _rebuild(self) -> None:
         """Rebuild vehicles, sliders and plots after a flight was added or removed."""
-        flights = self.fleet.flights
         with self._server.atomic():
             if not self._making:
-                self._picture.build(self.fleet.scenario, [flight.title for flight in flights])
-            for _, panel in self._panels:
-                panel.remove()
-            for chart in self._charts:
-                chart.remove()
-            self._panels = []
-            with self._controls.plots:
-                self._charts = charts(self._server.gui, flights)
-            for flight in flights[:1]:
-                self._add_panel(self._controls.world, None, flight.shared_knobs, "wind and forces")
-            for i, flight in enumerate(flights):
-                self._add_panel(self._controls.laws, i, flight.own_knobs, "" if i else "law", flight.title)
+                self._picture.build(self.fleet.scenario, [flight.title for flight in self.fleet.flights])
+            self._fill_tabs()
+
+    def _fill_tabs(self) -> None:
+        """Replace sliders and plots by those of the present flights and the chosen vehicle."""
+        for _, panel in self._panels:
+            panel.remove()
+        for chart in self._charts:
+            chart.remove()
+        self._panels, vehicles = [], self._vehicles
+        with self._controls.plots:
+            self._charts = charts(self._server.gui, vehicles)
+        for each in vehicles[:1]:
+            self._add_panel(self._controls.world, None, each.shared_knobs, "wind and forces")
+        for i, each in enumerate(vehicles):
+            self._add_panel(self._controls.laws, i, each.own_knobs, "" if i else "law", each.title)
+
+    @property
+    def _vehicles(self) -> list[FlownAgent]:
+        """The chosen vehicle in each flight."""
+        return [flight.agents[self.agent] for flight in self.fleet.flights]
 
     def _add_panel(
         self, tab: Tab, place: int | None, knobs: Sequence[AdjustableNumber], opened: str, title: str = ""
@@ -237,13 +263,11 @@ class Page(PageLoop):
         """Status text of the page: clock, and tip error and contact force of each flight."""
         fleet = self.fleet
         lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", fleet.words]
-        for flight, color in zip(fleet.flights, COLORS, strict=False):
-            last = flight.last
-            words = (
-                f"lost at {last.time:.2f} s: {flight.lost}" if flight.lost else f"tip error {1e3 * last.error:.1f} mm"
-            )
-            touching = f", contact {last.contact:.2f} N" if last.contact and not flight.lost else ""
-            lines.append(f"{swatch(color)} {flight.title}: {words}{touching}")
+        for each, color in zip(self._vehicles, COLORS, strict=False):
+            last, lost = each.last, each.flight.lost
+            words = f"lost at {last.time:.2f} s: {lost}" if lost else f"tip error {1e3 * last.error:.1f} mm"
+            touching = f", contact {last.contact:.2f} N" if last.contact and not lost else ""
+            lines.append(f"{swatch(color)} {each.title}: {words}{touching}")
         if self._making:
             lines.append("Machine code is being made ...")
         return self._with_report(lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -9,15 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics import State
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
-from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
-from skyarm.view.studio.fleet import Flight
+from skyarm.view.studio.fleet import Flight, FlownAgent
 from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
-from skyarm.view.studio.sights import goal_of, poses_of
-from skyarm.world.scene.component_scenes import first_memories, scene_now
-from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share, instant_of
+from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, scenes_at
+from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 
@@ -72,17 +72,20 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
     return paint
 
 
-class FlightNodes:
-    """Scene nodes of one flight in the studio: vehicle, force arrows, trail, name and surroundings.
+class AgentNodes:
+    """Scene nodes of one vehicle of a flight in the studio: vehicle, force arrows, trail, name and surroundings.
 
     Args:
         scene: scene of viser. number: number of the flight, from 0.
-        scenario: flown scenario. title: name of the flight. placed: first poses.
+        suffix: end of the nodes' names. title: name of the vehicle in the picture.
+        vehicle: vehicle of the plant. state: first state. first: first surroundings.
     """
 
-    def __init__(self, scene: SceneApi, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
-        vehicle, end, first = scenario.agent.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
-        self._vehicle, self._around, self._lost, self._first = vehicle, placed.tip, False, number == 0
+    def __init__(
+        self, scene: SceneApi, number: int, suffix: str, title: str, vehicle: Vehicle, state: State, first: Scene
+    ) -> None:
+        end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
+        self._vehicle, self._lost, self._first = vehicle, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint, points, wires = tones_of(COLORS[number]), first.attached, SHELL * number
         self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, wires=wires)
@@ -96,7 +99,7 @@ class FlightNodes:
         touches = [TOUCH] * len(first.arrows)
         self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
         self._place_scene(first)
-        self.vehicle.place(placed.rotations, placed.positions, _rotor_rotations(vehicle, first_state(scenario)))
+        self.vehicle.place(placed.rotations, placed.positions, _rotor_rotations(vehicle, state))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
         """Draw payloads and cables of a flight; surfaces and objects only for the first flight."""
@@ -106,27 +109,26 @@ class FlightNodes:
         if self._touches is not None:
             self._touches.point(touch_arrows(scene.arrows))
 
-    def draw(self, flight: Flight, *, slow: bool) -> Placed:
-        """Draw a flight at the current time; returns the poses of its bodies."""
-        session, placed = flight.session, flight.poses()
-        state = session.state
+    def draw(self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool) -> Array:
+        """Draw a vehicle in a state with its surroundings; returns the position (m) of its base."""
+        placed, flight = poses_of(self._vehicle, state), agent.flight
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _rotor_rotations(self._vehicle, state)
-        self.vehicle.place(placed.rotations, placed.positions, turns if session.running else {})
-        self._place_scene(flight.scene(self._around), self._attached_mass(flight, placed))
-        self._forces.point(force_arrows(flight, placed, speeds, turns))
+        self.vehicle.place(placed.rotations, placed.positions, turns if flight.session.running else {})
+        self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
+        self._forces.point(force_arrows(self._vehicle, agent.last, placed, speeds, turns))
         if slow:
-            self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)])
+            self._trail.points = trail([seen.tip for seen in agent.recent(TRAIL)])
             if bool(flight.lost) != self._lost:
                 self._lost = bool(flight.lost)
                 self.vehicle.color(tones_of(LOST) if self._lost else self._paint)
-            self._label.text = f"{flight.title}: lost" if self._lost else flight.title
+            self._label.text = f"{agent.title}: lost" if self._lost else agent.title
             if np.isfinite(placed.positions[0]).all():
                 self._label.position = placed.positions[0] + self._above
-        return placed
+        base: Array = placed.positions[0]
+        return base
 
-    def _attached_mass(self, flight: Flight, placed: Placed) -> list[Solid]:
-        """Solid of the mass that the user attached to the tip by a slider; empty for no mass."""
-        mass = flight.hung_mass
+    def _attached_mass(self, mass: float, placed: Placed) -> list[Solid]:
+        """Solid of the mass (kg) that the user attached to the tip by a slider; empty for no mass."""
         if not (mass > 0.0 and self._vehicle.end_effector):
             return []
         shape = payload_shape(self._vehicle, mass)
@@ -134,17 +136,18 @@ class FlightNodes:
         return [Solid(shape, (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None], R[None])]
 
     def remove(self) -> None:
-        """Remove the flight's nodes from the scene."""
+        """Remove the vehicle's nodes from the scene."""
         parts = self.vehicle, self._forces, self._trail, self._label, self._world, self._lines
         for node in (*parts, self._touches):
             if node is not None:
                 node.remove()
 
 
-def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
+def force_arrows(
+    vehicle: Vehicle, last: PlottedInstant, placed: Placed, speeds: Array, turns: dict[str, Array]
+) -> Array:
     """Start and end points (m) of arrows for thrusts, air velocity and external force, (rotors + 2, 2, 3)."""
-    vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
-    ends = []
+    R, p, ends = placed.rotations[0], placed.positions[0], []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
         turn = turns.get(disc_name(rotor.name), np.eye(3))
@@ -157,13 +160,6 @@ def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str,
 def touch_arrows(arrows: Sequence[Arrow]) -> Array:
     """Start and end points (m) of contact force arrows, (N, 2, 3)."""
     return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
-
-
-def first_scene(scenario: Scenario, around: Array) -> Scene:
-    """Surfaces, objects and cables at the start of a scenario."""
-    motion = PointMotion(scenario.agent.plant.vehicle, first_state(scenario), gravity=scenario.agent.plant.gravity)
-    memories = first_memories(scenario.components, 1.0 / scenario.rates.control)
-    return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
 
 
 def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
@@ -222,44 +218,60 @@ class FleetPicture(StudioStage):
 
     def __init__(self, server: ViserServer) -> None:
         super().__init__(server)
-        self._flights: list[FlightNodes] = []
-        self._ghost: VehicleNodes | None = None
+        self._flights: list[list[AgentNodes]] = []
+        self._ghosts: list[VehicleNodes] = []
+        self._around = np.zeros(3)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
-        """Clear the scene and draw a vehicle for each flight at the scenario's initial state."""
-        for nodes in self._flights:
+        """Clear the scene and draw the vehicles of each flight at the scenario's initial state."""
+        for nodes in itertools.chain(*self._flights):
             nodes.remove()
-        if self._ghost is not None:
-            self._ghost.remove()
-        vehicle = scenario.agent.plant.vehicle
-        placed = poses_of(vehicle, first_state(scenario))
-        self._origin = placed.positions[0]
+        for ghost in self._ghosts:
+            ghost.remove()
+        now, vehicles = first_loop_state(scenario), scenario.vehicles
+        placed = [poses_of(*each) for each in zip(vehicles.values(), [own.state for own in now.agents], strict=True)]
+        bases, tips = (np.array(each) for each in ([p.positions[0] for p in placed], [p.tip for p in placed]))
+        self._origin, self._around = bases.mean(axis=0), tips.mean(axis=0)
         self._follow(self._origin)
-        self._flights = [FlightNodes(self._scene, i, scenario, title, placed) for i, title in enumerate(titles)]
-        self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
-        self._draw_ghost(goal_of(vehicle, scenario.agent.reference.at(0.0)))
-        scene = first_scene(scenario, placed.tip)
-        self._ground.position = (0.0, 0.0, scene.ground or 0.0)
-        self._look_at(scene, placed)
+        scenes = scenes_at(scenario, now, 0.0, self._around)
+        ends = [f"_{name}" if len(vehicles) > 1 else "" for name in vehicles]
+        rows = [*zip(ends, vehicles.items(), now.agents, scenes, strict=True)]
+        self._flights = [
+            [
+                AgentNodes(self._scene, i, end, f"{title}, {name}" if end else title, vehicle, own.state, scene)
+                for end, (name, vehicle), own, scene in rows
+            ]
+            for i, title in enumerate(titles)
+        ]
+        grey = tones_of(GHOST, 0.25)
+        self._ghosts = [VehicleNodes(self._scene, f"{STAGE}/ghost{end}", each[1], grey) for end, each, *_ in rows]
+        self._draw_ghosts(scenario, 0.0)
+        self._ground.position = (0.0, 0.0, scenes[0].ground or 0.0)
+        self._look_at(scenes[0], tips, 1.0 + float(np.linalg.norm(bases - self._origin, axis=1).max()))
 
-    def _look_at(self, scene: Scene, placed: Placed) -> None:
-        """Initial camera of a new tab: ahead and to the right, or where no surface hides the tip."""
-        hidden = [hidden_share(scene.obstacles, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
-        camera, at = self._server.initial_camera, placed.positions[0]
-        camera.look_at = tuple(at + LOOK_AT)
-        camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
+    def _look_at(self, scene: Scene, tips: Array, scale: float) -> None:
+        """Initial camera of a new tab: ahead and to the right, or where no surface hides the tips."""
+        hidden = [hidden_share(scene.obstacles, tips, view / np.linalg.norm(view)) for view in VIEWS]
+        camera = self._server.initial_camera
+        camera.look_at = tuple(self._origin + scale * LOOK_AT)
+        camera.position = tuple(self._origin + scale * VIEWS[int(np.argmin(hidden))])
 
     def draw(self, flights: Sequence[Flight]) -> None:
         """Draw the flights at the current time."""
         self._frame += 1
         slow = self._frame % SLOW == 0
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
-            placed = nodes.draw(flight, slow=slow)
+            session = flight.session
+            now = session.now
+            scenes = scenes_at(session.scenario, now, session.time, self._around, attached=False)
+            rows = zip(nodes, flight.agents.values(), now.agents, scenes, strict=True)
+            bases = [each.draw(agent, own.state, scene, slow=slow) for each, agent, own, scene in rows]
             if i == 0:
-                self._follow(placed.positions[0])
+                self._follow(np.mean(bases, axis=0))
         if slow and flights:
-            self._draw_ghost(flights[0].goal())
+            self._draw_ghosts(flights[0].session.scenario, flights[0].session.time)
 
-    def _draw_ghost(self, goal: Placed) -> None:
-        if self._ghost is not None:
-            self._ghost.place(goal.rotations, goal.positions)
+    def _draw_ghosts(self, scenario: Scenario, time: float) -> None:
+        for ghost, agent in zip(self._ghosts, scenario.agents.values(), strict=True):
+            goal = goal_of(agent, time)
+            ghost.place(goal.rotations, goal.positions)

@@ -9,14 +9,21 @@ from typing import SupportsFloat
 import numpy as np
 
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.loads import wind_at
+from skyarm.plant.surroundings import Surroundings, motions_of
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import Agent, Scenario
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.session import Session
+from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Component
+from skyarm.world.scene.component_scenes import scene_now, scenes_of
+from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
@@ -53,30 +60,34 @@ class PlottedInstant:
         return sum(self.contacts.values())
 
 
-def sight(session: Session) -> PlottedInstant:
-    """Compute the plotted quantities of a simulation session at its current time."""
+def sights(session: Session) -> list[PlottedInstant]:
+    """Compute the plotted quantities of each vehicle of a simulation session at its current time, in order."""
     scenario, now, time = session.scenario, session.now, session.time
-    vehicle, state = scenario.agent.plant.vehicle, now.agent.state
+    rows = zip(scenario.agents.values(), now.agents, Stages(scenario).around(now, time), strict=True)
+    return [_sight(session.tick, time, agent, own.queue[-1], *around) for agent, own, around in rows]
+
+
+def _sight(
+    tick: int, time: float, agent: Agent, command: Command, around: Surroundings, motion: PointMotion
+) -> PlottedInstant:
+    """Compute the plotted quantities of one vehicle at an instant (s), given the last command of its law."""
+    vehicle, state, outside = agent.plant.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
-    outside = session.wind
-    upward, away = (
-        float(placed.rotations[0, 2, 2]),
-        placed.tip - goal_of(vehicle, scenario.agent.reference.at(time)).tip,
-    )
-    push = getattr(scenario.agent.reference, "push", None)
+    upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(agent, time).tip
+    push = getattr(agent.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
     return PlottedInstant(
-        tick=session.tick,
+        tick=tick,
         time=time,
         tip=placed.tip,
         error=float(np.linalg.norm(away)),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
-        efforts=_efforts(vehicle, now.agent.queue[-1].efforts),
+        efforts=_efforts(vehicle, command.efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
-        contacts=contact_forces(scenario.components, now.memories, PointMotion(vehicle, state)),
+        contacts=contact_forces(around.components, around.memories, motion),
     )
 
 
@@ -92,7 +103,8 @@ def contact_forces(
     """
     forces: dict[str, float] = {}
     for part, memory in zip(components, memories, strict=True):
-        pairs = [column[1].partition("/")[0] if column[0] == "contact_force" else "" for column in part.columns]
+        own = [column for column in part.of_agent(motion.name).columns if column[0] == "contact_force"]
+        pairs = [column[1].partition("/")[0] if column in own else "" for column in part.columns]
         for surface, force in zip(pairs, part.logged(memory, motion), strict=True) if any(pairs) else ():
             if surface:
                 forces[surface] = forces.get(surface, 0.0) + float(force)
@@ -104,10 +116,37 @@ def poses_of(vehicle: Vehicle, state: State) -> Placed:
     return place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
 
 
-def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
-    """Desired positions and rotations of the bodies: level base and joints on a reference."""
-    half = 0.5 * float(reference.yaw)
-    return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
+def goal_of(agent: Agent, time: float) -> Placed:
+    """Desired positions and rotations of a vehicle's bodies at a time (s): level base and joints on its reference."""
+    desired = agent.reference.at(time)
+    half = 0.5 * float(desired.yaw)
+    level = math.cos(half), 0.0, 0.0, math.sin(half)
+    return place(agent.plant.vehicle, tuple(desired.position), level, desired.joints)
+
+
+def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *, attached: bool = True) -> list[Scene]:
+    """Drawn solids, lines and arrows around each vehicle at a state of the closed loop, in order.
+
+    Args:
+        scenario: flown scenario.
+        now: state of its closed loop.
+        time: s.
+        around: (3,) m, place about which planes are drawn.
+        attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
+    """
+    agents, names = scenario.agents.values(), tuple(scenario.agents)
+    motions = motions_of([each.plant for each in agents], [own.state for own in now.agents], names)
+    rows = {}
+    for name, agent, own, motion in zip(names, agents, now.agents, motions, strict=True):
+        motion.task_time = time
+        rows[name] = scenario.own_components(agent), own.components, motion
+
+    def draw(name: str, shared: bool) -> Scene:
+        models, memories, motion = rows[name]
+        every = (*models, *scenario.shared_components), (*memories, *now.components)
+        return scene_now(*(every if shared else (models, memories)), instant_of(motion, time, around), motion)
+
+    return [*scenes_of(names, draw, attached=attached)]
 
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:

@@ -49,9 +49,18 @@ def scene_now(
     return _scene(parts)
 
 
-def first_memories(components: Sequence[Component[Tree]], period: float) -> list[Tree]:
-    """Initial internal states of all environment models, with every random number set to 0.5."""
-    return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
+def scenes_of(names: Iterable[str], draw: Callable[[str, bool], Scene], *, attached: bool = True) -> Iterator[Scene]:
+    """Scene of each vehicle of a flight: what all share with the first one, of others what each has for itself.
+
+    Args:
+        names: names of the vehicles.
+        draw: function that draws the environment models which a vehicle has for itself, and if its flag is true those
+            that all share.
+        attached: True to draw the shapes on the bodies of the other vehicles, too, which belong to shared models.
+    """
+    for i, name in enumerate(names):
+        scene = draw(name, not i)
+        yield replace(scene, attached=draw(name, True).attached) if i and attached else scene
 
 
 def has_shapes(part: Component[Tree]) -> bool:

@@ -7,7 +7,7 @@ for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -124,14 +124,20 @@ class Instants:
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
-    """Single instant to draw, from the vehicle's present motion."""
+    """Single instant to draw, from the present motion of the vehicle and of those that fly with it."""
+    agents = {name: _instant_of(each, time, around) for name, each in motion.agents.items()}
+    return replace(agents[motion.name], agents=agents)
+
+
+def _instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
+    """Single instant of one vehicle, without the others."""
     state = motion.state
     position, quaternion, joints = (
         np.array([[float(c) for c in each]]) for each in (state.position, state.quaternion, state.joints)
     )
     return Instants(
         vehicle=motion.vehicle, times=np.array([time]), position=position, quaternion=quaternion, joints=joints,
-        around=around,
+        around=around, name=motion.name,
     )  # fmt: skip
 
 
