@@ -1,9 +1,9 @@
 """One stage of a plan as a function of scalars: the state after it, costs, goals and limits; compiled for a horizon.
 
 The state is that of the predictive law's model with joint accelerations, and the lengths of free phases as constant
-states; inputs are rotor accelerations, joint jerks and the force of a contact on the tip. Joint torques follow by inverse dynamics, and
-are limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one direction a lane, the stages
-as rows.
+states; inputs are rotor accelerations, joint jerks and the force of a contact on the tip. Joint torques follow by
+inverse dynamics, and are limits. Derivatives are exact: Taylor series of first order serve as dual numbers, one
+direction a lane, the stages as rows.
 
 Tangent of a state: position, rotation vector (body axes), velocity, rate, joints, joint rates, rotor speeds, joint
 accelerations, lengths.
@@ -75,8 +75,8 @@ class Weights:
     Attributes:
         thrust: squared deviation of each rotor's thrust from that in hover, over the latter. torque: squared torque of
             each joint over its limit. state: squared rates of the base and of the joints and joint positions.
-        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state. force: squared contact force over the
-            weight.
+        spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state.
+        force: squared contact force over the weight.
     """
 
     thrust: float = 0.2
