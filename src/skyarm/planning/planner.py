@@ -29,7 +29,7 @@ from skyarm.world.scene.vehicle_shapes import boom_and_disc
 TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
 """Cost of a second of free time, by what is minimised."""
 
-PENALTIES = (100.0, 10.0)
+PENALTIES = (100.0, 10.0, 1000.0)
 """First penalties that are tried, one after the other."""
 
 HOLD_STEP = 0.02
@@ -201,7 +201,8 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         if phase.resting:
             goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
         if phase.contact is not None and phase.contact.kind == "plane":
-            goals[edge + (edge == 0) : last, stage.goal["lift"]] = True
+            # one node is free: else the place at the end would be said twice
+            goals[edge + (edge == 0) : last - 1, stage.goal["lift"]] = True
         cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
@@ -379,6 +380,9 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
 CLOSER = 0.02
 """Distance (m) by which the clearance grows where bodies meet between the nodes."""
 
+ENOUGH = 2
+"""Number of solved seeds after which the best is taken."""
+
 ROUNDS = 4
 """Largest number of solutions, each with the bodies that met in the one before."""
 
@@ -389,7 +393,7 @@ def _best_of(
     guesses: Sequence[Guess],
     seconds: float,
     on_progress: Callable[[str], None] | None,
-    enough: int = 1000,
+    enough: int = ENOUGH,
 ) -> tuple[Solution | None, int]:
     """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
     best: Solution | None = None

@@ -190,7 +190,7 @@ class Solver:
         slopes[-1, s.costs.start - s.nt : s.costs.stop - s.nt] = 0.0
         slopes[:, s.goals.start - s.nt : s.goals.stop - s.nt] *= (root * problem.goals)[:, :, None]
         slopes[:, s.limits.start - s.nt :] *= (root * (active > 0.0))[:, :, None]
-        gradient = np.einsum("kij,ki->kj", slopes, r)
+        gradient = (r[:, None, :] @ slopes)[:, 0]
         return Linear(J[:-1, : s.nt], now.gap, slopes, r), gradient
 
 
@@ -232,7 +232,8 @@ def _steepest(linear: Linear, gradient: Array, dx: Array, du: Array) -> float:
     """Largest costate of a step: size of the merit's slope by a gap."""
     nt = dx.shape[1]
     w = np.concatenate([dx, np.vstack([du, np.zeros((1, du.shape[1]))])], axis=1)
-    curved = np.einsum("kij,ki->kj", linear.J, np.einsum("kij,kj->ki", linear.J, w)) + gradient
+    across = linear.J @ w[:, :, None]
+    curved = (across.transpose(0, 2, 1) @ linear.J)[:, 0] + gradient
     costate, most = curved[-1, :nt], 0.0
     for k in reversed(range(len(du))):
         most = max(most, float(np.abs(costate).max()))

@@ -82,7 +82,7 @@ class Weights:
     thrust: float = 0.2
     torque: float = 0.1
     state: float = 0.01
-    spin: float = 1e-3
+    spin: float = 0.3
     arm: float = 1e-3
     jerk: float = 1e-3
     force: float = 0.1

@@ -1,0 +1,104 @@
+"""Plan many drawn tasks and print how many are solved, how fast, and how near the vehicle comes to anything.
+
+``python tests/planning/measure_plans.py goals 100``: tip goals within 3 m of ``hexarotor_arm6`` in 1.6 s; ``boxes``,
+``windows`` and ``shelves``: scenes with obstacles. The draws follow from the seed (``--seed``, 5).
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.planning.planner import Plan, PlanError, plan, tip_below
+from skyarm.planning.task import Goal, PlanPhase, Start, Task
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world.contact.surface import Surface
+
+FOLDED = (0.0, 0.6, -1.2, 0.0, 0.6, 0.0)
+"""Joints (rad) of ``hexarotor_arm6`` at the beginning."""
+
+
+def goal(rng: np.random.Generator) -> Task:
+    """Tip goal within 3 m, in 1.6 s."""
+    task = Task(vehicle=load_vehicle("hexarotor_arm6"), start=Start(joints=FOLDED), phases=(PlanPhase(),))
+    place = tip_below(task, np.array(FOLDED)) + rng.uniform([-3.0, -3.0, -1.0], [3.0, 3.0, 1.0])
+    to = Goal(tip=Vec3(*place.tolist()), heading=0.0, rest=True)
+    return dataclasses.replace(task, phases=(PlanPhase(name="goal", to=to, duration=1.6),))
+
+
+def box(rng: np.random.Generator) -> Task:
+    """Flight of 4 m past a box somewhere on the straight way."""
+    angle = rng.uniform(-np.pi, np.pi)
+    end = np.array([4.0 * np.cos(angle), 4.0 * np.sin(angle), rng.uniform(-0.5, 0.5)])
+    size, place = 2.0 * rng.uniform([0.2, 0.2, 0.3], [0.5, 0.5, 1.0]), end * rng.uniform(0.45, 0.55)
+    place = place + 0.2 * rng.normal(size=3)
+    obstacle = Surface(name="box", shape="box", size=tuple(size.tolist()), position=Vec3(*place.tolist()))
+    return _flight(end, (obstacle,), 2.4)
+
+
+def window(rng: np.random.Generator) -> Task:
+    """Flight through a window of 0.6 m in a wall, somewhere beside the straight way."""
+    y, z = rng.uniform(-0.6, 0.6), rng.uniform(-0.4, 0.6)
+    wall, half, edge = 2.0, 0.3, 4.0
+    pieces = {
+        "left": ((0.1, edge, 2 * edge), (wall, y + half + 0.5 * edge, z)),
+        "right": ((0.1, edge, 2 * edge), (wall, y - half - 0.5 * edge, z)),
+        "above": ((0.1, 2 * half, edge), (wall, y, z + half + 0.5 * edge)),
+        "below": ((0.1, 2 * half, edge), (wall, y, z - half - 0.5 * edge)),
+    }
+    walls = [Surface(name=k, shape="box", size=size, position=Vec3(*place)) for k, (size, place) in pieces.items()]
+    task = _flight(np.array([4.0, 0.0, 0.0]), tuple(walls), 3.0)
+    return dataclasses.replace(task, vehicle=load_vehicle("hummingbird_arm2_rotors"), start=Start())
+
+
+def shelf(rng: np.random.Generator) -> Task:
+    """Tip goal between two boards of a shelf."""
+    place = np.array([rng.uniform(1.2, 2.2), rng.uniform(-0.8, 0.8), rng.uniform(-0.5, 0.5)])
+    boards = [
+        Surface(name=name, shape="box", size=(0.4, 1.2, 0.03), position=Vec3(place[0] + 0.1, place[1], place[2] + up))
+        for name, up in (("upper", 0.25), ("lower", -0.2))
+    ]
+    task = goal(rng)
+    to = Goal(tip=Vec3(*place.tolist()), heading=0.0, rest=True)
+    return dataclasses.replace(
+        task, obstacles=tuple(boards), phases=(PlanPhase(name="reach", to=to, duration=2.5),)
+    )
+
+
+def _flight(end: np.ndarray, obstacles: tuple[Surface, ...], duration: float) -> Task:
+    """Flight of the base to a place past obstacles."""
+    phase = PlanPhase(name="flight", to=Goal(base=Vec3(*end.tolist()), heading=0.0, rest=True), duration=duration)
+    start = Start(joints=FOLDED)
+    return Task(vehicle=load_vehicle("hexarotor_arm6"), start=start, phases=(phase,), obstacles=obstacles)
+
+
+KINDS = {"goals": goal, "boxes": box, "windows": window, "shelves": shelf}
+
+
+def measure(kind: str, count: int, seed: int) -> str:
+    """Plan drawn tasks of a kind; returns one line."""
+    rng, found, spent, causes = np.random.default_rng(seed), list[Plan](), list[float](), list[str]()
+    for _ in range(count):
+        task, begun = KINDS[kind](rng), time.process_time()
+        try:
+            found.append(plan(task, seconds=10.0))
+        except PlanError as error:
+            causes.append(str(error))
+        spent.append(time.process_time() - begun)
+    gaps = [each.nearest.gap for each in found if each.nearest is not None]
+    line = f"{kind}: {len(found)} of {count} solved, processor seconds: median {np.median(spent):.2f}, "
+    line += f"largest {max(spent):.2f}; smallest distance {min(gaps, default=np.inf):.3f} m"
+    return "\n".join([line, *causes])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--seed", type=int, default=5)
+    words = parser.parse_args()
+    print(measure(words.kind, words.count, words.seed))
