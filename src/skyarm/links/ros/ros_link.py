@@ -29,14 +29,15 @@ from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of, namespace_of, topics_of_all
-from skyarm.log.sensor_data import ESTIMATE, READINGS
+from skyarm.log.sensor_data import COMPONENTS
 from skyarm.log.team_log import WITHIN
 from skyarm.records.arrays import Array
 from skyarm.reference import Trajectory
 from skyarm.scenario.paths import prefix_of
-from skyarm.scenario.scenario_record import Agent, Scenario
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import log_of_agent, sensor_data
 from skyarm.simulate.session import Session, open_session
+from skyarm.vehicle import Vehicle
 
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
 """Topics that are subscribed to."""
@@ -83,7 +84,7 @@ class LiveInstant:
             agent, within, own = array.rpartition(WITHIN)
             name = agent or next(iter(self._log.agents))
             piece = self._session.latest.of(name)
-            if own.startswith((READINGS, ESTIMATE)):
+            if "." in own and not own.startswith(COMPONENTS):
                 arrays = sensor_data(piece)[0]
             else:
                 info = dict(self._log.agents[name].info)
@@ -116,7 +117,8 @@ class RosLink:
             self._log, self._definitions = session.log, node.definitions
             # of the table of every number only a file explains the type
             of_log = (topic for topic in FlightTopics(self._log).topics if topic.kind != FLIGHT)
-            own = {name: _own_topics(session.scenario.agents[name], log) for name, log in self._log.agents.items()}
+            vehicles = session.scenario.vehicles
+            own = {name: _own_topics(vehicles[name], log) for name, log in self._log.agents.items()}
             self._topics = (*of_log, Topic(CLOCK, TIME, 1, lambda part: {"clock": part.stamps}), *topics_of_all(own))
             for topic in self._topics:
                 node.advertise(topic.name, topic.kind, latched=topic.every == 0)
@@ -298,7 +300,7 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
     )
 
 
-def _own_topics(agent: Agent, log: Log) -> tuple[Topic, ...]:
+def _own_topics(vehicle: Vehicle, log: Log) -> tuple[Topic, ...]:
     """Topics of a vehicle that its log lacks: rotor speeds and command at the base's rate."""
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
@@ -306,7 +308,7 @@ def _own_topics(agent: Agent, log: Log) -> tuple[Topic, ...]:
     def turning(part: LogSection) -> Content:
         return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
 
-    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if agent.plant.vehicle.tilts else [])]
+    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if vehicle.tilts else [])]
 
     def command(part: LogSection) -> Content:
         return {"data": np.hstack([part[name] for name in arrays])}
