@@ -175,7 +175,7 @@ TEXT = """
 ## Plan
 >>> found = skyarm.plan(skyarm.load_task("eagle_catch_free"))  # doctest: +SKIP
 >>> found.t.shape, found.x.shape, found.u.shape  # doctest: +SKIP
-((85,), (85, 25), (84, 9))
+((81,), (81, 28), (80, 9))
 
 ## Quaternion
 >>> q = skyarm.Quaternion(1.0, 0.0, 0.0, 0.0)  # wxyz, body to world
