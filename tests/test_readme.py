@@ -82,6 +82,7 @@ def test_the_page_on_the_command_line_shows_commands():
         "doctor",
         "show",
         "run",
+        "plan",
         "diff",
         "plot",
         "reproduce",

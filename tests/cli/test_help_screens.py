@@ -10,7 +10,7 @@ from skyarm.cli.commands import COMMANDS
 from skyarm.records.registry.shipped import SECTIONS
 from support.commands import skyarm
 
-LINES, COLUMNS, MOST = 25, 100, 17
+LINES, COLUMNS, MOST = 25, 100, 18
 
 
 def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:

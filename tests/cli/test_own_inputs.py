@@ -34,6 +34,10 @@ LAW = """
 from skyarm.control.catalogue import make_controller
 def make(model): return make_controller("decoupled_pd", model)
 """
+TASK = """schema = 1
+vehicle = "ours.toml"
+phases = [{ to = { base = [0.0, 0.0, 1.0], rest = true } }]
+"""
 SAME: Mapping[str, Callable[[Path, Path], None]] = {
     "link": lambda new, old: new.symlink_to(old.name),
     "name": lambda new, old: os.link(old, new),
@@ -47,6 +51,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "short.toml").write_text(SCENARIO)
     (tmp_path / "law.py").write_text(LAW)
     (tmp_path / "ours.toml").write_bytes((VEHICLES / "hummingbird.toml").read_bytes())
+    (tmp_path / "task.toml").write_text(TASK)
     return tmp_path
 
 

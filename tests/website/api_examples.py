@@ -172,6 +172,11 @@ TEXT = """
 >>> round(float(loaded.vehicle.mass - vehicle.mass), 3)
 0.05
 
+## Plan
+>>> found = skyarm.plan(skyarm.load_task("eagle_catch_free"))  # doctest: +SKIP
+>>> found.t.shape, found.x.shape, found.u.shape  # doctest: +SKIP
+((81,), (81, 28), (80, 9))
+
 ## Quaternion
 >>> q = skyarm.Quaternion(1.0, 0.0, 0.0, 0.0)  # wxyz, body to world
 >>> np.array(q).tolist()
@@ -239,6 +244,12 @@ skyarm.studies.sweep.study.StudyError: ...
 ## Surface
 >>> skyarm.Surface(name="wall", shape="box", size=[0.1, 2.0, 0.9], position=[0.3, 0.0, 0.45]).shape
 'box'
+
+## Task
+>>> task = skyarm.load_task("eagle_catch")
+>>> slower = dataclasses.replace(task, limits=dataclasses.replace(task.limits, joint_rate=2.0))
+>>> slower.limits.joint_rate  # rad/s
+2.0
 
 ## TimedPayload
 >>> load = skyarm.TimedPayload(name="parcel", mass=0.3, pick=8.0, drop=14.0)  # kg, s
@@ -372,6 +383,10 @@ True
 >>> skyarm.load_study("robustness").episodes
 4000
 
+## load_task
+>>> [phase.name for phase in skyarm.load_task("eagle_catch").phases]
+['approach', 'grasp', 'away']
+
 ## load_vehicle
 >>> skyarm.load_vehicle("hexarotor_arm6").n  # joints
 6
@@ -415,6 +430,10 @@ True
 [7.907, 0.013, 0.026, 0.0, 0.026, -0.004]
 >>> list(skyarm.paper.forward_kinematics(paper_vehicle, q))
 ['base', 'link1', 'link2', 'tip']
+
+## plan
+>>> skyarm.plan(skyarm.load_task("eagle_catch")).t[-1]  # s  # doctest: +SKIP
+3.2
 
 ## plot
 >>> figure = skyarm.plot(skyarm.run(scenario), "flight.png", kind="tip")  # doctest: +SKIP

@@ -18,6 +18,7 @@ ROOMS = {
     "sensing": "Sensors and estimators",
     "control": "Control laws",
     "plant": "Plants",
+    "planning": "Planning",
     "simulate": "Flying",
     "log": "Logs and metrics",
     "flight_data": "Measured flights",

@@ -88,6 +88,8 @@ SLOW = {
     "margins.md",
     "path_governor.md",
     "phases.md",
+    "plan_a_flight.md",
+    "planning_tasks.md",
     "pictures.md",
     "python_api.md",
     "results_envelope.md",

@@ -47,6 +47,7 @@ def plan(
             with bar(f"{loaded.name}: planning") as advance:
                 found = solve(loaded, seconds=seconds, on_progress=lambda line: advance(0, 0, line))
         except PlanError as error:
+            tell(str(error))
             say_cause(str(error))
             give(solved=False, cause=str(error))
             raise typer.Exit(NOT_COMPLETED) from None

@@ -1,4 +1,4 @@
-"""What is tight in a plan: a summary for people and programs, and the scenario that flies the plan."""
+"""Summary of a plan, and the scenario that flies it."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     document: dict[str, Entry] = {
         "schema": 1,
         "name": task.name,
-        "duration": round(float(plan.t[-1]) + 2.0 * SETTLE, 6),
+        "duration": math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0,  # whole control periods
         # the plan is known on board: its reference comes in each control period
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},

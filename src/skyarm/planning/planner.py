@@ -113,7 +113,7 @@ def placeholder(k: int, obstacle: Surface) -> Surface:
     )
 
 
-def placed(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
+def obstacle_places(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
     """Obstacles of a task as the data of a compiled stage."""
     return tuple(Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))]) for each in stage.stage.obstacles)
 
@@ -180,7 +180,7 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     """Goals, limits and data of all stages of a task; ``clearance`` in m."""
     example = dataclasses.replace(
         stage.stage.example(),
-        obstacles=placed(task, stage),
+        obstacles=obstacle_places(task, stage),
         clearance=clearance,
         hurry=math.sqrt(2.0 * TIME_WEIGHTS[task.minimise]),
     )
@@ -240,7 +240,7 @@ def _columns(example: StageData) -> dict[str, slice]:
 
 
 def goal_names(goal: Goal) -> list[str]:
-    """Names of the goals (of :data:`skyarm.planning.stage.GOALS`) that a phase's goal asks for."""
+    """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase states."""
     names = [name for name in ("tip", "tip_velocity", "base", "velocity") if getattr(goal, name) is not None]
     names += ["axis"] * (goal.tip_axis is not None) + ["attitude"] * bool(goal.attitude)
     names += ["heading"] * (goal.heading is not None) + ["joints"] * bool(goal.joints)

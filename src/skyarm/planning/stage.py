@@ -388,7 +388,7 @@ def largest(effort: Scalar) -> float:
     return most if math.isfinite(most) and most > 0.0 else 1.0
 
 
-def moved(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
+def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
     """State moved by a tangent: the quaternion by q (1, d/2), normalised."""
     q = Quaternion(*x[3:7]) * Quaternion(1.0, 0.5 * d[3], 0.5 * d[4], 0.5 * d[5])
     added = [a + b for a, b in zip(x[7:], d[6:], strict=True)]
@@ -432,8 +432,8 @@ class CompiledStage:
         def along(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
             x, u, following, given, dx, du, dnext = row
             scaled = partial(map, lambda d: par[0] * d)
-            near = moved(x, list(scaled(dx))), [a + b for a, b in zip(u, scaled(du), strict=True)]
-            return carry, numbers(outputs(*near, moved(following, list(scaled(dnext))), given))
+            near = retraction(x, list(scaled(dx))), [a + b for a, b in zip(u, scaled(du), strict=True)]
+            return carry, numbers(outputs(*near, retraction(following, list(scaled(dnext))), given))
 
         def slopes(carry: Tree, par: Any, row: Any, _uniforms: Tree) -> tuple[Tree, Scalars]:
             (dx, du), (x, u, following, given) = par, row
@@ -488,7 +488,7 @@ class CompiledStage:
 
     def retract(self, x: Array, d: Array) -> Array:
         """States (N + 1, nx) moved by tangents (N + 1, nt)."""
-        columns: list[Any] = moved(list(x.T), list(d.T))
+        columns: list[Any] = retraction(list(x.T), list(d.T))
         return np.stack(columns, axis=1)
 
 

@@ -88,7 +88,7 @@ class Goal:
     attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base; empty: free")] = ()
     heading: Annotated[float | None, Unit("rad", "heading of the base about world z")] = None
     joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions; empty: free")] = ()
-    rest: Annotated[bool, Unit("", "whether base and joints are at rest, and stay so")] = False
+    rest: Annotated[bool, Unit("", "true: base and joints are at rest, without acceleration")] = False
 
 
 @immutable
@@ -120,15 +120,15 @@ class PlanPhase:
     kind: Literal["go", "hold", "contact"] = "go"
     to: Goal = Goal()
     duration: Annotated[
-        float | None, Unit("s", "duration; left out: free, chosen by the plan", low=0.02, high=120.0)
+        float | None, Unit("s", "duration; a free one is chosen by the plan", low=0.02, high=120.0)
     ] = None
     step: Annotated[
-        float | None, Unit("s", "time between nodes; left out: 0.04, 0.02 in holds", low=0.002, high=0.5)
+        float | None, Unit("s", "time between nodes", low=0.002, high=0.5)
     ] = None
     contact: Contact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins; empty: none")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins; empty: none")] = ""
-    tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase; left out: that of the limits")] = None
+    tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase")] = None
 
     @property
     def resting(self) -> bool:
@@ -148,8 +148,8 @@ class TaskLimits:
     tilt: Annotated[float, Unit("rad", "largest tilt of the base; pi for none", low=0.01, high=math.pi)] = math.radians(
         60
     )
-    thrust_share: Annotated[float, Unit("", "share of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
-    torque_share: Annotated[float, Unit("", "share of each joint's highest effort", low=0.05, high=1.0)] = 0.95
+    thrust_share: Annotated[float, Unit("", "usable fraction of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
+    torque_share: Annotated[float, Unit("", "usable fraction of each joint's highest effort", low=0.05, high=1.0)] = 0.95
     joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
     speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
     rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
@@ -170,7 +170,7 @@ class Task:
     world: Annotated[Any, Unit("", "table [world] of the scenario that flies the plan; its surfaces are obstacles")] = (
         None
     )
-    passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of the world that are no obstacles")] = ()
+    passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of `world` that are no obstacles")] = ()
     gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
 

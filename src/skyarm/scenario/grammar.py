@@ -27,6 +27,7 @@ from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
 from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
 from skyarm.records.words import Slot, lifted_fields, slots, words_of_fields
+from skyarm.reference.planned_motion import PlannedBody
 from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Signal
 from skyarm.scenario import word_texts
@@ -405,6 +406,16 @@ def _of_reference() -> Iterator[GrammarRow]:
     yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
     yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
     yield GrammarRow("reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load")
+    yield from (GrammarRow(f"reference.{row.path}", *row[1:]) for row in PLAN)
+    yield from _of_record(PlannedBody, "reference.planned", WHEN["never"], "")
+
+
+PLAN = (
+    GrammarRow("kind", "", "'plan'", meaning="motion of a plan's file, in place of base, yaw, joints and tip"),
+    GrammarRow("file", "", "text", meaning="file of skyarm plan; only with kind plan"),
+    GrammarRow("start", "", "number", "s", "at least 0", meaning="when the plan begins", default="0"),
+)
+"""Keys of [reference] that the reader replaces by the signals of a plan."""
 
 
 def _of_start() -> Iterator[GrammarRow]:
