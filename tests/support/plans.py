@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from skyarm.planning.planner import Plan, plan
-from skyarm.planning.stage import ARM_UNIT, SPIN_UNIT
+from skyarm.planning.stage import ARM_UNIT, JERK_UNIT, SPIN_UNIT, Stage
 from skyarm.planning.task import load_task, task_from
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle import BASE, Vehicle
@@ -136,18 +136,22 @@ class Bodies:
         a[free] = np.linalg.solve(M[np.ix_(free, free)], left[free])
         return a, (M @ a + self.data.qfrc_bias - applied)[self.v]
 
-    def step(
-        self, x: np.ndarray, spin: np.ndarray, joints: np.ndarray, push: np.ndarray, hover: np.ndarray, dt: float
-    ) -> np.ndarray:
-        """State after a time: one Runge-Kutta step; rotor speeds are over those of hover, quaternions unnormalised."""
+    def step(self, x: np.ndarray, u: np.ndarray, push: np.ndarray, stage: Stage, dt: float) -> np.ndarray:
+        """State of a plan after a time: one Runge-Kutta step, its quaternion normalised at the end.
+
+        Args:
+            x: state, as a plan has it. u: inputs. push: force on the tip, N, world axes. stage: of the plan. dt: s.
+        """
         n, m = self.vehicle.n, len(self.vehicle.rotors)
+        speeds, rates = slice(13 + 2 * n, 13 + 2 * n + m), slice(13 + 2 * n + m, 13 + 3 * n + m)
+        spin, jerk = u[:m] * SPIN_UNIT, u[m : m + n] * (JERK_UNIT / ARM_UNIT)
 
         def slope(at: np.ndarray) -> np.ndarray:
-            a, _ = self.accelerations(at, at[13 + 2 * n : 13 + 2 * n + m] * hover, joints, push)
-            w, q = at[10:13], at[3:7]
-            turned = 0.5 * product(q, np.array([0.0, *w]))
-            rest = np.zeros(len(at) - 13 - 2 * n - m)
-            return np.concatenate([at[7:10], turned, a[:6], at[13 + n : 13 + 2 * n], joints, spin / hover, rest])
+            joints = at[rates] * ARM_UNIT
+            a, _ = self.accelerations(at, at[speeds] * np.array(stage.hover), joints, push)
+            turned = 0.5 * product(at[3:7], np.array([0.0, *at[10:13]]))
+            rest = np.zeros(len(at) - rates.stop)
+            return np.concatenate([at[7:10], turned, a[:6], at[13 + n : 13 + 2 * n], joints, spin, jerk, rest])
 
         k1 = slope(x)
         k2 = slope(x + 0.5 * dt * k1)
@@ -164,19 +168,9 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([w, *v])
 
 
-def inputs_at(found: Plan, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rotor and joint accelerations, force on the tip (N) and hover speeds (rad/s) of stage ``k`` of a plan."""
-    n, m = found.task.vehicle.n, len(found.task.vehicle.rotors)
-    hover, u = np.array(found.stage.hover), found.u[k]
-    phase = found.task.phases[int(np.searchsorted(found.edges, k, side="right")) - 1]
-    push = u[m + n :] * found.stage.weight if phase.contact is not None else np.zeros(3)
-    return u[:m] * SPIN_UNIT * hover, u[m : m + n] * ARM_UNIT, push, hover
-
-
 def between_nodes(found: Plan, bodies: Bodies, k: int, parts: int) -> list[np.ndarray]:
-    """States of stage ``k`` from its node on, by small steps of MuJoCo's dynamics, the last that of the next node."""
-    spin, joints, push, hover = inputs_at(found, k)
-    rows = [found.x[k]]
+    """States of stage ``k`` of a plan without contact, from its node to the next by small steps of MuJoCo's dynamics."""
+    rows, dt = [found.x[k]], (found.t[k + 1] - found.t[k]) / parts
     for _ in range(parts):
-        rows.append(bodies.step(rows[-1], spin, joints, push, hover, (found.t[k + 1] - found.t[k]) / parts))
+        rows.append(bodies.step(rows[-1], found.u[k], np.zeros(3), found.stage, dt))
     return rows
