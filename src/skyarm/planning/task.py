@@ -109,7 +109,9 @@ class Contact:
     """
 
     kind: Literal["point", "bar", "plane"] = "point"
-    normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes", rule=unit_vector)] = Vec3(0.0, 0.0, 1.0)
+    normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes", rule=unit_vector)] = Vec3(
+        0.0, 0.0, 1.0
+    )
     friction: Annotated[float, Unit("", "coefficient of friction", low=0.0)] = 0.7
     force: Annotated[float, Unit("N", "least force along the normal", low=0.0)] = 0.0
 
