@@ -14,8 +14,9 @@ import numpy as np
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
-from skyarm.planning.seeds import ways_around
+from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
 from skyarm.planning.task import Goal, PlanPhase, Task
@@ -353,6 +354,8 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
         PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off.
     """
     begun, shape, met = time.perf_counter(), outline(task), set[tuple[str, str]]()
+    if reason := impossible(task):
+        raise PlanError(f"{task.name}: {reason}")
     counts = node_counts(task, shape.lengths)
     stage, clearance = stage_of(task), task.limits.clearance
     problem = problem_of(task, stage, counts, clearance)
@@ -532,4 +535,39 @@ def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: Plan
     edges = np.cumsum([0, *counts])
     k = min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1
     phase = task.phases[max(k, 0)]
+    name, _, other = name.rpartition(" and ") if " and obstacle" in name else (name, "", "")
+    if other:
+        name = f"{name} and {task.obstacles[int(other.removeprefix('obstacle'))].name}"
     return f"phases[{max(k, 0)}] {phase.name!r}: no motion within the limits was found: {name} is off by {size:.3g}"
+
+
+def impossible(task: Task) -> str:
+    """One line: which limit the start or a goal alone is beyond, so that no motion is within; empty if none is."""
+    vehicle, limits = task.vehicle, task.limits
+    near = clearances(vehicle, task.obstacles)
+    own, start = attitude(task.start.attitude), task.start.joints or (0.0,) * vehicle.n
+    for pair, gap in zip(near.pairs, near.distances(task.start.position, own.rotation(), start), strict=True):
+        if float(gap) < 0.0:
+            return f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
+    places = [("start", Goal(attitude=task.start.attitude, joints=start))]
+    places += [(f"phases[{k}] {phase.name!r}: to", phase.to) for k, phase in enumerate(task.phases)]
+    lift = limits.thrust_share * float(highest_thrust(vehicle))
+    for at, goal in places:
+        for link, value in zip(vehicle.links, goal.joints, strict=False):
+            low, high = float(link.joint.lower), float(link.joint.upper)
+            if not low <= value <= high:
+                return f"{at}.joints: {link.joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
+        lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))
+        if lean > limits.tilt + TOLERANCE:
+            return f"{at}.attitude: is tilted by {lean:.4g} rad, limits.tilt is {limits.tilt:.4g}"
+        fast = float(goal.velocity.norm()) if goal.velocity else 0.0
+        if fast > limits.speed:
+            return f"{at}.velocity: is {fast:.4g} m/s, limits.speed is {limits.speed:.4g}"
+        if goal.rest and lift < (weight := float(vehicle.mass) * task.gravity):
+            return f"{at}.rest: hovering takes {weight:.4g} N, limits.thrust_share leaves {lift:.4g} N"
+        for word, place, least in (("tip", goal.tip, limits.clearance), ("base", goal.base, 0.0)):
+            for each in task.obstacles if place is not None else ():
+                gap = float(free_distance([each], np.array([*map(float, place or ())])))
+                if gap < least:
+                    return f"{at}.{word}: is {gap:.3g} m from {each.name}, at least {least:.3g} m are needed"
+    return ""

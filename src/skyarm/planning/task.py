@@ -43,6 +43,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.records.coerce import unit_vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
 from skyarm.records.immutable import immutable
@@ -75,6 +76,11 @@ class Start:
             raise TaskError(f"start.attitude = {shown(list(self.attitude))}: must be three angles, rad")
 
 
+def _direction(field: str, value: object) -> Vec3 | None:
+    """Unit vector of a field that may be left out."""
+    return None if value is None else unit_vector(field, value)
+
+
 @immutable
 @checked("to", TaskError)
 class Goal:
@@ -82,7 +88,9 @@ class Goal:
 
     tip: Annotated[Vec3 | None, Unit("m", "position of the tip, world axes")] = None
     tip_velocity: Annotated[Vec3 | None, Unit("m/s", "velocity of the tip, world axes")] = None
-    tip_axis: Annotated[Vec3 | None, Unit("", "direction of the tip frame's z axis, world axes")] = None
+    tip_axis: Annotated[
+        Vec3 | None, Unit("", "direction of the tip frame's z axis, a unit vector in world axes", rule=_direction)
+    ] = None
     base: Annotated[Vec3 | None, Unit("m", "position of the base origin, world axes")] = None
     velocity: Annotated[Vec3 | None, Unit("m/s", "velocity of the base origin, world axes")] = None
     attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base; empty: free")] = ()
@@ -101,7 +109,9 @@ class Contact:
     """
 
     kind: Literal["point", "bar", "plane"] = "point"
-    normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes")] = Vec3(0.0, 0.0, 1.0)
+    normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes", rule=unit_vector)] = Vec3(
+        0.0, 0.0, 1.0
+    )
     friction: Annotated[float, Unit("", "coefficient of friction", low=0.0)] = 0.7
     force: Annotated[float, Unit("N", "least force along the normal", low=0.0)] = 0.0
 
@@ -189,10 +199,10 @@ class Task:
         return {"vehicle": named_vehicle, "obstacles": obstacles, "passable": tuple(passable)}
 
     def __post_init__(self) -> None:
-        accept_fields(self, "task", TaskError)
+        accept_fields(self, "", TaskError)
         n = self.vehicle.n
         if not self.phases:
-            raise TaskError("task.phases: must be one phase or more")
+            raise TaskError("phases: must be one phase or more")
         lists = [("start.joints", self.start.joints)]
         lists += [(f"phases[{k}].to.joints", each.to.joints) for k, each in enumerate(self.phases)]
         for name, joints in lists:
@@ -200,13 +210,16 @@ class Task:
                 raise TaskError(
                     f"{name} = {shown(list(joints))}: must be {n} positions, one for each joint, or left out"
                 )
+        names = [each.name for each in self.obstacles]
         for obstacle in self.obstacles:
+            if names.count(obstacle.name) > 1:
+                raise TaskError(f"obstacles: name = {obstacle.name!r} stands twice; names must be unique")
             if obstacle.moves or obstacle.shape == "hole":
                 raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
-            raise TaskError(f"task.vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
+            raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
 
 
 def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:
@@ -224,6 +237,8 @@ def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase 
         raise TaskError(f"{at}.to.attitude = {shown(list(goal.attitude))}: must be three angles, rad")
     if goal.attitude and goal.heading is not None:
         raise TaskError(f"{at}.to.heading = {goal.heading:g}: must be left out beside attitude")
+    if goal.rest and goal.velocity is not None and any(goal.velocity):
+        raise TaskError(f"{at}.to.velocity = {shown([*goal.velocity])}: must be left out beside rest")
     needs_tip = phase.kind != "go" or goal.tip is not None or goal.tip_velocity is not None or goal.tip_axis is not None
     if needs_tip and not vehicle.end_effector:
         raise TaskError(f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none (end_effector)")
