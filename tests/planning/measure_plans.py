@@ -64,9 +64,7 @@ def shelf(rng: np.random.Generator) -> Task:
     ]
     task = goal(rng)
     to = Goal(tip=Vec3(*place.tolist()), heading=0.0, rest=True)
-    return dataclasses.replace(
-        task, obstacles=tuple(boards), phases=(PlanPhase(name="reach", to=to, duration=2.5),)
-    )
+    return dataclasses.replace(task, obstacles=tuple(boards), phases=(PlanPhase(name="reach", to=to, duration=2.5),))
 
 
 def _flight(end: np.ndarray, obstacles: tuple[Surface, ...], duration: float) -> Task:

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Vec3
-from skyarm.planning.planner import guess_from, node_counts, outline, placed, problem_of, seeds, stage_of
-from skyarm.planning.stage import ARM_UNIT, GOALS, CompiledStage, gap, moved
+from skyarm.planning.planner import guess_from, node_counts, obstacle_places, outline, problem_of, seeds, stage_of
+from skyarm.planning.stage import ARM_UNIT, GOALS, CompiledStage, gap, retraction
 from skyarm.planning.task import task_from
 from skyarm.records.leaves import leaves, rebuild
 from support.engines import jax_doubles
@@ -102,7 +102,7 @@ def test_a_share_of_a_step_moves_states_inputs_and_the_states_behind_the_gaps(ri
 def test_the_gap_after_a_step_is_the_step_of_the_state_that_was_left(rich) -> None:
     _, stage, _, x, _ = rich
     d = np.random.default_rng(8).normal(scale=0.3, size=(len(x), stage.nt))
-    after = np.stack(moved(list(x.T), list(d.T)), axis=1)
+    after = np.stack(retraction(list(x.T), list(d.T)), axis=1)
     np.testing.assert_allclose(np.linalg.norm(after[:, 3:7], axis=1), 1.0, atol=1e-14)
     back = np.stack(gap(list(after.T), list(x.T)), axis=1)
     shorter = np.sqrt(1.0 + 0.25 * (d[:, 3:6] ** 2).sum(1, keepdims=True))
@@ -119,7 +119,7 @@ def test_derivatives_are_those_of_jax(rich) -> None:
     with jax_doubles():
 
         def values(d, k):
-            at = moved([*map(float, x[k])], list(d[:nt]))
+            at = retraction([*map(float, x[k])], list(d[:nt]))
             given = rebuild(stage.stage.example(), iter(problem.data[k].tolist()))
             found = stage.stage(at, [a + b for a, b in zip(u[k].tolist(), d[nt:], strict=True)], given)
             goals = [error for name in GOALS for error in found.goals[name]]
@@ -230,10 +230,10 @@ def test_places_of_obstacles_are_data(rich) -> None:
     other = dataclasses.replace(task, obstacles=(moved_box,))
     assert stage_of(other) is stage
     away = problem.data.copy()
-    first = leaves(placed(task, stage)[0])
+    first = leaves(obstacle_places(task, stage)[0])
     start = away.shape[1] - len(first)
     np.testing.assert_array_equal(away[0, start:], first)
-    away[:, start:] = leaves(placed(other, stage)[0])
+    away[:, start:] = leaves(obstacle_places(other, stage)[0])
     near = [k for k, name in enumerate(stage.names) if name.startswith("clearance") and "obstacle0" in name]
     one, two = (stage.values(x, u, data)[0][:, stage.limits][:, near] for data in (problem.data, away))
     assert near

@@ -35,7 +35,7 @@ def test_equality_and_hash_are_those_of_a_dataclass(fields, values):
         assert ours(*one) != python(*one)
 
 
-def test_records_of_two_classes_differ_and_identity_or_a_comparison_of_its_own_is_kept():
+def test_records_of_two_classes_differ_and_a_comparison_of_its_own_stays():
     @immutable
     class Length:
         value: float

@@ -105,7 +105,7 @@ def test_a_flight_with_code_of_the_users_is_not_stored():
     assert object_cache.contents().entries == 1, "its machine code alone"
 
 
-def test_the_digest_is_of_all_source_files_and_of_none_that_changed_since_the_command_began(monkeypatch, tmp_path):
+def test_the_digest_is_of_all_source_files_unless_one_changed_since_the_start(monkeypatch, tmp_path):
     package = tmp_path / "package"
     (package / "inner" / "__pycache__").mkdir(parents=True)
     (package / "a.py").write_text("A = 1")

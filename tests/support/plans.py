@@ -169,7 +169,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def between_nodes(found: Plan, bodies: Bodies, k: int, parts: int) -> list[np.ndarray]:
-    """States of stage ``k`` of a plan without contact, from its node to the next by small steps of MuJoCo's dynamics."""
+    """States of stage ``k`` of a plan without contact, from node to node by small steps of MuJoCo's dynamics."""
     rows, dt = [found.x[k]], (found.t[k + 1] - found.t[k]) / parts
     for _ in range(parts):
         rows.append(bodies.step(rows[-1], found.u[k], np.zeros(3), found.stage, dt))

@@ -47,6 +47,7 @@ SENTENCES = {
     "simulate": "the closed loop, period by period",
     "scenario": "one experiment and its file",
     "flight_data": "files of real flights",
+    "planning": "motions of base and arm from a task",
     "control": "laws, their blocks, safety, C export",
     "log": "what a flight kept, and its metrics",
     "plant": "the simulated vehicle, ours or MuJoCo's",

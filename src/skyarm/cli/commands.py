@@ -75,11 +75,11 @@ class LateConversion:
         for each in parameters:
             kind = getattr(each, "type_descriptor", None)
             if kind is not None and not kind.is_ranged and kind.parameter_info.parser is None:
-                each.get_runtime_param = partial(SimpleNamespace, coerce=partial(_converted, kind.annotation))
+                each.get_runtime_param = partial(SimpleNamespace, coerce=partial(_value_as, kind.annotation))
         return parameters
 
 
-def _converted(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
+def _value_as(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
     """Value of a parameter as its kind; a text that is not printable may be of bytes that are none."""
     several = param.multiple or param.nargs == -1
     if value is None:

@@ -60,13 +60,13 @@ def restored_at(info: Info, path: str) -> Any:
 def restore_written(info: Info, written: Plain) -> Any:
     """Restore a dataclass from plain data in a log; None if that fails."""
     try:
-        return _restored(json.dumps((written, info.get("plugins"))))
+        return _restore_text(json.dumps((written, info.get("plugins"))))
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
 
 
 @lru_cache(maxsize=16)
-def _restored(text: str) -> Any:
+def _restore_text(text: str) -> Any:
     """Restore a dataclass from JSON text of its plain data and of the plugins of then; most are read repeatedly."""
     return restore(*json.loads(text))
 

@@ -370,7 +370,8 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
     agents = ("", *scenario.agents, *scenario.others)
     for where, force in scenario.placed_winds_and_forces:
-        if (agent := getattr(force, "agent", "")) not in agents:
+        agent = getattr(force, "agent", "")  # a part of a user may have one of its own
+        if type(agent) is str and agent not in agents:
             raise ValueError(f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}")
     for where, whole in scenario.placed_shared:
         component = whole.of_agent(first) if scenario.others else whole
