@@ -119,12 +119,10 @@ class PlanPhase:
     name: Annotated[str, Unit("", "name of the phase in reports")] = ""
     kind: Literal["go", "hold", "contact"] = "go"
     to: Goal = Goal()
-    duration: Annotated[
-        float | None, Unit("s", "duration; a free one is chosen by the plan", low=0.02, high=120.0)
-    ] = None
-    step: Annotated[
-        float | None, Unit("s", "time between nodes", low=0.002, high=0.5)
-    ] = None
+    duration: Annotated[float | None, Unit("s", "duration; a free one is chosen by the plan", low=0.02, high=120.0)] = (
+        None
+    )
+    step: Annotated[float | None, Unit("s", "time between nodes", low=0.002, high=0.5)] = None
     contact: Contact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins; empty: none")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins; empty: none")] = ""
@@ -149,7 +147,7 @@ class TaskLimits:
         60
     )
     thrust_share: Annotated[float, Unit("", "usable fraction of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
-    torque_share: Annotated[float, Unit("", "usable fraction of each joint's highest effort", low=0.05, high=1.0)] = 0.95
+    torque_share: Annotated[float, Unit("", "usable fraction of each joint's effort limit", low=0.05, high=1.0)] = 0.95
     joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
     speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
     rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
