@@ -216,7 +216,7 @@ ALGEBRA = ("Vec3", "Mat3", "Quaternion")
 """What records are made of; they are made at every line of every formula, and checked in the records that hold them."""
 
 GIVEN_BY_US = ("Log", "LogFormat", "Mixer", "Plan")
-"""A log is what a flight gives, a plan what plan gives, a format is two functions, a mixer is what make_mixer gives."""
+"""A log is what a flight gives, a format is two functions; make_mixer gives a mixer, plan a plan."""
 
 
 @pytest.mark.parametrize("name", [name for name in exported() if name not in (*ALGEBRA, *GIVEN_BY_US)])

@@ -157,9 +157,7 @@ class TaskLimits:
         60
     )
     thrust_share: Annotated[float, Unit("", "usable fraction of each rotor's highest thrust", low=0.05, high=1.0)] = 0.9
-    torque_share: Annotated[float, Unit("", "usable fraction of each joint's highest effort", low=0.05, high=1.0)] = (
-        0.95
-    )
+    torque_share: Annotated[float, Unit("", "usable fraction of each joint's effort limit", low=0.05, high=1.0)] = 0.95
     joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
     speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
     rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
