@@ -519,11 +519,24 @@ def seeds(task: Task, shape: Outline) -> list[list[Array]]:
     return [[ways[min(k, len(ways) - 1)] for ways in each] for k in range(max(map(len, each)))]
 
 
+GOAL_WORDS = {
+    "tip_velocity": "velocity of the tip",
+    "lift": "velocity of the tip along the normal",
+    "axis": "direction of the tip",
+    "rate": "angular rate",
+    "joint_rates": "joint rates",
+    "still": "balance of forces at rest",
+    "arm": "joint accelerations at rest",
+    "inputs": "rotor accelerations at rest",
+}
+"""Goals in messages, where their names do not say enough."""
+
+
 def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"
-    labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
+    labels = [GOAL_WORDS.get(name, name) for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
     found = [
         (float(np.abs(last.gap).max()), int(np.abs(last.gap).max(axis=1).argmax()), "dynamics"),
         *(
