@@ -119,6 +119,9 @@ films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
 	$(BIN)/python -m skyarm film two_hold_a_bar docs/images/two_hold_a_bar.webp $(SMALL) --speed 1.5 --camera fixed
+	$(BIN)/python -m skyarm plan catch_a_ball --out out/catch.npz --scenario out/catch.toml
+	$(BIN)/python -m skyarm film out/catch.toml docs/images/catch_a_ball.webp --window 1 5 --size 640x360 --fps 12 \
+		--fine --without ghost
 
 ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip
 
