@@ -97,6 +97,8 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     Raises:
         ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
     """
+    if scenario.agent.reference.planned is not None:
+        raise ValueError("reference.governor: must be left out with a plan, which is within its limits in its own time")
     bare = scenario.with_agent(dataclasses.replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
