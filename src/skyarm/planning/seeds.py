@@ -24,10 +24,14 @@ from skyarm.world.scene.clearance import Volume, surface_distance
 CELL = 0.15
 """Edge (m) of a cell of the grid; larger where the scene would have more than ``MOST_CELLS``."""
 
-MOST_CELLS = 200_000
+MOST_CELLS = 60_000
+"""Largest number of cells of the grid."""
 
 MARGIN = 1.5
-"""Distance (m) by which the grid is larger than start, goal and obstacles."""
+"""Distance (m) by which the grid is larger than start, goal and obstacles, as far as ``DETOUR`` lets it."""
+
+DETOUR = 1.0
+"""Distance that a way may lead away from the straight one, over its length, beside ``MARGIN``."""
 
 BALLS = (1.0, 0.6, 0.3)
 """Radii of the ball, over the vehicle's reach."""
@@ -67,7 +71,8 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
         if each.shape != "plane":
             middle, far = np.array([*map(float, each.position)]), float(each.farthest) + 0.5 * MARGIN
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
-    low, high = np.maximum(low, start - 20.0), np.minimum(high, start + 20.0 + np.abs(goal - start))
+    far = MARGIN + DETOUR * float(np.linalg.norm(goal - start))
+    low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
     shape = tuple(len(axis) for axis in axes)
@@ -85,36 +90,36 @@ STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int, int], ball: float) -> Array | None:
     """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is none."""
     start, goal = ends
-    open_cells = gaps > ball
-    open_cells[[start, goal]] = True
-    costs, before = {start: 0.0}, {start: start}
-    queue = [(float(np.linalg.norm(points[start] - points[goal])), start)]
-    done: set[int] = set()
-    strides = (shape[1] * shape[2], shape[2], 1)
+    room, ahead = gaps.tolist(), np.linalg.norm(points - points[goal], axis=1).tolist()
+    room[start], room[goal] = max(room[start], 2.0 * ball), max(room[goal], 2.0 * ball)
+    cell = float(points[1, 2] - points[0, 2])
+    rows, columns, layers = shape
+    ways = [(a, b, c, (a * columns + b) * layers + c, cell * math.sqrt(a * a + b * b + c * c)) for a, b, c in STEPS]
+    costs, before, done = {start: 0.0}, {start: start}, set[int]()
+    queue = [(ahead[start], start)]
     while queue:
-        _, cell = heapq.heappop(queue)
-        if cell == goal:
-            way = [cell]
+        _, here = heapq.heappop(queue)
+        if here == goal:
+            way = [here]
             while before[way[-1]] != way[-1]:
                 way.append(before[way[-1]])
             return points[way[::-1]]
-        if cell in done:
+        if here in done:
             continue
-        done.add(cell)
-        at = (cell // strides[0], cell // strides[1] % shape[1], cell % shape[2])
-        for step in STEPS:
-            to = [a + b for a, b in zip(at, step, strict=True)]
-            if any(not 0 <= c < size for c, size in zip(to, shape, strict=True)):
+        done.add(here)
+        i, j, k = here // (columns * layers), here // layers % columns, here % layers
+        for a, b, c, offset, length in ways:
+            if not (0 <= i + a < rows and 0 <= j + b < columns and 0 <= k + c < layers):
                 continue
-            other = to[0] * strides[0] + to[1] * strides[1] + to[2]
-            if other in done or not open_cells[other]:
+            other = here + offset
+            # no distance falls faster than a point moves: the least one on the way between both
+            if other in done or room[here] + room[other] - length < 2.0 * ball:
                 continue
             # ways close to obstacles are longer
-            length = float(np.linalg.norm(points[other] - points[cell])) * (1.0 + 0.3 * ball / max(gaps[other], 0.05))
-            cost = costs[cell] + length
+            cost = costs[here] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
             if cost < costs.get(other, math.inf):
-                costs[other], before[other] = cost, cell
-                heapq.heappush(queue, (cost + float(np.linalg.norm(points[other] - points[goal])), other))
+                costs[other], before[other] = cost, here
+                heapq.heappush(queue, (cost + ahead[other], other))
     return None
 
 
