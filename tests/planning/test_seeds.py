@@ -50,7 +50,8 @@ def test_the_straight_way_is_the_only_one_where_it_is_free() -> None:
 
 
 @pytest.mark.parametrize(("place", "size", "turn"), [
-    ([0.0, 0.0, 1.0], [0.4, 4.0, 1.0], 0.0), ([0.3, -0.5, 0.5], [0.3, 2.0, 4.0], 0.5), ([0.0, 0.0, 1.0], [1.0, 1.0, 1.0], 0.3),
+    ([0.0, 0.0, 1.0], [0.4, 4.0, 1.0], 0.0), ([0.3, -0.5, 0.5], [0.3, 2.0, 4.0], 0.5),
+    ([0.0, 0.0, 1.0], [1.0, 1.0, 1.0], 0.3),
 ])  # fmt: skip
 def test_ways_around_a_box_are_free_and_short(place: list[float], size: list[float], turn: float) -> None:
     obstacle = surface(box(place, size, angles=[0.0, 0.0, turn]))
