@@ -525,7 +525,7 @@ GOAL_WORDS = {
     "axis": "direction of the tip",
     "rate": "angular rate",
     "joint_rates": "joint rates",
-    "still": "balance of forces at rest",
+    "still": "balance at rest",
     "arm": "joint accelerations at rest",
     "inputs": "rotor accelerations at rest",
 }
