@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import re
 import time
 from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
@@ -531,27 +532,33 @@ GOAL_WORDS = {
 }
 """Goals in messages, where their names do not say enough."""
 
+SMOOTH = ("arm", "inputs")
+"""Goals that make a plan smooth at its ends, and are never why there is none."""
+
 
 def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"
-    labels = [GOAL_WORDS.get(name, name) for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
-    found = [
-        (float(np.abs(last.gap).max()), int(np.abs(last.gap).max(axis=1).argmax()), "dynamics"),
-        *(
-            (float(size.max()), int(size.max(axis=1).argmax()), names[int(size.max(axis=0).argmax())])
-            for size, names in ((np.abs(last.goals), labels), (np.maximum(last.limits, 0.0), list(stage.names)))
-        ),
-    ]
-    size, node, name = max(found)
-    edges = np.cumsum([0, *counts])
-    k = min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1
-    phase = task.phases[max(k, 0)]
-    name, _, other = name.rpartition(" and ") if " and obstacle" in name else (name, "", "")
-    if other:
-        name = f"{name} and {task.obstacles[int(other.removeprefix('obstacle'))].name}"
-    return f"phases[{max(k, 0)}] {phase.name!r}: no motion within the limits was found: {name} is off by {size:.3g}"
+    labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
+    # what a violation costs the motion, rather than its size: the units differ
+    off = np.abs(last.goals), np.maximum(last.limits, 0.0)
+    found: list[tuple[float, float, int, str]] = []
+    for size, force, names in zip(off, last.forces, (labels, list(stage.names)), strict=True):
+        cost = size * np.abs(force)
+        cost[:, [name in SMOOTH for name in names]] = 0.0
+        node, k = map(int, np.unravel_index(int(cost.argmax()), cost.shape))
+        found.append((float(cost[node, k]), float(size[node, k]), node, names[k]))
+    _, most, at, name = max(found)
+    words = f"{GOAL_WORDS.get(name, name)} is off by {most:.3g}"
+    near = [(float(off[1][:, k].max()), each) for k, each in enumerate(stage.names) if each.startswith("clearance")]
+    missing, pair = max(near, default=(0.0, ""))
+    if missing > 1e-3 and pair != name:
+        words += f", {pair} by {missing:.3g}"
+    for k, obstacle in enumerate(task.obstacles):
+        words = re.sub(rf"\bobstacle{k}\b", obstacle.name, words)
+    k = max(min(int(np.searchsorted(np.cumsum([0, *counts]), at, side="left")), len(counts)) - 1, 0)
+    return f"phases[{k}] {task.phases[k].name!r}: no motion within the limits was found: {words}"
 
 
 def impossible(task: Task) -> str:

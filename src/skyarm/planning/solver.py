@@ -65,7 +65,8 @@ class Solution:
     Attributes:
         x, u: states (N + 1, nx) and inputs (N, nu). K: gains (N, nu, nt) of the last step.
         solved: True within the tolerance. cost: of the motion. violation: largest, of gaps, goals and limits.
-        iterations, seconds: spent. worst: stage and name of the largest violation.
+        iterations, seconds: spent. gap, goals, limits: what is left of them, by stage.
+        forces: multipliers of goals and limits: what they cost.
     """
 
     x: Array
@@ -79,6 +80,7 @@ class Solution:
     gap: Array
     goals: Array
     limits: Array
+    forces: tuple[Array, Array]
 
 
 @immutable(eq=False)
@@ -166,6 +168,7 @@ class Solver:
             yield Solution(
                 x=x, u=u, K=K, solved=solved, cost=cost, violation=violation, iterations=k + 1, seconds=spent,
                 gap=now.gap, goals=now.goals, limits=now.limits,
+                forces=(y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)),
             )  # fmt: skip
             if solved or spent > seconds or not np.isfinite(cost):
                 return
