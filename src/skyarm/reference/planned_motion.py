@@ -11,6 +11,7 @@ so is the tip; ``[reference.planned]`` says where, as signals that the reader ma
 
 from __future__ import annotations
 
+import io
 import zipfile
 from pathlib import Path
 from typing import Annotated, Any
@@ -87,7 +88,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
     if reason := unreadable(Path(file)):
         raise ValueError(f"{at}: {reason}")
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(Path(file).read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, zipfile.BadZipFile, KeyError, EOFError):
         raise ValueError(f"{at}: must be a file of 'skyarm plan'") from None

@@ -1,0 +1,95 @@
+"""Reference of a plan: signals through the nodes of its file, its centre of mass with derivatives, and wrong files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skyarm.records.files import Fields
+from skyarm.reference import Trajectory
+from skyarm.reference.planned_motion import FORMAT, plan_tables, read_plan_arrays
+from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.task_records import Setting
+
+TIMES = np.linspace(0.0, 2.0, 41)
+
+
+def arrays(**changes: Any) -> dict[str, Any]:
+    """Arrays of a plan's file: every signal a smooth function of its own."""
+    columns = {name: np.stack([np.sin(TIMES + k + 3 * j) for k in range(3)], axis=1)
+               for j, name in enumerate(("position", "center", "tip"))}  # fmt: skip
+    whole = {"format": FORMAT, "t": TIMES, "yaw": 0.1 * TIMES**2, "joints": columns["tip"][:, :2], **columns} | changes
+    return {name: value for name, value in whole.items() if value is not None}
+
+
+def reference(folder: Path, content: dict[str, Any] | None = None, **entries: Any) -> Trajectory:
+    """Trajectory of a table [reference] of kind "plan" with a file of these arrays."""
+    file = folder / "plan.npz"
+    np.savez(file, **(arrays() if content is None else content))
+    table = {"kind": "plan", "file": str(file), **entries}
+    return reference_from(table, 2, "reference", Setting())
+
+
+def test_the_reference_is_at_the_nodes_of_the_plan_from_its_start_on(tmp_path: Path) -> None:
+    whole, trajectory = arrays(), reference(tmp_path, start=1.5)
+    for k in (0, 7, 20, 40):
+        sample = trajectory.at(1.5 + TIMES[k])
+        np.testing.assert_allclose([*sample.position], whole["position"][k], atol=1e-12)
+        np.testing.assert_allclose([*sample.joints], whole["joints"][k], atol=1e-12)
+        np.testing.assert_allclose(sample.yaw, whole["yaw"][k], atol=1e-12)
+        np.testing.assert_allclose([*sample.tip][:3], whole["tip"][k], atol=1e-12)
+        np.testing.assert_allclose([*sample.center][:3], whole["center"][k], atol=1e-12)
+    before, after = trajectory.at(0.2), trajectory.at(9.0)
+    np.testing.assert_allclose([*before.position], whole["position"][0], atol=1e-12)
+    np.testing.assert_allclose([*after.position], whole["position"][-1], atol=1e-12)
+
+
+def test_the_centre_of_mass_comes_with_four_derivatives(tmp_path: Path) -> None:
+    trajectory = reference(tmp_path)
+    rows = np.reshape([float(c) for c in trajectory.at(1.02).center], (5, 3))
+    # of sin(t + k + 3), which a spline through 41 nodes follows
+    place = 1.02 + np.arange(3) + 3.0
+    exact = [np.sin(place), np.cos(place), -np.sin(place), -np.cos(place), np.sin(place)]
+    for order, tolerance in enumerate((1e-6, 1e-5, 1e-3)):
+        np.testing.assert_allclose(rows[order], exact[order], atol=tolerance)
+    h = 1e-5
+    ahead, behind = (np.reshape([float(c) for c in trajectory.at(1.02 + s).center], (5, 3)) for s in (h, -h))
+    np.testing.assert_allclose((ahead - behind)[:4] / (2.0 * h), rows[1:], atol=1e-5)
+
+
+def test_a_plan_of_a_vehicle_without_a_tip(tmp_path: Path) -> None:
+    trajectory = reference(tmp_path, arrays(tip=np.zeros((41, 0))))
+    assert trajectory.planned is not None
+    assert not trajectory.planned.tip
+    assert len([*trajectory.at(0.5).center]) == 15
+
+
+@pytest.mark.parametrize(
+    ("changes", "entries", "message"),
+    [
+        ({"center": None}, {}, "must be a file of 'skyarm plan' of this version"),
+        ({"format": FORMAT + 1}, {}, "must be a file of 'skyarm plan' of this version"),
+        ({}, {"start": -1.0}, "reference.start = -1.0: must be at least 0"),
+        ({}, {"base": {"kind": "hover"}}, "reference.base = {'kind': 'hover'}: must be left out beside a plan"),
+        ({}, {"joints": []}, "reference.joints = []: must be left out beside a plan"),
+        ({}, {"planned": {}}, "reference.planned = {}: must be left out beside a plan"),
+    ],
+)
+def test_wrong_tables_are_refused(tmp_path: Path, changes: Any, entries: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=r"^reference\.") as refused:
+        reference(tmp_path, arrays(**changes), **entries)
+    assert str(refused.value).endswith(message)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 cut off"])
+def test_files_that_are_no_plan_are_refused(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "p.npz"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"p\.npz'.*: must be a file of 'skyarm plan'$"):
+        read_plan_arrays(str(file), f"reference.file = '{file}'")
+    with pytest.raises(ValueError, match=r"^reference\.file = .*none\.npz"):
+        plan_tables(Fields({"kind": "plan", "file": str(tmp_path / "none.npz")}, "reference"))
