@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import skyarm
 from skyarm.planning.planner import PlanError
+from support.commands import refused
 from support.commands import skyarm as command
 
 UP = """schema = 1
@@ -42,3 +45,70 @@ def test_a_task_without_a_plan_ends_with_3_and_its_cause(monkeypatch: pytest.Mon
     assert (ended.code, ended.out) == (3, "up: phases[0] 'go': base is off by 2\n")
     assert command("plan", "up.toml", "-q").err == "skyarm: up: phases[0] 'go': base is off by 2\n"
     assert not Path("plan.npz").exists()
+
+
+def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numbers(folder: Path) -> None:
+    words = ("--out", "made/up.npz", "--scenario", "fly/up.toml", "--report", "page.html", "--json")
+    ended = command("plan", "up.toml", *words)
+    assert ended.code == 0, ended.err
+    document = json.loads(ended.out)
+    assert document["solved"] is True
+    assert Path(document["file"]).resolve() == (folder / "made" / "up.npz").resolve()
+    keys = (
+        "duration phases speed tilt rotor torque joint_rate clearance nearest violation cost seconds seeds iterations"
+    )
+    assert set(keys.split()) <= set(document)
+    assert document["violation"] < 1e-6
+    with np.load("made/up.npz", allow_pickle=False) as arrays:
+        assert arrays["t"][-1] == pytest.approx(document["duration"], abs=1e-12)
+        np.testing.assert_allclose(arrays["position"][[0, -1]], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], atol=2e-6)
+    assert Path("page.html").read_text("utf-8").rstrip().endswith("</html>")
+    left = sorted(each.relative_to(folder).as_posix() for each in folder.rglob("*") if each.is_file())
+    assert left == ["fly/up.toml", "made/up.npz", "page.html", "up.toml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("wrong.toml",), "wrong.toml: minimise = 'energy': must be one of effort, time"),
+        (("none.toml",), "none.toml"),
+        (("nothing",), "task = 'nothing': must be a .toml file or one of "),
+        (("up.toml", "--seconds", "0"), "--seconds = 0: must be above 0 and at most 3600"),
+        (("up.toml", "--seconds", "nan"), "--seconds = nan"),
+        (("up.toml", "--out", "new/p.txt"), "--out = 'new/p.txt': must end in .npz"),
+        (("up.toml", "--scenario", "new/p.npz"), "--scenario = 'new/p.npz': must end in .toml"),
+        (("up.toml", "--report", "new/p.pdf"), "--report = 'new/p.pdf': must end in .html"),
+        (("up.toml", "--scenario", "up.toml"), "up.toml"),
+    ],
+)
+def test_wrong_words_are_refused_before_planning(folder: Path, words: tuple[str, ...], message: str) -> None:
+    Path("wrong.toml").write_text(UP.replace("vehicle", 'minimise = "energy"\nvehicle'))
+    before = {each: each.read_bytes() for each in folder.iterdir()}
+    refused(command("plan", *words), message)
+    assert {each: each.read_bytes() for each in folder.iterdir()} == before
+
+
+def test_an_impossible_task_leaves_no_file_and_no_folder(folder: Path) -> None:
+    Path("heavy.toml").write_text(UP.replace("vehicle", "gravity = 50.0\nvehicle"))
+    before = sorted(folder.iterdir())
+    words = ("--out", "new/p.npz", "--scenario", "more/f.toml", "--report", "page/p.html", "--json")
+    ended = command("plan", "heavy.toml", *words)
+    assert ended.code == 3
+    document = json.loads(ended.out)
+    assert document["solved"] is False
+    assert document["cause"].startswith("task: phases[0] '': to.rest: hovering takes ")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_full_disk_leaves_the_file_of_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("p.npz").write_bytes(b"of before")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    ended = command("plan", "up.toml", "--out", "p.npz")
+    assert ended.code not in (0, 3)
+    assert "No space left on device" in ended.err
+    assert sorted(each.name for each in Path().iterdir()) == ["p.npz", "up.toml"]
+    assert Path("p.npz").read_bytes() == b"of before"

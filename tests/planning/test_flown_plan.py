@@ -15,6 +15,7 @@ from skyarm.planning.plan_file import plan_bytes
 from skyarm.planning.plan_report import SETTLE, flight_document
 from skyarm.planning.planner import Plan
 from skyarm.scenario.save import scenario_text
+from support.plans import catch
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,18 @@ def test_the_claw_catches_the_ball_and_the_tip_comes_within_ten_millimetres(
     ball = log.object_position[-1]
     assert np.linalg.norm(ball - log.tip[-1]) < 0.05  # held, 3 m from its stand
     assert np.abs(ball[0] - 3.0) < 0.3
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_the_tip_of_the_eagle_catch_stays_within_ten_millimetres(tmp_path: Path, plant: str) -> None:
+    log = skyarm.run(written(catch(), tmp_path, plant={"kind": plant}))
+    assert log.status == "completed"
+    held = (log.time >= SETTLE + 1.4) & (log.time <= SETTLE + 1.6)
+    assert held.sum() > 30
+    assert np.linalg.norm(log.tip[held], axis=1).max() < 0.01
+    assert np.linalg.norm(log.velocity[held], axis=1).min() > 0.5
+    assert np.linalg.norm(log.position[-1] - [5.0, 0.0, 1.5]) < 0.02
 
 
 def test_without_the_planned_centre_of_mass_the_tip_misses(caught: Plan, tmp_path: Path) -> None:

@@ -201,6 +201,7 @@ def test_merit_is_the_augmented_lagrangian_and_the_weighted_gaps() -> None:
 def test_damping_grows_where_steps_fail_and_falls_where_they_are_taken() -> None:
     assert next_damping(0.0, 1.0) == 0.0
     assert next_damping(0.4, 1.0) == pytest.approx(0.1)
+    assert next_damping(1e-3, 1.0) == pytest.approx(2.5e-4)
     assert next_damping(1e-7, 0.6) == 0.0
     assert next_damping(0.4, 0.4) == 0.4
     assert next_damping(0.4, 0.05) == pytest.approx(0.8)

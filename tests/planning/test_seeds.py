@@ -87,6 +87,7 @@ def test_a_way_leads_through_a_window() -> None:
         assert (np.abs(crossing[:, 2] - 2.0) < 0.45).all()
 
 
+@pytest.mark.thorough
 def test_a_wall_without_a_window_leaves_the_straight_way_alone() -> None:
     wall = surface(box([0.0, 0.0, 0.0], [0.3, 200.0, 200.0]))
     (way,) = ways_around([wall], START, GOAL, REACH)
@@ -104,3 +105,10 @@ def test_distances_of_points_from_the_nearest_obstacle() -> None:
     ])  # fmt: skip
     np.testing.assert_allclose(free_distance([*obstacles, ball], points), expected, atol=1e-9)
     assert (free_distance((), points) == np.inf).all()
+
+
+def test_a_way_does_not_lead_through_a_wall_thinner_than_the_cells() -> None:
+    place, size = [-0.5, 0.0, 1.0], [0.02, 9.0, 9.0]
+    _, *around = ways_around([surface(box(place, size))], START, GOAL, 0.3)
+    for way in around:
+        assert from_box(sampled(way), place, size).min() > 0.07

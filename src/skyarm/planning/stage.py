@@ -324,7 +324,7 @@ class Stage:
     def _input_limits(
         self, x: Sequence[Scalar], u: Sequence[Scalar], spins: Scalars, efforts: Sequence[Scalar], data: StageData
     ) -> list[tuple[str, Scalar]]:
-        """Limits of rotor accelerations (by the lag), joint torques and the contact force."""
+        """Limits of rotor accelerations (by the lag), joint torques, joint rates between nodes, the contact force."""
         vehicle, limits = self.model.vehicle, self.limits
         n, m = vehicle.n, len(vehicle.rotors)
         out = []
@@ -337,6 +337,11 @@ class Stage:
             most = float(link.joint.effort_limit) * limits.torque_share
             if math.isfinite(most) and most > 0.0:
                 out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
+        # a rate between two nodes is within the hull of three control points: both ends, and this one
+        half = self.length(x, data) * (0.5 * ARM_UNIT)
+        for link, rate, a in zip(vehicle.links, x[13 + n :], x[13 + 2 * n + m :], strict=False):
+            control = (rate + half * a) * (1.0 / limits.joint_rate)
+            out += [(f"rate of {link.joint.name}", sign * control - 1.0) for sign in (1.0, -1.0)]
         if self.contact:
             f = Vec3(*u[m + n : m + n + 3])
             along = f.dot(data.normal)
