@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import skyarm
 from skyarm.planning.planner import PlanError
@@ -47,6 +51,14 @@ def test_a_task_without_a_plan_ends_with_3_and_its_cause(monkeypatch: pytest.Mon
     assert not Path("plan.npz").exists()
 
 
+def drawn_row(film: Image.Image, frame: int) -> float:
+    """Mean row of the black pixels of one frame's upper half without its clock."""
+    film.seek(frame)
+    grey = np.asarray(film.convert("L"))
+    half = grey[: grey.shape[0] // 2, grey.shape[1] // 4 : 3 * grey.shape[1] // 4]
+    return float(np.argwhere(half < 40)[:, 0].mean())
+
+
 def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numbers(folder: Path) -> None:
     words = ("--out", "made/up.npz", "--scenario", "fly/up.toml", "--report", "page.html", "--json")
     ended = command("plan", "up.toml", *words)
@@ -58,6 +70,13 @@ def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numb
         "duration phases speed tilt rotor torque joint_rate clearance nearest violation cost seconds seeds iterations"
     )
     assert set(keys.split()) <= set(document)
+    film = re.search(r"data:image/webp;base64,([^\"]+)", Path("page.html").read_text())
+    assert film
+    with Image.open(io.BytesIO(base64.b64decode(film[1]))) as moving:
+        assert moving.n_frames > 5  # type: ignore[attr-defined]
+        rows = [drawn_row(moving, k) for k in (0, moving.n_frames - 1)]  # type: ignore[attr-defined]
+    assert rows[1] < rows[0] - 20  # the vehicle climbs by 1 m in the picture from the side
+
     assert document["violation"] < 1e-6
     with np.load("made/up.npz", allow_pickle=False) as arrays:
         assert arrays["t"][-1] == pytest.approx(document["duration"], abs=1e-12)

@@ -1,7 +1,8 @@
 """Plan many drawn tasks and print how many are solved, how fast, and how near the vehicle comes to anything.
 
 ``python tests/planning/measure_plans.py goals 100``: tip goals within 3 m of ``hexarotor_arm6`` in 1.6 s; ``boxes``,
-``windows`` and ``shelves``: scenes with obstacles. The draws follow from the seed (``--seed``, 5).
+``windows`` and ``shelves``: scenes with obstacles. Beside it, how many of them minimum snap solves. The draws follow
+from the seed (``--seed``, 5).
 """
 
 from __future__ import annotations
@@ -9,14 +10,21 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
+from collections import Counter
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.planning.planner import Plan, PlanError, plan, tip_below
+from skyarm.planning.seeds import ways_around
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.studies.assess.along_reference import along_reference
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
 FOLDED = (0.0, 0.6, -1.2, 0.0, 0.6, 0.0)
 """Joints (rad) of ``hexarotor_arm6`` at the beginning."""
@@ -74,12 +82,52 @@ def _flight(end: np.ndarray, obstacles: tuple[Surface, ...], duration: float) ->
     return Task(vehicle=load_vehicle("hexarotor_arm6"), start=start, phases=(phase,), obstacles=obstacles)
 
 
+def by_waypoints(task: Task) -> str:
+    """Fault of the same task by minimum snap, its arm still or by inverse kinematics; empty if there is none.
+
+    The base takes the planner's own way around the obstacles, in the task's time; ``skyarm check`` judges the motion.
+    """
+    phase, vehicle = task.phases[0], task.vehicle
+    arm = task.start.joints or (0.0,) * vehicle.n
+    tables: dict[str, Any] = {
+        "schema": 1,
+        "name": "by_waypoints",
+        "duration": phase.duration,
+        "plant": {"vehicle": vehicle.name},
+        "controller": {"preset": "centroidal_joint"},
+        "environment": {"ground": False},
+        "reference": {"joints": [{"kind": "constant", "value": q} for q in arm]},
+    }
+    if task.obstacles:
+        rows = [
+            {"name": o.name, "shape": o.shape, "size": [*o.size], "position": [*o.position]} for o in task.obstacles
+        ]
+        tables["world"] = {"surfaces": rows}
+    start = np.zeros(3)
+    if phase.to.tip is not None:
+        points = [[*tip_below(task, np.array(arm))], [*phase.to.tip]]
+        moving = {"kind": "waypoints", "points": points, "times": [0.0, phase.duration]}
+        tables["reference"] = {"tip": {"path": moving, "posture": [*arm]}}
+    else:
+        way = ways_around(task.obstacles, start, np.array([*phase.to.base]), float(sum(boom_and_disc(vehicle))))[:2][-1]
+        lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))]
+        times = phase.duration * lengths / lengths[-1]
+        tables["reference"]["base"] = {"kind": "waypoints", "points": way.tolist(), "times": times.tolist()}
+    try:
+        findings = along_reference(scenario_from(tables), clearance=True)
+    except ScenarioError as error:
+        return str(error)
+    wrong = [each for each in findings if each.level != "ok"]
+    return "; ".join(each.question for each in wrong)
+
+
 KINDS = {"goals": goal, "boxes": box, "windows": window, "shelves": shelf}
 
 
 def measure(kind: str, count: int, seed: int) -> str:
     """Plan drawn tasks of a kind; returns one line."""
     rng, found, spent, causes = np.random.default_rng(seed), list[Plan](), list[float](), list[str]()
+    faults = Counter[str]()
     for _ in range(count):
         task, begun = KINDS[kind](rng), time.process_time()
         try:
@@ -87,10 +135,12 @@ def measure(kind: str, count: int, seed: int) -> str:
         except PlanError as error:
             causes.append(str(error))
         spent.append(time.process_time() - begun)
+        faults[by_waypoints(task)] += 1
     gaps = [each.nearest.gap for each in found if each.nearest is not None]
     line = f"{kind}: {len(found)} of {count} solved, processor seconds: median {np.median(spent):.2f}, "
     line += f"largest {max(spent):.2f}; smallest distance {min(gaps, default=np.inf):.3f} m"
-    return "\n".join([line, *causes])
+    snap = f"minimum snap and inverse kinematics: {faults.pop('', 0)} of {count}"
+    return "\n".join([line, snap, *(f"  {number} with faults of {each}" for each, number in faults.items()), *causes])
 
 
 if __name__ == "__main__":

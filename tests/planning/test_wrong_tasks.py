@@ -151,6 +151,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"vehicle": "voliro_like", "phases": [{"to": {"base": [0, 0, 0]}}]},
         "vehicle = 'voliro_like': must have no tilting rotors; no plan turns them",
     ),
+    (
+        {"vehicle": "hummingbird_arm2", "phases": [{"to": {"base": [0, 0, 0]}}]},
+        "vehicle 'hummingbird_arm2': links[link1].planar = True: must be false in a plant (a planar inertia is "
+        "impossible for a real body; such a vehicle is a controller's model only)",
+    ),
     ({"start": 3}, "start = 3: must be a table"),
     ({"limits": 3}, "limits = 3: must be a table"),
     ({"phases": [3]}, "phases[0] = 3: must be a table"),

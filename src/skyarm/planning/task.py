@@ -51,6 +51,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world.contact.surface import Surface
 
 
@@ -218,6 +219,8 @@ class Task:
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
             raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
+        with errors_as(TaskError):
+            require_plant(self.vehicle)
 
 
 def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:

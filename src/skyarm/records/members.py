@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, ItemsView, Iterator, Mapping, ValuesView
 from dataclasses import Field
 from typing import Any, TypeVar
 
@@ -30,7 +30,7 @@ class Members(Mapping[str, T]):
 
     def __post_init__(self) -> None:
         for field, value in (("names", self.names), ("others", self.others)):
-            if type(value) is not tuple or not all(type(each) is str for each in value):
+            if type(value) is not tuple or not {*map(type, value)} <= {str}:
                 coerce.refuse(f"members.{field}", value, "must be a tuple of names")
         if type(self.records) is not tuple or len(self.records) not in (0, len(self.names)):
             coerce.refuse("members.records", self.records, f"must be a tuple of {len(self.names)}, one for each name")
@@ -45,6 +45,14 @@ class Members(Mapping[str, T]):
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def items(self) -> ItemsView[str, T]:
+        """Names with their records: the view of a dict, since that of a mapping looks each name up anew."""
+        return dict(zip(self.names, self.records, strict=True)).items()
+
+    def values(self) -> ValuesView[T]:
+        """Records in order."""
+        return dict(zip(self.names, self.records, strict=True)).values()
 
     def only(self, name: str) -> Members[T]:
         """View of one member, with the names of the others."""

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -134,6 +136,17 @@ class Document:
         """Path of a word in the file: below the agent's own table if that has it."""
         named = OF_AGENT_ALONE.get(path, path)
         return f"{self._prefix}.{named}" if named.split(".")[0] in self._own else path
+
+    @contextmanager
+    def errors_at(self) -> Iterator[None]:
+        """Context manager that puts the agent before an error about a word that stands in the agent's own table."""
+        try:
+            yield
+        except ValueError as error:
+            words = str(error)
+            if re.split(r"\W", words, maxsplit=1)[0] not in self._own:
+                raise
+            raise ValueError(f"{self._prefix}.{words}") from None
 
     def table(self, path: str) -> Fields:
         """Reader of the table at a path of a scenario file, shared by all keys of the table."""

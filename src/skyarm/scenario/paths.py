@@ -7,6 +7,7 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -110,9 +111,8 @@ def errors_of_agent(name: str) -> Iterator[None]:
         words = str(error)
         if words.startswith("path = '"):
             raise ScenarioError(words.replace("path = '", f"path = '{OF_AGENT}{name}.", 1)) from None
-        raise ScenarioError(
-            f"{OF_AGENT}{name}.{words}" if is_of_agent(words.split(" ", maxsplit=1)[0].rstrip(":")) else words
-        ) from None
+        of = is_of_agent(re.split(r"[ :\[]", words, maxsplit=1)[0])
+        raise ScenarioError(f"{OF_AGENT}{name}.{words}" if of else words) from None
 
 
 @immutable(kw_only=False)

@@ -211,11 +211,12 @@ def _scenario_of(document: Document) -> Scenario:
     agents, changes = dict[str, Agent](), document.word("changes")
     changes = [each for each in changes if not (each.of_law and document.law is not None)]
     for name, each in members.items():
-        controller = each.stated_table("controller")
-        require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
-        payloads, more = _payloads_and_changes(each, name if len(members) > 1 else "")
-        fields = {place[-1]: value for place, value in each.fields(agent=True).items()}
-        agents[name] = Agent(**fields | {"payloads": payloads})
+        with each.errors_at():
+            controller = each.stated_table("controller")
+            require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
+            payloads, more = _payloads_and_changes(each, name if len(members) > 1 else "")
+            fields = {place[-1]: value for place, value in each.fields(agent=True).items()}
+            agents[name] = Agent(**fields | {"payloads": payloads})
         changes += more
     shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
     scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})

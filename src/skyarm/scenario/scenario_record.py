@@ -569,9 +569,10 @@ class Scenario:
         Raises:
             ScenarioError: there are several; the message names them.
         """
-        if len(self.agents) > 1:
+        only, *others = cast("Members[Agent]", self.agents).records
+        if others:
             raise ScenarioError(SEVERAL.format(", ".join(self.agents)))
-        return next(iter(self.agents.values()))
+        return only
 
     @property
     def _members(self) -> Members[Agent]:
@@ -581,7 +582,7 @@ class Scenario:
     @property
     def others(self) -> tuple[str, ...]:
         """Names of the vehicles that fly beside the one of this scenario, which :meth:`of` made; () of a whole one."""
-        return self._members.others
+        return cast("Members[Agent]", self.agents).others
 
     def alone(self, purpose: str) -> Scenario:
         """Scenario itself, for a purpose that takes the flight of one vehicle without others.
@@ -834,9 +835,10 @@ class Scenario:
     @property
     def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Wind, air and added forces with their parameter paths."""
-        lists = {"environment.air": self.air, "environment.forces": self.forces}
-        numbered = ((f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several))
-        return (("environment.wind", self.wind), *numbered)
+        around = self.environment
+        lists = {"environment.air": around.air, "environment.forces": around.forces}
+        numbered = [(f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several)]
+        return (("environment.wind", around.wind), *numbered)
 
     @property
     def worlds(self) -> tuple[Contact, ...]:

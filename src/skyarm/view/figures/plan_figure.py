@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
@@ -15,9 +18,9 @@ from skyarm.dynamics.kinematics import link_poses
 from skyarm.planning.plan_file import plan_arrays
 from skyarm.planning.plan_report import tilts
 from skyarm.planning.planner import Plan, states_at
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Pixels
 from skyarm.vehicle import BASE
-from skyarm.view.figures.style import PAGE
+from skyarm.view.figures.style import PAGE, Picture
 from skyarm.world.contact.surface import Surface
 
 STILLS = 13
@@ -29,24 +32,67 @@ SIDES = (("x", 0, "z", 2), ("x", 0, "y", 1))
 
 def motion_figure(plan: Plan) -> Figure:
     """Draw the vehicle along its plan, projected from the side and from above, with the obstacles."""
+    figure, axes = _paths(plan)
+    for ax, (_, i, _, j) in zip(axes, SIDES, strict=True):
+        for k, x in enumerate(_stills(plan)):
+            shade = 0.75 * (1.0 - k / (STILLS - 1))
+            for line in outline_of(plan, x):
+                ax.plot(line[:, i], line[:, j], color=(shade, shade, shade), linewidth=1.4, solid_capstyle="round")
+    return figure
+
+
+def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
+    """Draw the vehicle moving along its plan, one picture (height, width, 3) for each instant at a rate ``fps``."""
+    figure, axes = _paths(plan)
+    figure.set_dpi(dpi)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)
+    drawn = [LineCollection([], colors="black", linewidths=2.0) for _ in axes]
+    clock = axes[0].text(0.01, 0.95, "", transform=axes[0].transAxes, va="top", **PAGE.words)
+    for ax, each in zip(axes, drawn, strict=True):
+        ax.add_collection(each, autolim=False)
+    for t in np.arange(0.0, float(plan.t[-1]), 1.0 / fps):
+        canvas.restore_region(still)
+        clock.set_text(f"{t:.1f} s")
+        lines = outline_of(plan, states_at(plan, np.array([t]))[0])
+        for ax, each, (_, i, _, j) in zip(axes, drawn, SIDES, strict=True):
+            each.set_segments([line[:, [i, j]] for line in lines])
+            ax.draw_artist(each)
+        axes[0].draw_artist(clock)
+        yield np.array(canvas.buffer_rgba())[..., :3]
+
+
+def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
+    """Draw the paths of base and tip, from the side and from above, and the obstacles.
+
+    Both projections have one scale and show all of the motion; they stand beside each other where it is not long in x.
+    """
     arrays = plan_arrays(plan)
-    figure = PAGE.blank(11.0, 6.4)
-    axes = [PAGE.dress(ax) for ax in figure.subplots(2, 1, sharex=True)]
-    states = states_at(plan, np.linspace(0.0, float(plan.t[-1]), STILLS))
+    points = np.vstack([line for x in _stills(plan) for line in outline_of(plan, x)] + [arrays["position"]])
+    middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.525 * np.ptp(points, axis=0)
+    stacked = half[0] > 1.5 * max(half[1:])
+    ratio = 3.6 if stacked else 1.05
+    width = max(half[0], ratio * max(half[1:]))
+    figure = PAGE.blank(11.0, 6.4 if stacked else 5.6)
+    axes = [PAGE.dress(ax) for ax in (figure.subplots(2, 1) if stacked else figure.subplots(1, 2))]
     for ax, (across, i, up, j) in zip(axes, SIDES, strict=True):
         for each in plan.task.obstacles:
             _draw_obstacle(ax, each, i, j)
         ax.plot(arrays["position"][:, i], arrays["position"][:, j], color=PAGE.looks[0].color, linewidth=0.8)
         if arrays["tip"].size:
             ax.plot(arrays["tip"][:, i], arrays["tip"][:, j], **PAGE.looks[1].line)
-        for k, x in enumerate(states):
-            shade = 0.75 * (1.0 - k / (STILLS - 1))
-            for line in outline_of(plan, x):
-                ax.plot(line[:, i], line[:, j], color=(shade, shade, shade), linewidth=1.4, solid_capstyle="round")
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set(xlim=(middle[i] - width, middle[i] + width))
+        ax.set(ylim=(middle[j] - width / ratio, middle[j] + width / ratio))
+        ax.set_aspect("equal")
         ax.set_xlabel(f"{across} [m]", **PAGE.words)
         ax.set_ylabel(f"{up} [m]", **PAGE.words)
-    return figure
+    return figure, axes
+
+
+def _stills(plan: Plan) -> Array:
+    """States of the plan at equal steps of time."""
+    return states_at(plan, np.linspace(0.0, float(plan.t[-1]), STILLS))
 
 
 def outline_of(plan: Plan, x: Array) -> list[Array]:

@@ -68,6 +68,11 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
             f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
             "lower fps, a smaller size, a shorter span"
         )
+    return write_atomically(path, webp_bytes(frames, fps))
+
+
+def webp_bytes(frames: Frames, fps: int) -> bytes:
+    """Encode frames as an animated WebP that repeats for ever."""
     first, *rest = (Image.fromarray(pixels) for pixels in frames)
     # whole milliseconds that add up to the film's length
     edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
@@ -86,7 +91,7 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
         kmin=WEBP_KEY - 1,
         kmax=WEBP_KEY,
     )
-    return write_atomically(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]

@@ -128,10 +128,11 @@ def image(alternative: str, caption: str, content: bytes, *, wide: bool = False,
     Args:
         alternative: text in its place.
         caption: text below it.
-        content: bytes of its PNG file.
+        content: bytes of its PNG or WebP file.
         wide: takes all of the page's width; on a narrow screen it scrolls.
         kind: class of its style.
         name: identifier.
     """
-    address = f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}"
+    suffix = "webp" if content[:4] == b"RIFF" else "png"
+    address = f"data:image/{suffix};base64,{base64.b64encode(content).decode('ascii')}"
     return _part("figure", alternative, caption, address, kind or ("wide" if wide else ""), name)
