@@ -71,6 +71,9 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
     return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
 
+_NOISIER = "higher values make the measurement noisier"
+
+
 @immutable
 @checked("sensors")
 class SensorNoise(Sensor):
@@ -81,11 +84,11 @@ class SensorNoise(Sensor):
 
     position: Annotated[
         Scalar,
-        Unit("m", "standard deviation of the position noise, each world axis", low=0.0, usual=1.0),
+        Unit("m", "standard deviation of the position noise, each world axis", low=0.0, usual=1.0, effect=_NOISIER),
     ] = 0
     velocity: Annotated[
         Scalar,
-        Unit("m/s", "standard deviation of the velocity noise, each world axis", low=0.0, usual=5.0),
+        Unit("m/s", "standard deviation of the velocity noise, each world axis", low=0.0, usual=5.0, effect=_NOISIER),
     ] = 0
     attitude: Annotated[
         Scalar,
@@ -94,6 +97,7 @@ class SensorNoise(Sensor):
             "standard deviation of the attitude noise, a rotation vector in base axes",
             low=0.0,
             usual=0.5,
+            effect=_NOISIER,
         ),
     ] = 0
     rate: Annotated[
@@ -103,6 +107,7 @@ class SensorNoise(Sensor):
             "standard deviation of the angular velocity noise, each base axis",
             low=0.0,
             usual=5.0,
+            effect=_NOISIER,
         ),
     ] = 0
     specific_force: Annotated[
@@ -112,16 +117,17 @@ class SensorNoise(Sensor):
             "standard deviation of the accelerometer noise, each base axis",
             low=0.0,
             usual=50.0,
+            effect=_NOISIER,
         ),
     ] = 0
     joints: Annotated[
-        Scalar, Unit("rad or m", "standard deviation of the joint position noise", low=0.0, usual=0.5)
+        Scalar, Unit("rad or m", "standard deviation of the joint position noise", low=0.0, usual=0.5, effect=_NOISIER)
     ] = 0
     joint_rates: Annotated[
-        Scalar, Unit("rad/s or m/s", "standard deviation of the joint rate noise", low=0.0, usual=5.0)
+        Scalar, Unit("rad/s or m/s", "standard deviation of the joint rate noise", low=0.0, usual=5.0, effect=_NOISIER)
     ] = 0
     rotor_speeds: Annotated[
-        Scalar, Unit("rad/s", "standard deviation of the rotor speed noise", low=0.0, usual=200.0)
+        Scalar, Unit("rad/s", "standard deviation of the rotor speed noise", low=0.0, usual=200.0, effect=_NOISIER)
     ] = 0
 
     @classmethod
