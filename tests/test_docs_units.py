@@ -80,7 +80,7 @@ def test_units_of_the_centroidal_law_s_options_are_those_of_its_constants() -> N
 
 
 def test_units_of_the_safety_layer_s_limits_are_those_of_its_record() -> None:
-    assert "words controller.safety" in heads()
+    assert sum(head.startswith("words controller.safety ") for head in heads()) == 3
     shown = {row[0].strip("`"): unit_of(row[1]) for row in cells_of(made("words controller.safety"))}
     assert {name: unit.unit for name, unit in units(Limits).items()} == {name: shown[name] for name in units(Limits)}
     assert shown["stow"] == "rad or m"

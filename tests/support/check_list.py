@@ -227,7 +227,7 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "loss of NAME",
         "note, warning",
-        "the same with the grasps of one vehicle open; warning at an alarm of another vehicle",
+        "load share and balance with the grasps of one vehicle open; warning at an alarm of another vehicle",
         "a lighter body, more thrust, or one vehicle more",
     ),
     Check(

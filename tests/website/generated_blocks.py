@@ -116,8 +116,8 @@ ON_TORQUE = ("decoupled_pd", "admittance_pd")
 """Laws whose joint gains act on torque."""
 
 
-def law_block(law: str) -> str:
-    """Options of a law or of an autopilot, in the order of its maker."""
+def law_block(law: str, *left_out: str) -> str:
+    """Options of a law or of an autopilot, in the order of its maker; ``-NAME`` leaves out the fields of a table."""
     assert law in (*LAWS, *AUTOPILOTS), f"no law {law}"
     rows: list[Sequence[str]] = []
     texts = option_texts(law)
@@ -126,7 +126,15 @@ def law_block(law: str) -> str:
             continue
         text = texts[option]
         rows.append(_option_row(word, text))
-        rows += _table_rows(word, law, text)
+        if f"-{word}" not in left_out:
+            rows += _table_rows(word, law, text)
+    return table(OPTION_HEADS, rows)
+
+
+def gains_block(option: str, law: str) -> str:
+    """Fields of an option that is a table, as a law has it: those that cards of several laws leave out."""
+    rows = _table_rows(option, law, option_texts(law)[option])
+    assert rows, f"{option} is no table"
     return table(OPTION_HEADS, rows)
 
 
@@ -526,6 +534,7 @@ def checks_block(part: str) -> str:
 
 KINDS: dict[str, Callable[..., str]] = {
     "law": law_block,
+    "gains": gains_block,
     "laws": laws_block,
     "record": record_block,
     "words": words_block,

@@ -188,7 +188,7 @@ class Limits:
         float,
         _finite(
             "1/s",
-            "factor from the distance left to a limit to the largest speed towards it, and from speed to acceleration",
+            "braking rate k: towards a limit a joint moves at most at k times the distance left",
             effect="higher values brake later and harder",
         ),
     ] = 25.0
