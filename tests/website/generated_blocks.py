@@ -371,7 +371,10 @@ WINDOWED = {"whole": "the whole flight"}
 
 
 def metrics_block(group: str) -> str:
-    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has."""
+    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has.
+
+    The pages say which groups have a ``_continuous`` version: all metrics of a group have one, or none has.
+    """
     every = measures(1)
     if group == "groups":
         listed = [(f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name])) for name in GROUPS if name != "all"]
@@ -384,15 +387,16 @@ def metrics_block(group: str) -> str:
         "contact": (*INTERACTION, *GRASPS),
         "registered": tuple(name for name in names("metric")),
     }[group]
+    if 0 < sum(f"{name}{CONTINUOUS}" in twins for name in chosen) < len(chosen):
+        raise ValueError(f"metrics {group}: some have a version with the suffix {CONTINUOUS}, some have none")
     rows: list[Sequence[str]] = []
     for name in chosen:
         each = every[name]
-        twin = f"`{name}{CONTINUOUS}`" if f"{name}{CONTINUOUS}" in twins else ""
-        rows.append((f"`{name}`", each.unit, each.window, each.words, twin))
+        rows.append((f"`{name}`", each.unit, each.window, each.words))
     if group == "free":
         torque = every["tau1_rms"]
-        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N", ""))
-    return table(("metric", "unit", "window", "meaning", "against the continuous reference"), rows)
+        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N"))
+    return table(("metric", "unit", "window", "meaning"), rows)
 
 
 SHAPES = {"joints": "N, joints", "rotors": "N, rotors", "tilting": "N, tilting rotors", "loops": "N, 2"}
