@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from python_names import arguments_of, classes_of, first_line, functions_of, modules_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
 
@@ -498,27 +499,10 @@ def methods_block(path: str) -> str:
     return table(("name", "is a", "meaning"), rows)
 
 
-def first_line(thing: object) -> str:
-    """First line of a docstring, without markup of Sphinx."""
-    line = (inspect.getdoc(thing) or "").split("\n")[0]
-    return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", line).replace("``", "`")
-
-
-PUBLIC = "__all__"
-"""Name of the list of public names, which the stub does not declare."""
-
-
-def python_block(part: str) -> str:
-    """Public names of skyarm: functions, classes or modules, each with its first line."""
-    rows: list[Sequence[str]] = []
-    for name in sorted(set(getattr(skyarm, PUBLIC)) - {"__version__"}):
-        thing = getattr(skyarm, name)
-        is_class, is_module = inspect.isclass(thing), inspect.ismodule(thing)
-        kind = "classes" if is_class else "modules" if is_module else "functions"
-        if kind == part:
-            rows.append((f"`skyarm.{name}`", first_line(thing)))
-    assert rows, f"no {part}"
-    return table(("name", "meaning"), rows)
+def python_block(kind: str, job: str = "") -> str:
+    """Public names of skyarm of a job: functions, their arguments, classes; or modules."""
+    made_by = {"functions": functions_of, "arguments": arguments_of, "classes": classes_of}
+    return table(*(made_by[kind](job) if job else modules_of()))
 
 
 def checks_block(part: str) -> str:

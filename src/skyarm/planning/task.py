@@ -247,6 +247,9 @@ def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase 
 def load_task(path: PathLike) -> Task:
     """Load a planning task from a TOML file, or a shipped one by its name.
 
+    Args:
+        path: path of a .toml file, or the name of a shipped task.
+
     Raises:
         TaskError: one line with file, field, value and what is allowed.
     """
