@@ -206,7 +206,7 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
     """Row of a field of a record."""
     annotation, unit = declared_fields(kind)[name]
     text = word_texts.of_field(tuple(each.__name__ for each in kind.__mro__), name)
-    entry = entry_in_words(annotation)
+    entry = "text" if annotation is skyarm.Vehicle else entry_in_words(annotation)  # a file names a vehicle
     default = text.default or default_in_words(defaults(kind)[name])
     return (
         f"`{word or words_of_fields(kind).get(name, name)}`",
