@@ -208,7 +208,9 @@ def type_in_words(annotation: object) -> str:
     """Type of an argument or a result without None, which its default shows."""
     if annotation is inspect.Parameter.empty:
         return ""
-    text = str(annotation).strip("'").replace("PathLike", "path").replace("ArrayLike", "array").replace("Array", "array")
+    text = str(annotation).strip("'")
+    for ours, word in (("PathLike", "path"), ("ArrayLike", "array"), ("Array", "array")):
+        text = text.replace(ours, word)
     text = re.sub(r"\bstr \| Path\b", "path", text)
     return f"`{text}`" if text == "None" else f"`{text.replace(' | None', '')}`"
 
@@ -268,7 +270,9 @@ def arguments_of(job: str) -> tuple[Row, list[Row]]:
 def classes_of(job: str) -> tuple[Row, list[Row]]:
     """Heads and rows: classes of a job with their guide."""
     require_all("classes", CLASSES)
-    rows = [(f"`skyarm.{name}`", first_line(getattr(skyarm, name)), guide(page)) for name, page in CLASSES[job].items()]
+    rows: list[Row] = [
+        (f"`skyarm.{name}`", first_line(getattr(skyarm, name)), guide(page)) for name, page in CLASSES[job].items()
+    ]
     return ("name", "meaning", "guide"), rows
 
 

@@ -94,15 +94,14 @@ def main() -> None:
     parser.add_argument("--others", action="store_true", help="tasks that press, under several laws")
     parser.add_argument("--small", action="store_true", help="one or two tasks in four worlds")
     given = parser.parse_args()
-    fly, tasks, worlds, folder = measure, (), 64, "out/contact_suite"
-    few: Sequence[str] = ("press_and_hold", "pull_door")
-    if given.others:
-        fly, tasks, worlds, folder, few = measure_others, PRESSING, 16, "out/contact_others", PRESSING[:1]
+    fly = measure_others if given.others else measure
     if given.small:
         with tempfile.TemporaryDirectory() as out:
-            fly(4, out, few)
+            fly(4, out, PRESSING[:1] if given.others else ("press_and_hold", "pull_door"))
+    elif given.others:
+        fly(given.worlds or 16, given.out or "out/contact_others", PRESSING)
     else:
-        fly(given.worlds or worlds, given.out or folder, tasks)
+        fly(given.worlds or 64, given.out or "out/contact_suite", ())
 
 
 if __name__ == "__main__":
