@@ -94,7 +94,7 @@ def measure(kind, seeds, seed, *told):
         yield kind, f"{1e3 * m:g}", f"{1e2 * s:g}", f"{told[0]:g}", f"{placed[here].sum()} of {here.sum()}", *shown
 
 
-HEADS = ("gripper", "mass, g", "size, cm", "`bandwidth`", "placed", "distance from the goal, mm", "largest")
+HEADS = ("gripper", "mass, g", "size, cm", "`bandwidth`", "placed", "distance from the goal, mm", "largest, mm")
 
 
 def main():

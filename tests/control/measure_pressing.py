@@ -83,8 +83,8 @@ def approaches(seeds, seed):
 TABLES = {
     "pushes": (
         (
-            *("case", "force, N", "completed", "mean error, N", "largest", "ripple, N", "largest"),
-            *("tip across, mm", "largest"),
+            *("case", "force, N", "completed", "mean error, N", "largest error", "ripple, N"),
+            *("largest ripple", "tip across, mm", "largest across"),
         ),
         pushes,
     ),

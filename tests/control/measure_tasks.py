@@ -222,16 +222,16 @@ def pegs(seeds, seed):
 FLOWN = ("completed",)
 TABLES = {
     "winds": (("direction", "state", *FLOWN, "largest error, N", "largest of all", "contact lost"), winds),
-    "edges": (("sensor", *FLOWN, "past the face, mm", "largest", "contact lost before"), edges),
+    "edges": (("sensor", *FLOWN, "past the face, mm", "largest, mm", "contact lost before"), edges),
     "handles": (
-        ("task", *FLOWN, "radial force, N", "largest mean", "largest force, N", "largest of all", "turned, degrees"),
+        ("task", *FLOWN, "mean force, N", "worst mean", "peak force, N", "worst peak", "turned, degrees"),
         handles,
     ),
     "pegs": (("case", "inserted", "largest force, N", "largest of all"), pegs),
     "loads": (
         (
-            *("case", *FLOWN, "in the lift, mm", "largest", "before the release, mm", "largest"),
-            *("after it, mm", "largest", "mass error, %", "largest"),
+            *("case", *FLOWN, "in the lift, mm", "largest lift", "before the release, mm", "largest before"),
+            *("after it, mm", "largest after", "mass error, %", "largest mass error"),
         ),
         loads,
     ),

@@ -41,7 +41,7 @@ OPTIONS = {"hexarotor_arm6": {key: VEHICLES["arm6"][-1][key] for key in ("reach"
 
 
 METRICS = ("contact_error_mean", "contact_ripple")
-SIZES = ("completed", "mean error, N", "largest", "ripple, N", "largest")
+SIZES = ("completed", "mean error, N", "largest error", "ripple, N", "largest ripple")
 
 
 def pressed(name):
@@ -110,7 +110,7 @@ def other_arms(seeds, seed):
 TABLES = {
     "stiffness": (("wall, N/m", "case", *SIZES), stiffness),
     "weak_joints": (("case", "`tolerances`", *SIZES[:4]), weak_joints),
-    "other_arms": (("vehicle", "joints, rad or m", "largest, N", "part", *SIZES), other_arms),
+    "other_arms": (("vehicle", "joints, rad or m", "limit, N", "part", *SIZES), other_arms),
 }
 
 if __name__ == "__main__":

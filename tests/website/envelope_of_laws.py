@@ -72,8 +72,8 @@ def written(found: Mapping[str, Any]) -> dict[str, str]:
     weakest = ", ".join(words_of(row) for row in violation_rows(violations(axes, FLAGSHIP))) or "none"
     first, *more = headed(summary_rows(axes, laws), laws)
     more.append(
-        f"This list has each trial in which `{FLAGSHIP}` is lost and another law is not. It also has each\n"
-        f"trial in which the error of `{FLAGSHIP}` is over 10 % larger than that of the paper's law: {weakest}.\n"
+        f"Trials in which `{FLAGSHIP}` is lost and another law is not, or in which its error is over 10 %\n"
+        f"larger than that of the paper's law: {weakest}.\n"
     )
     return {FIRST: first, REST: "\n".join(more)}
 

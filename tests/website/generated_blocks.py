@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from python_names import arguments_of, classes_of, first_line, functions_of, modules_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
 
@@ -213,7 +214,7 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
     """Row of a field of a record."""
     annotation, unit = declared_fields(kind)[name]
     text = word_texts.of_field(tuple(each.__name__ for each in kind.__mro__), name)
-    entry = entry_in_words(annotation)
+    entry = "text" if annotation is skyarm.Vehicle else entry_in_words(annotation)  # a file names a vehicle
     default = text.default or default_in_words(defaults(kind)[name])
     return (
         f"`{word or words_of_fields(kind).get(name, name)}`",
@@ -379,7 +380,10 @@ WINDOWED = {"whole": "the whole flight"}
 
 
 def metrics_block(group: str) -> str:
-    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has."""
+    """Metrics of a group, with unit and window; ``groups`` lists the groups, ``others`` what no group has.
+
+    The pages say which groups have a ``_continuous`` version: all metrics of a group have one, or none has.
+    """
     every = measures(1)
     if group == "groups":
         listed = [(f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name])) for name in GROUPS if name != "all"]
@@ -392,15 +396,16 @@ def metrics_block(group: str) -> str:
         "contact": (*INTERACTION, *GRASPS),
         "registered": tuple(name for name in names("metric")),
     }[group]
+    if 0 < sum(f"{name}{CONTINUOUS}" in twins for name in chosen) < len(chosen):
+        raise ValueError(f"metrics {group}: some have a version with the suffix {CONTINUOUS}, some have none")
     rows: list[Sequence[str]] = []
     for name in chosen:
         each = every[name]
-        twin = f"`{name}{CONTINUOUS}`" if f"{name}{CONTINUOUS}" in twins else ""
-        rows.append((f"`{name}`", each.unit, each.window, each.words, twin))
+        rows.append((f"`{name}`", each.unit, each.window, each.words))
     if group == "free":
         torque = every["tau1_rms"]
-        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N", ""))
-    return table(("metric", "unit", "window", "meaning", "against the continuous reference"), rows)
+        rows.append(("`tauN_rms`, `efforts` for all", torque.unit, torque.window, "RMS torque of joint N"))
+    return table(("metric", "unit", "window", "meaning"), rows)
 
 
 SHAPES = {"joints": "N, joints", "rotors": "N, rotors", "tilting": "N, tilting rotors", "loops": "N, 2"}
@@ -502,27 +507,10 @@ def methods_block(path: str) -> str:
     return table(("name", "is a", "meaning"), rows)
 
 
-def first_line(thing: object) -> str:
-    """First line of a docstring, without markup of Sphinx."""
-    line = (inspect.getdoc(thing) or "").split("\n")[0]
-    return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", line).replace("``", "`")
-
-
-PUBLIC = "__all__"
-"""Name of the list of public names, which the stub does not declare."""
-
-
-def python_block(part: str) -> str:
-    """Public names of skyarm: functions, classes or modules, each with its first line."""
-    rows: list[Sequence[str]] = []
-    for name in sorted(set(getattr(skyarm, PUBLIC)) - {"__version__"}):
-        thing = getattr(skyarm, name)
-        is_class, is_module = inspect.isclass(thing), inspect.ismodule(thing)
-        kind = "classes" if is_class else "modules" if is_module else "functions"
-        if kind == part:
-            rows.append((f"`skyarm.{name}`", first_line(thing)))
-    assert rows, f"no {part}"
-    return table(("name", "meaning"), rows)
+def python_block(kind: str, job: str = "") -> str:
+    """Public names of skyarm of a job: functions, their arguments, classes; or modules."""
+    made_by = {"functions": functions_of, "arguments": arguments_of, "classes": classes_of}
+    return table(*(made_by[kind](job) if job else modules_of()))
 
 
 def checks_block(part: str) -> str:

@@ -133,6 +133,9 @@ TESTS = {
     "skyarm.world.contact.material.Material.bristle_rate": (
         "tests/world/contact/test_material.py::test_a_bristle_bends_with_the_slip_and_then_slides_at_its_length"
     ),
+    "skyarm.world.contact.material.Material.friction_force": (
+        "tests/world/contact/test_material.py::test_friction_stands_against_the_slip_with_the_share_that_the_bristle_is_bent"
+    ),
     "skyarm.log.metrics.score.score": "tests/log/metrics/test_metrics.py::test_rms_of_attitude_and_torques",
     "skyarm.log.tip_positions.level_tip": (
         "tests/log/metrics/test_metrics.py::test_the_desired_tool_is_that_of_a_level_base_with_the_desired_heading"

@@ -148,6 +148,10 @@ def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
 def save_log(log: Log, path: PathLike) -> Path:
     """Write a log to a file in the format of the file's suffix.
 
+    Args:
+        log: log of a flight.
+        path: path of the file: .npz, .csv, .mcap or a registered suffix.
+
     Raises:
         RegistryError: no such format. OSError: it cannot be written. ValueError: the format wrote no file.
     """
@@ -178,6 +182,9 @@ def as_log(given: Log | PathLike) -> Log:
 
 def load_log(path: PathLike) -> Log:
     """Read a log from a file.
+
+    Args:
+        path: path of an .npz or .mcap file, or of a registered format that can be read.
 
     Raises:
         ValueError: the format cannot be read back, or the file is not such a log.

@@ -69,7 +69,7 @@ class Start:
 
     position: Annotated[Vec3, Unit("m", "position of the base origin at the beginning, world axes")] = ZERO3
     attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base at the beginning")] = (0.0,) * 3
-    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions at the beginning; empty: zero")] = ()
+    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions at the beginning; zero if left out")] = ()
 
     def __post_init__(self) -> None:
         accept_fields(self, "start", TaskError)
@@ -94,9 +94,9 @@ class Goal:
     ] = None
     base: Annotated[Vec3 | None, Unit("m", "position of the base origin, world axes")] = None
     velocity: Annotated[Vec3 | None, Unit("m/s", "velocity of the base origin, world axes")] = None
-    attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base; empty: free")] = ()
+    attitude: Annotated[tuple[float, ...], Unit("rad", "roll, pitch and yaw of the base")] = ()
     heading: Annotated[float | None, Unit("rad", "heading of the base about world z")] = None
-    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions; empty: free")] = ()
+    joints: Annotated[tuple[float, ...], Unit("rad or m", "joint positions")] = ()
     rest: Annotated[bool, Unit("", "true: base and joints are at rest, without acceleration")] = False
 
 
@@ -135,8 +135,8 @@ class PlanPhase:
     )
     step: Annotated[float | None, Unit("s", "time between nodes", low=0.002, high=0.5)] = None
     contact: Contact | None = None
-    gripper: Annotated[str, Unit("", "gripper that closes when the phase begins; empty: none")] = ""
-    release: Annotated[str, Unit("", "gripper that opens when the phase begins; empty: none")] = ""
+    gripper: Annotated[str, Unit("", "gripper that closes when the phase begins")] = ""
+    release: Annotated[str, Unit("", "gripper that opens when the phase begins")] = ""
     tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase")] = None
 
     @property
@@ -249,6 +249,9 @@ def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase 
 
 def load_task(path: PathLike) -> Task:
     """Load a planning task from a TOML file, or a shipped one by its name.
+
+    Args:
+        path: path of a .toml file, or the name of a shipped task.
 
     Raises:
         TaskError: one line with file, field, value and what is allowed.

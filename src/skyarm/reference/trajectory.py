@@ -208,7 +208,13 @@ def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
 
 
 def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Scalar] = ()) -> Trajectory:
-    """Make a trajectory at a constant position (m) and heading (rad), with optional joint signals."""
+    """Make a trajectory at a constant position (m) and heading (rad), with optional joint signals.
+
+    Args:
+        position: position of the base, m, world.
+        yaw: rad.
+        joints: signals or numbers, one for each joint.
+    """
     place = coerce.items("hover.position", position, (3,), "must be three numbers")
     x, y, z, heading = signals((*place, yaw))
     followed = coerce.items("hover.joints", joints, None, "must be signals or numbers, one per joint")

@@ -39,6 +39,10 @@ def run(scenario: Scenario | PathLike, progress: Progress | None = None) -> Log:
     warning says so, and the episode flies in Python: slower, the same numbers to the last bit.
 
     Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario.
+
+    Args:
+        scenario: a scenario, the path of its file or of a log, or a shipped name.
+        progress: called with (periods flown, periods in all).
     """
     return _fly(as_scenario(scenario), progress)
 

@@ -109,7 +109,11 @@ def normal_pair(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
-    """Convert an even number of uniform random numbers in (0, 1) to as many standard normal ones (Box and Muller)."""
+    """Convert an even number of uniform random numbers in (0, 1) to as many standard normal ones (Box and Muller).
+
+    Args:
+        uniforms: uniform random numbers, such as the draws of a part.
+    """
     numbers: list[Scalar] = []
     for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
         numbers += normal_pair(a, b)

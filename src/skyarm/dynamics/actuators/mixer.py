@@ -159,6 +159,12 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Sca
 def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Scalar = 0.0) -> Mixer:
     """Make the control allocation from the Moore-Penrose inverse of the allocation matrix.
 
+    Args:
+        vehicle: model of the law; its rotors are allocated.
+        policy: at the rotors' limits: "clip", "priority" or "thrust_before_yaw" (:class:`Mixer`).
+        sideways: True if the rotors also give a force across body z.
+        yaw_slack: yaw torque that "thrust_before_yaw" may give up to keep the thrust, N m.
+
     Raises:
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
             6), or, for "priority", a rotor has no share in the thrust.
@@ -224,6 +230,12 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3) -> tup
     """Rotor speeds (rad/s) for a body torque (N m), a thrust (N) and a sideways force (N).
 
     A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
+
+    Args:
+        mixer: control allocation of :func:`make_mixer`.
+        torque: body torque, N m, body axes.
+        thrust: thrust along body z, N.
+        across: force across body z, N, body axes.
 
     Returns:
         The commanded speeds and the squared speeds of torque and thrust before any limit.

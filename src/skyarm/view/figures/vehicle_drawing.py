@@ -69,6 +69,9 @@ def vehicle_drawing(vehicle: Vehicle) -> Picture:
 
     Bodies are guesses by :mod:`skyarm.world.scene`; frames, joints, rotors, lengths and angles are the vehicle's own.
     World z up, body x forward, y left, z up. Joints whose motion the side view shows are bent by 0.5 rad.
+
+    Args:
+        vehicle: vehicle to draw.
     """
     posed = Posed(vehicle)
     figure = PAPER.blank(PAPER.wide, HEIGHT)
