@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from python_names import arguments_of, classes_of, first_line, functions_of, modules_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
 
@@ -50,6 +49,7 @@ from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.check_list import CHECKS
+from website.python_names import arguments_of, classes_of, first_line, functions_of, modules_of
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
