@@ -18,7 +18,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
-from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
+from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
 from skyarm.planning.task import Goal, PlanPhase, Task
 from skyarm.records.arrays import Array, stack_values
@@ -32,7 +32,7 @@ TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
 """Cost of a second of free time, by what is minimised."""
 
 PENALTIES = (100.0, 10.0, 1000.0)
-"""First penalties that are tried, one after the other."""
+"""First penalties that are tried, one after the other, while no seed leads to a plan."""
 
 HOLD_STEP = 0.02
 """Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
@@ -402,19 +402,18 @@ def _best_of(
     """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
     best: Solution | None = None
     tried = solved = 0
-    for guess in guesses:
-        for penalty in PENALTIES:
-            last = None
-            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
-                if on_progress is not None and last.iterations % 20 == 0:
-                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
-            tried += 1
-            if last is not None and _better(last, best):
-                best = last
-            if last is not None and last.solved:
-                solved += 1
-                break
-        if solved >= enough:
+    for penalty, guess in itertools.product(PENALTIES, guesses):
+        # another seed may be better, but is not worth more than the best one was
+        most = best.iterations if solved and best is not None else ITERATIONS
+        last = None
+        for last in Solver(stage, penalty).steps(problem, guess, iterations=most, seconds=seconds):
+            if on_progress is not None and last.iterations % 20 == 0:
+                on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+        tried += 1
+        if last is not None and _better(last, best):
+            best = last
+        solved += last is not None and last.solved
+        if solved >= enough or (solved and tried % len(guesses) == 0):
             break
     return best, tried
 
@@ -458,9 +457,12 @@ def nearest_of(plan: Plan) -> Nearest:
         return Nearest(gap=math.inf)
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
-    close = t[gaps.min(axis=0) < max(0.1, gaps.min() + 0.02)]
+    most = max(0.1, float(gaps.min()) + 0.02)
+    close = t[gaps.min(axis=0) < most]
     fine = np.unique(np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1]))
     if len(fine):
+        pairs = [pair for pair, row in zip(near.pairs, gaps, strict=True) if row.min() < most]
+        near = dataclasses.replace(near, pairs=tuple(pairs))
         t, gaps = fine, _gaps(plan, near, fine)
     pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
     own = {
