@@ -51,7 +51,7 @@ SMALLEST_WEIGHT = 1e-9
 SETTLED = 100.0
 """Decrease a step may still promise, over what the violation costs, where the penalty grows: else the step is due."""
 
-STUCK = 12
+STUCK = 60
 """Number of updates at the largest penalty in which the violation does not fall, after which the search ends."""
 
 
