@@ -98,10 +98,15 @@ def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numb
         (("up.toml", "--scenario", "new/p.npz"), "--scenario = 'new/p.npz': must end in .toml"),
         (("up.toml", "--report", "new/p.pdf"), "--report = 'new/p.pdf': must end in .html"),
         (("up.toml", "--scenario", "up.toml"), "up.toml"),
+        (
+            ("grip.toml", "--scenario", "fly/up.toml"),
+            "phases[0].gripper = 'claw': must be a gripper of [[world.grippers]], left out; there is none",
+        ),
     ],
 )
 def test_wrong_words_are_refused_before_planning(folder: Path, words: tuple[str, ...], message: str) -> None:
     Path("wrong.toml").write_text(UP.replace("vehicle", 'minimise = "energy"\nvehicle'))
+    Path("grip.toml").write_text(UP.replace("[{", '[{ gripper = "claw",'))
     before = {each: each.read_bytes() for each in folder.iterdir()}
     refused(command("plan", *words), message)
     assert {each: each.read_bytes() for each in folder.iterdir()} == before

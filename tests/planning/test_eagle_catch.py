@@ -200,3 +200,19 @@ def test_a_plan_past_an_obstacle_keeps_its_clearance() -> None:
 def test_shipped_tasks_are_planned(name: str) -> None:
     found = plan(load_task(name))
     assert found.solution.violation < 1e-6
+
+
+def test_the_tilt_of_a_phase_is_its_own_limit_at_both_its_ends() -> None:
+    usual, gentle = planned(), planned(phases__1__tilt=0.1, phases__2__tilt=0.3)
+
+    def tilts(plan):
+        up = Rotation.from_quat(plan.x[:, 3:7], scalar_first=True).as_matrix()[:, 2, 2]
+        return [np.arccos(up[a : b + 1]).max() for a, b in zip(plan.edges, plan.edges[1:], strict=False)]
+
+    assert tilts(gentle)[1] == pytest.approx(0.1, abs=1e-4)
+    assert tilts(gentle)[2] == pytest.approx(0.3, abs=1e-4)
+    assert tilts(gentle)[0] > 0.35
+    assert tilts(usual)[1] > 0.15
+    assert tilts(usual)[2] > 0.35
+    # the code is that of the other task: a limit of tilt is data
+    assert gentle.compiled is usual.compiled

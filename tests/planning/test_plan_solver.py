@@ -13,7 +13,21 @@ from scipy.sparse import csc_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from skyarm.planning.planner import guess_from, node_counts, outline, problem_of, seeds, stage_of
-from skyarm.planning.solver import LAX, MOST_DAMPING, Guess, PlanProblem, Solver, _Values, merit_of, next_damping
+from skyarm.planning.solver import (
+    ITERATIONS,
+    LAX,
+    MOST_DAMPING,
+    STUCK,
+    Guess,
+    PlanProblem,
+    Solver,
+    _Values,
+    curvature,
+    linear_step,
+    merit_of,
+    next_damping,
+    recursion,
+)
 from skyarm.planning.task import load_task
 from support.plans import catch, planned
 
@@ -162,11 +176,14 @@ def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
     stage = LinearStage()
     stage.B[:] = 0.0  # nothing reaches the goals
     problem, guess = linear_problem(stage)
-    steps = list(Solver(stage).steps(problem, guess, iterations=40))
-    assert len(steps) == 40
+    steps = list(Solver(stage).steps(problem, guess))
+    # it ends before its last iteration: the violation no longer falls
+    assert STUCK < len(steps) < ITERATIONS // 4
+    assert steps[-1].violation == pytest.approx(steps[-STUCK].violation, rel=1e-3)
+    assert len(list(Solver(stage).steps(problem, guess, iterations=10))) == 10
     assert not any(step.solved for step in steps)
     assert steps[-1].violation > 1e-2
-    assert [step.iterations for step in steps] == list(range(1, 41))
+    assert [step.iterations for step in steps] == list(range(1, len(steps) + 1))
     assert len(list(Solver(stage).steps(problem, guess, seconds=0.0))) == 1
     for step in steps:  # the reported parts are those of the motion
         gap = np.hstack([step.x[:-1], step.u]) @ np.hstack([stage.A, stage.B]).T + stage.c - step.x[1:]
@@ -174,6 +191,58 @@ def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
         assert step.violation == pytest.approx(max(np.abs(gap).max(), np.abs(step.goals).max()))
         assert not step.goals[~problem.goals].any()
         assert (step.limits == LAX).all()
+
+
+def test_one_step_of_the_recursion_solves_the_kkt_system_of_its_models() -> None:
+    rng = np.random.default_rng(3)
+    size = NT + NU
+    AB, gap = rng.normal(size=(STAGES, NT, size)), rng.normal(size=(STAGES, NT))
+    roots = rng.normal(size=(STAGES + 1, size + 3, size + 1))
+    Q = roots.transpose(0, 2, 1) @ roots
+    # unknowns: inputs and states of each node; the first state but for its last entry is fixed, as a free length is not
+    count = (STAGES + 1) * size
+    H, g, rows, right = np.zeros((count, count)), np.zeros(count), [], []
+    for k in range(STAGES + 1):
+        at = np.arange(k * size, (k + 1) * size)
+        own = np.arange(size) if k < STAGES else np.arange(NU, size)
+        H[np.ix_(at[own], at[own])], g[at[own]] = Q[k][np.ix_(own, own)], Q[k][own, size]
+        for i in range(NT) if k < STAGES else ():
+            row = np.zeros(count)
+            row[at[NU:]], row[at[:NU]], row[at[NU + i] + size] = AB[k, i, :NT], AB[k, i, NT:], -1.0
+            rows.append(row), right.append(-gap[k, i])
+    fixed = [NU, NU + 1, *range(STAGES * size, STAGES * size + NU)]
+    rows += [np.eye(count)[i] for i in fixed]
+    C, d = np.array(rows), np.array(right + [0.0] * len(fixed))
+    kkt = np.block([[H, C.T], [C, np.zeros((len(C), len(C)))]])
+    w = np.linalg.solve(kkt, np.concatenate([-g, d]))[:count].reshape(-1, size)
+    P, gains = recursion(Q.copy(), AB, gap)
+    dx, du = linear_step(P, gains, AB, gap, 1)
+    np.testing.assert_allclose(dx, w[:, NU:], atol=1e-6)
+    np.testing.assert_allclose(du, w[:-1, :NU], atol=1e-6)
+
+
+def test_curvature_along_a_step_is_that_of_the_outputs_and_never_negative() -> None:
+    rng = np.random.default_rng(4)
+    size, outputs = NT + NU, NT + 4
+    bent = rng.normal(size=(STAGES + 1, outputs, size, size))
+    bent = bent + bent.transpose(0, 1, 3, 2)
+    pulls, costates = rng.normal(size=(STAGES + 1, outputs - NT)), rng.normal(size=(STAGES, NT))
+    step = rng.normal(size=(STAGES + 1, size))
+    old = rng.normal(size=(STAGES + 1, outputs, size))
+    J = old + np.einsum("koij,kj->koi", bent, step)
+    found = curvature(J, pulls, old, np.hstack([step[:, NT:], step[:, :NT]]), costates)
+    order, used = np.r_[NT:size, :NT], 0
+    for k in range(STAGES + 1):
+        weights = np.concatenate([costates[k] if k < STAGES else np.zeros(NT), pulls[k]])
+        change = np.einsum("o,oij,j->i", weights, bent[k], step[k])
+        cosine = change @ step[k] / np.linalg.norm(change) / np.linalg.norm(step[k])
+        if cosine > 0.11:
+            used += 1
+            np.testing.assert_allclose(found[k] @ step[k][order], change[order], rtol=1e-9, atol=1e-9)
+        if cosine < 0.09:
+            assert not found[k].any()
+        assert np.linalg.eigvalsh(found[k]).min() > -1e-9 * (1.0 + np.abs(found[k]).max())
+    assert 0 < used < STAGES
 
 
 def test_merit_is_the_augmented_lagrangian_and_the_weighted_gaps() -> None:

@@ -143,6 +143,17 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"passable": ["x"]}, "passable = ['x']: must be names of surfaces of the world"),
     ({"passable": "x"}, "passable = 'x': must be names of surfaces of the world"),
     ({"world": 3}, "world = 3: must be a table"),
+    ({"world": {"grippers": 3}}, "world.grippers = 3: must be a list of tables"),
+    (
+        {"phases__1__gripper": "hand", "world": {"grippers": [{"name": "claw"}, {"name": "hook"}]}},
+        "phases[1].gripper = 'hand': must be a gripper of [[world.grippers]], one of claw, hook",
+    ),
+    (
+        {"phases__2__release": "hand", "world": {"grippers": [{"name": "claw"}]}},
+        "phases[2].release = 'hand': must be a gripper of [[world.grippers]], one of claw",
+    ),
+    ({"phases__0__tilt": 3.2}, "phases[0].tilt = 3.2: must be at most 3.14159"),
+    ({"phases__0__tilt": 0.0}, "phases[0].tilt = 0.0: must be at least 0.01"),
     (
         {"vehicle": "hummingbird"},
         "phases[2].to.joints = [0.0, 0.0, 0.0]: must be 0 positions, one for each joint, or left out",

@@ -34,12 +34,14 @@ def plan(
     from skyarm.planning.plan_report import flight_document, summary, summary_lines
     from skyarm.planning.planner import PlanError
     from skyarm.planning.planner import plan as solve
-    from skyarm.planning.task import load_task, vehicle_of_file
+    from skyarm.planning.task import load_task, require_grippers, vehicle_of_file
     from skyarm.scenario.save import scenario_text
 
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
     loaded = load_task(task)
+    if scenario is not None:
+        require_grippers(loaded)
     files = [(out, "--out", ".npz"), (scenario, "--scenario", ".toml"), (report, "--report", ".html")]
     with taken_back(*(Path(each).parent for each, _, _ in files if each)):
         written = [output_file(each, name, suffix) if each else None for each, name, suffix in files]

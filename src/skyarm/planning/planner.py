@@ -18,7 +18,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
-from skyarm.planning.solver import TOLERANCE, Guess, PlanProblem, Solution, Solver
+from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
 from skyarm.planning.task import Goal, PlanPhase, Task
 from skyarm.records.arrays import Array, stack_values
@@ -32,7 +32,7 @@ TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
 """Cost of a second of free time, by what is minimised."""
 
 PENALTIES = (100.0, 10.0, 1000.0)
-"""First penalties that are tried, one after the other."""
+"""First penalties that are tried, one after the other, while no seed leads to a plan."""
 
 HOLD_STEP = 0.02
 """Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
@@ -212,13 +212,15 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
             goals[last - 1, stage.goal["inputs"]] = True
         edge = last
     goals[0, stage.goal["inputs"]] = True
-    # goals at an edge have the numbers of the phase that ends there
-    table = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float)
-    edge = 0
+    # goals at an edge have the numbers of the phase that ends there; its tilt is the smaller one of both phases
+    table, names = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float), _columns(example)
+    table[:, names["upright"]], edge = NO_TILT, 0
     for phase, count in zip(task.phases, counts, strict=True):
+        span, most = slice(edge, edge + count + 1), phase.tilt or task.limits.tilt
+        least = math.cos(most) if most < math.pi else NO_TILT
+        table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
         edge += count
         ends = _data(example, phase, count, None, stage.stage.weight)
-        names = _columns(example)
         for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
             if _states(phase.to, field):
                 table[edge, names[field]] = leaves(getattr(ends, field))
@@ -250,6 +252,9 @@ def goal_names(goal: Goal) -> list[str]:
         names += [name for name in ("velocity", "rate", "joint_rates", "still", "arm") if name not in names]
     return names
 
+
+NO_TILT = -2.0
+"""Least cosine of the tilt where there is no limit."""
 
 LEAST_PRESS = 0.02
 """Least force along the normal of a contact that presses, over the weight: the cone of friction has no slope at 0."""
@@ -363,23 +368,34 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
     guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
     best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
-    nearest = Nearest(gap=math.inf)
+    found: Plan | None = None
     for _ in range(ROUNDS):
         if best is None or not best.violation < TOLERANCE:
-            raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+            break
         plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
         nearest = nearest_of(plan)
+        short = task.limits.clearance - nearest.apart
         if nearest.gap >= 0.0:
-            return dataclasses.replace(plan, nearest=nearest)
+            found = dataclasses.replace(plan, nearest=nearest)
+            if short <= SLACK:
+                return found
         # between the nodes, or between bodies that did not count yet
         met |= nearest.pairs
-        clearance += CLOSER
-        stage = stage_of(task, met)
+        clearance += CLOSER if nearest.gap < 0.0 else short
+        last, stage = best, stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
-        best, more = _best_of(stage, problem, [Guess(best.x, best.u), *guesses], seconds, on_progress, enough=1)
+        best, more = _best_of(stage, problem, [Guess(last.x, last.u), *guesses], seconds, on_progress, enough=1)
         tried += more
-    raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
+    else:
+        if found is None:
+            raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
+    if found is None:
+        raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+    return found
 
+
+SLACK = 0.005
+"""Distance (m) by which a vehicle may come nearer to an obstacle between nodes than the limit says."""
 
 CLOSER = 0.02
 """Distance (m) by which the clearance grows where bodies meet between the nodes."""
@@ -402,19 +418,18 @@ def _best_of(
     """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
     best: Solution | None = None
     tried = solved = 0
-    for guess in guesses:
-        for penalty in PENALTIES:
-            last = None
-            for last in Solver(stage, penalty).steps(problem, guess, seconds=seconds):
-                if on_progress is not None and last.iterations % 20 == 0:
-                    on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
-            tried += 1
-            if last is not None and _better(last, best):
-                best = last
-            if last is not None and last.solved:
-                solved += 1
-                break
-        if solved >= enough:
+    for penalty, guess in itertools.product(PENALTIES, guesses):
+        # another seed may be better, but is not worth more than the best one was
+        most = best.iterations if solved and best is not None else ITERATIONS
+        last = None
+        for last in Solver(stage, penalty).steps(problem, guess, iterations=most, seconds=seconds):
+            if on_progress is not None and last.iterations % 20 == 0:
+                on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+        tried += 1
+        if last is not None and _better(last, best):
+            best = last
+        solved += last is not None and last.solved
+        if solved >= enough or (solved and tried % len(guesses) == 0):
             break
     return best, tried
 
@@ -439,9 +454,10 @@ def _plan_of(
 
 @immutable(eq=False)
 class Nearest:
-    """Smallest distance of a plan: m, time (s) and bodies; and all pairs of own bodies that meet."""
+    """Smallest distance of a plan: m, time (s) and bodies; that from obstacles; all pairs of own bodies that meet."""
 
     gap: float
+    apart: float = math.inf
     time: float = 0.0
     words: str = ""
     pairs: frozenset[tuple[str, str]] = frozenset()
@@ -458,17 +474,25 @@ def nearest_of(plan: Plan) -> Nearest:
         return Nearest(gap=math.inf)
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
-    close = t[gaps.min(axis=0) < max(0.1, gaps.min() + 0.02)]
+    most = max(0.1, float(gaps.min()) + 0.02)
+    close = t[gaps.min(axis=0) < most]
     fine = np.unique(np.clip((close[:, None] + np.arange(-10, 11) * FINE).ravel(), 0.0, plan.t[-1]))
     if len(fine):
+        pairs = [pair for pair, row in zip(near.pairs, gaps, strict=True) if row.min() < most]
+        near = dataclasses.replace(near, pairs=tuple(pairs))
         t, gaps = fine, _gaps(plan, near, fine)
     pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
     own = {
         (p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0
     }
     named = near.pairs[int(pair)]
+    apart = min((row.min() for p, row in zip(near.pairs, gaps, strict=True) if p.surface is not None), default=math.inf)
     return Nearest(
-        gap=float(gaps[pair, k]), time=float(t[k]), words=f"{named.volume} and {named.other}", pairs=frozenset(own)
+        gap=float(gaps[pair, k]),
+        apart=float(apart),
+        time=float(t[k]),
+        words=f"{named.volume} and {named.other}",
+        pairs=frozenset(own),
     )
 
 
@@ -532,6 +556,9 @@ GOAL_WORDS = {
 }
 """Goals in messages, where their names do not say enough."""
 
+LEAST_CAUSE = 1e-3
+"""Least cost of a goal or limit that is named beside the one that costs most."""
+
 SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""
 
@@ -543,22 +570,23 @@ def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: Plan
     labels = [name for name, part in stage.goal.items() for _ in range(part.stop - part.start)]
     # what a violation costs the motion, rather than its size: the units differ
     off = np.abs(last.goals), np.maximum(last.limits, 0.0)
-    found: list[tuple[float, float, int, str]] = []
+    edges = np.cumsum([0, *counts])
+    found: list[tuple[float, int, str]] = []
     for size, force, names in zip(off, last.forces, (labels, list(stage.names)), strict=True):
         cost = size * np.abs(force)
         cost[:, [name in SMOOTH for name in names]] = 0.0
         node, k = map(int, np.unravel_index(int(cost.argmax()), cost.shape))
-        found.append((float(cost[node, k]), float(size[node, k]), node, names[k]))
-    _, most, at, name = max(found)
-    words = f"{GOAL_WORDS.get(name, name)} is off by {most:.3g}"
-    near = [(float(off[1][:, k].max()), each) for k, each in enumerate(stage.names) if each.startswith("clearance")]
-    missing, pair = max(near, default=(0.0, ""))
-    if missing > 1e-3 and pair != name:
-        words += f", {pair} by {missing:.3g}"
+        phase = max(min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1, 0)
+        found.append(
+            (float(cost[node, k]), phase, f"{GOAL_WORDS.get(names[k], names[k])} is off by {size[node, k]:.3g}")
+        )
+    # the goal that is missed, and the limit that is in its way
+    _, at, lead = max(found)
+    rows = [words for cost, phase, words in found if phase == at and (cost > LEAST_CAUSE or words == lead)]
+    words = rows[0] + "".join(f", {each.replace(' is off by', ' by')}" for each in rows[1:])
     for k, obstacle in enumerate(task.obstacles):
         words = re.sub(rf"\bobstacle{k}\b", obstacle.name, words)
-    k = max(min(int(np.searchsorted(np.cumsum([0, *counts]), at, side="left")), len(counts)) - 1, 0)
-    return f"phases[{k}] {task.phases[k].name!r}: no motion within the limits was found: {words}"
+    return f"phases[{at}] {task.phases[at].name!r}: no motion within the limits was found: {words}"
 
 
 def impossible(task: Task) -> str:
@@ -569,17 +597,20 @@ def impossible(task: Task) -> str:
     for pair, gap in zip(near.pairs, near.distances(task.start.position, own.rotation(), start), strict=True):
         if float(gap) < 0.0:
             return f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
-    places = [("start", Goal(attitude=task.start.attitude, joints=start))]
-    places += [(f"phases[{k}] {phase.name!r}: to", phase.to) for k, phase in enumerate(task.phases)]
+    tilts = [(f"phases[{k}].tilt", each.tilt) for k, each in enumerate(task.phases)]
+    most = [(word, tilt) if tilt is not None else ("limits.tilt", limits.tilt) for word, tilt in tilts]
+    places = [("start", most[0], Goal(attitude=task.start.attitude, joints=start))]
+    for k, phase in enumerate(task.phases):
+        places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
     lift = limits.thrust_share * float(highest_thrust(vehicle))
-    for at, goal in places:
+    for at, (stated, tilt), goal in places:
         for link, value in zip(vehicle.links, goal.joints, strict=False):
             low, high = float(link.joint.lower), float(link.joint.upper)
             if not low <= value <= high:
                 return f"{at}.joints: {link.joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
         lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))
-        if lean > limits.tilt + TOLERANCE:
-            return f"{at}.attitude: is tilted by {lean:.4g} rad, limits.tilt is {limits.tilt:.4g}"
+        if lean > tilt + TOLERANCE:
+            return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
         fast = float(goal.velocity.norm()) if goal.velocity else 0.0
         if fast > limits.speed:
             return f"{at}.velocity: is {fast:.4g} m/s, limits.speed is {limits.speed:.4g}"

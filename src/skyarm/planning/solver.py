@@ -8,18 +8,21 @@ close with the step); Howell, Jackson, Manchester 2019 (augmented Lagrangian in 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from skyarm.control.laws.predictive.solver import Linear, Policy, policy
 from skyarm.planning.stage import CompiledStage
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 
 SHARES = np.array([1.0, 0.8, 0.6, 0.4, 0.25, 0.12, 0.05, 0.01])
 """Shares of a step that the line search tries at once."""
+
+ITERATIONS = 600
+"""Largest number of iterations from one guess."""
 
 TOLERANCE = 1e-6
 """Largest violation of a solved plan: m, m/s, rad, and of limits as shares."""
@@ -35,6 +38,21 @@ STEEPEST = 1e6
 
 LAX = -1e3
 """Value of a limit that a stage does not have."""
+
+BENDING = 0.1
+"""Least cosine between a step and the change of the slopes for which that change counts as curvature."""
+
+NOISE = 1e-14
+"""Change of a slope along a step that may be rounding."""
+
+SMALLEST_WEIGHT = 1e-9
+"""Number added to the inputs' second derivatives: an input without a cost stays unchanged."""
+
+SETTLED = 100.0
+"""Decrease a step may still promise, over what the violation costs, where the penalty grows: else the step is due."""
+
+STUCK = 60
+"""Number of updates at the largest penalty in which the violation does not fall, after which the search ends."""
 
 
 @immutable(kw_only=False, eq=False)
@@ -128,73 +146,107 @@ class Solver:
             limits=np.where(problem.limits, values[..., s.limits], LAX),
         )
 
-    def solve(self, problem: PlanProblem, guess: Guess, *, iterations: int = 600, seconds: float = 20.0) -> Solution:
+    def solve(self, problem: PlanProblem, guess: Guess) -> Solution:
         """Solve from a guess; the first state stays but for the lengths of free phases."""
-        *_, last = self.steps(problem, guess, iterations=iterations, seconds=seconds)
+        *_, last = self.steps(problem, guess)
         return last
 
     def steps(
-        self, problem: PlanProblem, guess: Guess, *, iterations: int = 600, seconds: float = 20.0
+        self, problem: PlanProblem, guess: Guess, *, iterations: int = ITERATIONS, seconds: float = math.inf
     ) -> Iterator[Solution]:
         """Solve from a guess; yields the motion after each iteration."""
         s, begun = self.stage, time.perf_counter()
         x, u = guess.x, guess.u
-        stages, free = len(u), s.stage.free
         y, z = np.zeros(problem.goals.shape), np.zeros(problem.limits.shape)
-        penalty, damping, weight, before, K = self.penalty, 0.0, 1.0, np.inf, np.zeros((stages, s.nu, s.nt))
-        inner, lax = 0, 1e-2
+        penalty, damping, weight, before = self.penalty, 0.0, 1.0, np.inf
+        inner, lax, stuck = 0, 1e-2, 0
         now = self._read(s.values(x, u, problem.data)[0], problem)
-        linear: Linear | None = None
+        J, taken, bent = np.zeros(0), (np.zeros(0), np.zeros(0), np.zeros(0)), np.zeros((s.nt + s.nu,) * 2)
         for k in range(iterations):
-            if linear is None:
-                linear, gradient = self._linear(problem, x, u, now, y, z, penalty)
-            feedback = policy(linear, lift=damping)
-            dx, du, K = _step(linear, feedback, free)
-            weight = max(0.5 * weight, 1.2 * _steepest(linear, gradient, dx, du))
+            forces = np.hstack([y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)])
+            if not len(J):
+                J = s.jacobians(x, u, problem.data)
+                J[-1, s.costs] = 0.0
+                if k:
+                    bent = curvature(J, np.hstack([now.costs, forces * self._counting(problem, forces)]), *taken)
+            Q = self._model(problem, J, now.costs, forces, penalty)
+            Q[:, :-1, :-1] += bent
+            P, gains = recursion(Q, J[:-1, : s.nt], now.gap, damping)
+            dx, du = linear_step(P, gains, J[:-1, : s.nt], now.gap, s.stage.free)
+            costates = (P[1:, :-1] @ np.hstack([dx[1:], np.ones((len(u), 1))])[:, :, None])[:, :, 0]
+            weight = max(0.5 * weight, 1.2 * float(np.abs(costates).max()))
             tried = self._read(s.values(x, u, problem.data, (dx, du), SHARES), problem)
             merit = merit_of(problem, y, z, penalty, weight)
             here, there = float(merit(now)), merit(tried)
-            step = np.concatenate([dx, np.vstack([du, np.zeros((1, s.nu))])], axis=1)
-            slope = float((gradient * step).sum() - weight * np.abs(now.gap).sum())
+            step = np.hstack([np.vstack([du, np.zeros((1, s.nu))]), dx])
+            slope = float((Q[:, :-1, -1] * step).sum() - weight * np.abs(now.gap).sum())
             better = np.flatnonzero(there <= here + 1e-4 * SHARES * min(slope, 0.0) + 1e-12 * abs(here))
             share = float(SHARES[better[0]]) if len(better) else 0.0
             if share:
-                x, u, now, linear = s.retract(x, share * dx), u + share * du, tried.of(int(better[0])), None
+                x, u, now = s.retract(x, share * dx), u + share * du, tried.of(int(better[0]))
+                J, taken = np.zeros(0), (J, share * step, costates)
             damping = next_damping(damping, share)
             cost, violation, spent = float(now.cost), now.violation, time.perf_counter() - begun
             inner += 1
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
-            solved = done and violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
+            solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
             yield Solution(
-                x=x, u=u, K=K, solved=solved, cost=cost, violation=violation, iterations=k + 1, seconds=spent,
-                gap=now.gap, goals=now.goals, limits=now.limits,
+                x=x, u=u, K=gains[:, :, :-1], solved=solved, cost=cost, violation=violation, iterations=k + 1,
+                seconds=spent, gap=now.gap, goals=now.goals, limits=now.limits,
                 forces=(y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)),
             )  # fmt: skip
-            if solved or spent > seconds or not np.isfinite(cost):
+            if solved or stuck >= STUCK or spent > seconds or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:
                 y = y + penalty * now.goals
                 z = np.where(problem.limits, np.maximum(z + penalty * now.limits, 0.0), 0.0)
-                if done and violation > 0.25 * before:
+                if violation <= 0.25 * before:
+                    stuck = 0
+                elif done and -slope < SETTLED * penalty * violation**2:
+                    stuck += penalty == STEEPEST
                     penalty = min(10.0 * penalty, STEEPEST)
-                weight, inner, linear, lax = 1.0, 0, None, max(0.3 * lax, 1e-5)
+                weight, inner, lax = 1.0, 0, max(0.3 * lax, 1e-5)
                 damping, before = 0.1 * damping, violation
 
-    def _linear(
-        self, problem: PlanProblem, x: Array, u: Array, now: _Values, y: Array, z: Array, penalty: float
-    ) -> tuple[Linear, Array]:
-        """Linear-quadratic problem of a step, and the gradient (N + 1, nt + nu) of the augmented Lagrangian."""
+    def _counting(self, problem: PlanProblem, forces: Array) -> Mask:
+        """Goals that count and limits that act, (N + 1, goals and limits)."""
+        return np.hstack([problem.goals, forces[:, problem.goals.shape[1] :] > 0.0])
+
+    def _model(self, problem: PlanProblem, J: Array, costs: Array, forces: Array, penalty: float) -> Array:
+        """Gauss-Newton model of the augmented Lagrangian by inputs, tangents and 1, (N + 1, nu + nt + 1, same)."""
         s = self.stage
-        J = s.jacobians(x, u, problem.data)
-        active = np.maximum(z + penalty * now.limits, 0.0)
-        root = np.sqrt(penalty)
-        r = np.concatenate([now.costs, (y + penalty * now.goals) / root * problem.goals, active / root], axis=1)
-        slopes = J[:, s.nt :].copy()
-        slopes[-1, s.costs.start - s.nt : s.costs.stop - s.nt] = 0.0
-        slopes[:, s.goals.start - s.nt : s.goals.stop - s.nt] *= (root * problem.goals)[:, :, None]
-        slopes[:, s.limits.start - s.nt :] *= (root * (active > 0.0))[:, :, None]
-        gradient = (r[:, None, :] @ slopes)[:, 0]
-        return Linear(J[:-1, : s.nt], now.gap, slopes, r), gradient
+        rows = np.concatenate([inputs_first(J[:, s.costs], s.nt), costs[:, :, None]], axis=2)
+        Q: Array = rows.transpose(0, 2, 1) @ rows
+        counting = self._counting(problem, forces)
+        for k in np.flatnonzero(counting.any(axis=1)):
+            at = counting[k]
+            rows = np.column_stack([inputs_first(J[k, s.goals.start :][at], s.nt), forces[k, at] / penalty])
+            Q[k] += penalty * (rows.T @ rows)
+        return Q
+
+
+def inputs_first(J: Array, nt: int) -> Array:
+    """Derivatives by inputs and tangents from those by tangents (nt) and inputs, in the last axis."""
+    return np.concatenate([J[..., nt:], J[..., :nt]], axis=-1)
+
+
+def curvature(J: Array, pulls: Array, old: Array, step: Array, costates: Array) -> Array:
+    """Second derivatives (N + 1, nu + nt, same) of each stage along the step before, which Gauss-Newton leaves out.
+
+    Args:
+        J: derivatives (N + 1, outputs, nt + nu) after the step.
+        pulls: (N + 1, outputs behind the gap) by which they count.
+        old: derivatives before it.
+        step: (N + 1, nu + nt).
+        costates: (N, nt).
+    """
+    nt = costates.shape[1]
+    weights = np.hstack([np.vstack([costates, np.zeros((1, nt))]), pulls])[:, None]
+    change = inputs_first((weights @ J - weights @ old)[:, 0], nt)
+    along = (step * change).sum(axis=1)
+    sure = along > BENDING * np.sqrt((step**2).sum(axis=1) * (change**2).sum(axis=1)) + NOISE
+    share = np.where(sure, 1.0 / np.where(sure, along, 1.0), 0.0)
+    return np.asarray(share[:, None, None] * (change[:, :, None] * change[:, None, :]))
 
 
 def merit_of(problem: PlanProblem, y: Array, z: Array, penalty: float, weight: float) -> Callable[[_Values], Array]:
@@ -218,27 +270,46 @@ def next_damping(damping: float, share: float) -> float:
     return max(2.0 * damping, 1e-5) if share else max(4.0 * damping, 1e-4)
 
 
-def _step(linear: Linear, feedback: Policy, free: int) -> tuple[Array, Array, Array]:
-    """Changes of states and inputs under a policy, of the first state those of its free phase lengths; and gains."""
-    stages, nt, width = linear.AB.shape
-    dx, du = np.zeros((stages + 1, nt)), np.empty((stages, width - nt))
+def recursion(Q: Array, AB: Array, gap: Array, damping: float = 0.0) -> tuple[Array, Array]:
+    """Riccati recursion of quadratic models (N + 1, nu + nt + 1, same) of inputs, states and 1 on linear stages.
+
+    Args:
+        Q: the models; of the last one the states count.
+        AB: (N, nt, nt + nu) derivatives of the stages.
+        gap: (N, nt).
+        damping: number added to all second derivatives.
+
+    Returns:
+        costs to go (N + 1, nt + 1, nt + 1) and gains (N, nu, nt + 1), of states and 1.
+
+    Source: Rawlings, Mayne, Diehl 2017, section 8.8.3.
+    """
+    stages, nt, width = AB.shape
+    nu = width - nt
+    S = np.zeros((stages, nt + 1, width + 1))
+    S[:, :nt, :width], S[:, :nt, width], S[:, nt, width] = inputs_first(AB, nt), gap, 1.0
+    Q[:, np.arange(width), np.arange(width)] += damping
+    Q[:, np.arange(nu), np.arange(nu)] += SMALLEST_WEIGHT
+    P, gains = np.empty((stages + 1, nt + 1, nt + 1)), np.empty((stages, nu, nt + 1))
+    P[stages] = Q[stages, nu:, nu:]
+    for k in reversed(range(stages)):
+        M = S[k].T @ (P[k + 1] @ S[k])
+        M += Q[k]
+        cross = M[:nu, nu:]
+        gains[k] = np.linalg.inv(-M[:nu, :nu]) @ cross
+        to_go = M[nu:, nu:] + cross.T @ gains[k]
+        P[k] = 0.5 * (to_go + to_go.T)
+    return P, gains
+
+
+def linear_step(P: Array, gains: Array, AB: Array, gap: Array, free: int) -> tuple[Array, Array]:
+    """Changes of states (N + 1, nt) and inputs (N, nu) under gains; of the first state those of its free lengths."""
+    stages, nt, _ = AB.shape
+    closed = np.concatenate([AB[:, :, :nt], gap[:, :, None]], axis=2) + AB[:, :, nt:] @ gains
+    dx = np.zeros((stages + 1, nt))
     if free:
-        P = feedback.P[nt - free :, nt - free :]
-        dx[0, nt - free :] = -np.linalg.solve(P + 1e-9 * np.eye(free), feedback.p[nt - free :])
+        at = slice(nt - free, nt)
+        dx[0, at] = -np.linalg.solve(P[0, at, at] + SMALLEST_WEIGHT * np.eye(free), P[0, at, nt])
     for k in range(stages):
-        du[k] = feedback.k[k] + feedback.K[k] @ dx[k]
-        dx[k + 1] = linear.AB[k, :, :nt] @ dx[k] + linear.AB[k, :, nt:] @ du[k] + linear.c[k]
-    return dx, du, feedback.K
-
-
-def _steepest(linear: Linear, gradient: Array, dx: Array, du: Array) -> float:
-    """Largest costate of a step: size of the merit's slope by a gap."""
-    nt = dx.shape[1]
-    w = np.concatenate([dx, np.vstack([du, np.zeros((1, du.shape[1]))])], axis=1)
-    across = linear.J @ w[:, :, None]
-    curved = (across.transpose(0, 2, 1) @ linear.J)[:, 0] + gradient
-    costate, most = curved[-1, :nt], 0.0
-    for k in reversed(range(len(du))):
-        most = max(most, float(np.abs(costate).max()))
-        costate = curved[k, :nt] + linear.AB[k, :, :nt].T @ costate
-    return most
+        dx[k + 1] = closed[k, :, :nt] @ dx[k] + closed[k, :, nt]
+    return dx, (gains[:, :, :nt] @ dx[:-1, :, None])[:, :, 0] + gains[:, :, nt]

@@ -56,11 +56,10 @@ class Limits:
     """Limits of a plan.
 
     Attributes:
-        tilt: rad, of the base; infinite for none. thrust_share: of each rotor's highest thrust. torque_share: of each
-            joint's highest effort. joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
+        thrust_share: of each rotor's highest thrust. torque_share: of each joint's highest effort.
+        joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
     """
 
-    tilt: float = math.radians(60.0)
     thrust_share: float = 0.9
     torque_share: float = 0.95
     joint_rate: float = 3.0
@@ -113,7 +112,7 @@ class StageData:
         axis: goal of the tip frame's z axis, world axes. joints: goal, rad or m.
         touching: 1 in contact, else 0. normal: unit vector out of the surface. friction: coefficient.
         press: least normal force over the weight. hurry: root of twice the cost of a second.
-        clearance: least distance, m. obstacles: shapes of the scene.
+        upright: least cosine of the tilt. clearance: least distance, m. obstacles: shapes of the scene.
     """
 
     dt: Scalar
@@ -130,6 +129,7 @@ class StageData:
     friction: Scalar
     press: Scalar
     hurry: Scalar
+    upright: Scalar
     clearance: Scalar
     obstacles: tuple[Place, ...] = ()
 
@@ -218,7 +218,7 @@ class Stage:
             dt=0.0, free=(0.0,) * self.free, tip=ZERO3_DATA, tip_velocity=ZERO3_DATA, base=ZERO3_DATA,
             velocity=ZERO3_DATA, attitude=Quaternion(1.0, 0.0, 0.0, 0.0), axis=ZERO3_DATA,
             joints=(0.0,) * self.model.vehicle.n, touching=0.0, normal=ZERO3_DATA, friction=0.0, press=0.0,
-            hurry=0.0, clearance=0.0,
+            hurry=0.0, upright=0.0, clearance=0.0,
             obstacles=tuple(map(Place.of, self.obstacles)),
         )  # fmt: skip
 
@@ -366,8 +366,7 @@ class Stage:
                 if math.isfinite(float(end)):
                     out.append((f"position of {joint.name}", sign * (q - float(end))))
             out += [(f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0) for sign in (1.0, -1.0)]
-        if limits.tilt < math.pi:
-            out.append(("tilt", math.cos(limits.tilt) - R.rows[2].z))
+        out.append(("tilt", data.upright - R.rows[2].z))
         for name, vector, most in (("speed", state.velocity, limits.speed), ("rate", state.rate, limits.rate)):
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))

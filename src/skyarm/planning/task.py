@@ -137,16 +137,12 @@ class PlanPhase:
     contact: Contact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins")] = ""
-    tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase")] = None
+    tilt: Annotated[float | None, Unit("rad", "largest tilt in this phase", low=0.01, high=math.pi)] = None
 
     @property
     def resting(self) -> bool:
         """True if the tip rests throughout the phase."""
         return self.kind == "hold" or (self.contact is not None and self.contact.kind != "plane")
-
-
-SIXTY = math.radians(60.0)
-"""Usual limit of the tilt, rad: without one the fastest motions turn over."""
 
 
 @immutable
@@ -188,6 +184,7 @@ class Task:
         """Vehicle of a table, by its name, and obstacles, of which each has a name or a number."""
         world, passable = fields.inner("world"), fields.take("passable", [])
         rows = [*fields.tables("obstacles"), *world.tables("surfaces")]
+        world.tables("grippers")
         rows = [each for each in rows if not isinstance(passable, list) or each.table.get("name") not in passable]
         named = [Fields({"name": f"obstacle{k}"} | each.table, each.where) for k, each in enumerate(rows)]
         obstacles = tuple(record_from(Surface, each) for each in named)
@@ -217,10 +214,26 @@ class Task:
                 raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
+        if self.world is not None and self.world.get("grippers"):
+            require_grippers(self)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
             raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
         with errors_as(TaskError):
             require_plant(self.vehicle)
+
+
+def require_grippers(task: Task) -> None:
+    """Refuse a task whose phases close or open a gripper that its world does not have.
+
+    Raises:
+        TaskError: one line.
+    """
+    names = [each.get("name") for each in (task.world or {}).get("grippers", [])]
+    for k, phase in enumerate(task.phases):
+        for word, name in (("gripper", phase.gripper), ("release", phase.release)):
+            if name and name not in names:
+                allowed = f"one of {', '.join(map(str, names))}" if names else "left out; there is none"
+                raise TaskError(f"phases[{k}].{word} = {name!r}: must be a gripper of [[world.grippers]], {allowed}")
 
 
 def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:

@@ -281,9 +281,7 @@ class Policy:
     p: Array
 
 
-def policy(
-    problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0, lift: float = 0.0
-) -> Policy:
+def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
     """Riccati recursion: the affine policy that minimises the sum of squared residuals.
 
     Args:
@@ -291,7 +289,6 @@ def policy(
         held: (N, nu) True where an input is fixed.
         at: (N, nu) where to.
         damping: share by which the second derivatives of the inputs are raised: the step is shorter.
-        lift: number that is added to the second derivatives of inputs and states.
 
     Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
     """
@@ -301,8 +298,6 @@ def policy(
     J = np.concatenate([problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2)
     step = np.concatenate([problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2)
     own = J.transpose(0, 2, 1)[:, :width] @ J
-    if lift:
-        own[:, np.arange(width), np.arange(width)] += lift
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
     Kk = np.empty((stages, nu, nx + 1))
     nothing = np.zeros((stages, nu))
