@@ -122,6 +122,9 @@ films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm plan catch_a_ball --out out/catch.npz --scenario out/catch.toml
 	$(BIN)/python -m skyarm film out/catch.toml docs/images/catch_a_ball.webp --window 1 5 --size 640x360 --fps 12 \
 		--fine --without ghost
+	$(BIN)/python -m skyarm plan eagle_catch --out out/eagle.npz --scenario out/eagle.toml
+	$(BIN)/python -m skyarm film out/eagle.toml docs/images/eagle_catch.webp --window 1.4 3.6 --size 480x300 --fps 10 \
+		--speed 0.5 --fine --without ghost
 
 ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip
 
