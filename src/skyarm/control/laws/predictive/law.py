@@ -47,6 +47,7 @@ from skyarm.control.laws.predictive.preview import (
     extrapolate,
     goals,
     make_stance,
+    planned_motion,
     update_sample,
 )
 from skyarm.control.laws.predictive.solver import (
@@ -121,6 +122,19 @@ class PredictiveParameters:
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
     interaction: InteractionGains | None = None
 
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times (s) after the held sample of the future samples that mode "plan" follows; empty in other modes.
+
+        They are denser where stages are shorter, and a command that is late finds some beyond the horizon.
+        """
+        if self.mode != "plan":
+            return ()
+        return tuple((self.horizon + LATE) * (k / self.stages) ** 1.5 for k in range(1, self.stages + 1))
+
+
+LATE = 0.08
+"""Time (s) by which the preview of a plan is longer than the horizon."""
 
 EngineKey = tuple[Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None]
 """Cache key of the compiled functions of predictive control: constants, control period, and gains of contact."""
@@ -381,7 +395,11 @@ def problem_at(
 ) -> Problem:
     """Optimal control problem whose initial state is ``late`` seconds ahead, when a new command takes effect."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
-    motion = extrapolate(sample, sample.age + later)
+    planned = np.zeros((len(later), 0))
+    if par.preview:
+        motion, planned = planned_motion(sample, np.array(par.preview), sample.age + later)
+    else:
+        motion = extrapolate(sample, sample.age + later)
     model, pressed, gains = par.model, disturbance, par.interaction
     if touch is not None and gains is not None:
         motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)
@@ -401,7 +419,7 @@ def problem_at(
     targets[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     if touch is not None and gains is not None:
         targets = np.hstack([targets, contact_goals(gains, touch, later)])
-    return Problem(x, bearable(disturbance, engine.bounds.efforts), targets)
+    return Problem(x, bearable(disturbance, engine.bounds.efforts), np.hstack([targets, planned]))
 
 
 def _heading(x: Array) -> float:
