@@ -242,6 +242,8 @@ def nmpc(
         silent = None if par.interaction is None else ZERO3_DATA
         memory = dataclasses.replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
         engine = make_engine(key)
+    if par.preview and not reference.turning:
+        raise ControllerError("controller.mode = 'plan': must be left out without a reference of kind \"plan\"")
     past, sent = memory.past, memory.sent
     if past is None:
         past = engine.observation.first(measurement)
