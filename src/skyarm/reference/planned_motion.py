@@ -37,7 +37,7 @@ class PlannedBody:
 
     center: Annotated[tuple[Signal, ...], Unit("m", "planned position of the centre of mass, world axes")]
     tip: Annotated[tuple[Signal, ...], Unit("m", "planned position of the tip, world axes; empty: no tip")] = ()
-    attitude: Annotated[tuple[Signal, ...], Unit("", "planned attitude, a quaternion; empty: it follows from above")] = ()
+    attitude: Annotated[tuple[Signal, ...], Unit("", "planned attitude, a quaternion; empty: unknown")] = ()
     rotors: Annotated[tuple[Signal, ...], Unit("rad/s", "planned speeds of the rotors")] = ()
 
     def center_at(self, t: Scalar) -> Scalars:

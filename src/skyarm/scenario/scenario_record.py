@@ -421,7 +421,7 @@ class Agent:
 
     @property
     def followed(self) -> Trajectory:
-        """Reference as the law receives it: attitude and rotors of a plan are for a law that follows its whole state."""
+        """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
         planned = self.reference.planned
         if planned is None or follows_plan(self.controller.par):
             return self.reference

@@ -264,9 +264,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     return tuple(residuals)
 
 
-def planned_residuals(
-    model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal
-) -> Scalars:
+def planned_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal) -> Scalars:
     """Weighted errors of a predicted vehicle state against a planned one."""
     vehicle, R = model.vehicle, state.quaternion.rotation()
     turned = planned.attitude.conjugate() * state.quaternion

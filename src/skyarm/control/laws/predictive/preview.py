@@ -21,7 +21,7 @@ from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples, samples_ahead
@@ -56,7 +56,7 @@ class SampledReference:
         foretold: samples in a row, this one included, that came when predicted by the last one.
         secants, gap: mean jerks since the sample before and the time since then, s.
         coming: (3, T, signals) this sample and those of the preview. turning: (2, T, 4 + rotors) planned quaternion and
-            rotor speeds with their derivatives. Both None without a preview.
+            rotor speeds with their derivatives. Both empty without a preview.
     """
 
     motion: Array
@@ -67,8 +67,8 @@ class SampledReference:
     foretold: int = 0
     secants: Array | None = None
     gap: float = 0.0
-    coming: Array | None = None
-    turning: Array | None = None
+    coming: Array = dataclasses.field(default_factory=partial(np.zeros, (3, 0, 0)))
+    turning: Array = dataclasses.field(default_factory=partial(np.zeros, (2, 0, 0)))
 
     @property
     def stiffness(self) -> Array:
@@ -106,17 +106,18 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
     A sample has come when it differs; one that came where none was predicted starts with no jerk.
     """
     motion = np.array(samples(reference), dtype=float).T
-    still, coming, turning = np.zeros(motion.shape[1]), None, None
+    still = np.zeros(motion.shape[1])
+    first = SampledReference(motion, still, 0.0, still, still)
     if reference.ahead:
         rows = [samples(reference), *samples_ahead(reference)]
         coming = np.array(rows, dtype=float).transpose(2, 0, 1)
         turning = np.array(reference.turning, dtype=float).reshape(len(rows), 2, -1).transpose(1, 0, 2)
-    first = SampledReference(motion, still, 0.0, still, still, coming=coming, turning=turning)
+        first = dataclasses.replace(first, coming=coming, turning=turning)
     if before is None:
         return first
     age = before.age + dt
     # a motion that begins later is seen in the preview alone
-    if np.array_equal(motion, before.motion) and np.array_equal(coming, before.coming):
+    if np.array_equal(motion, before.motion) and np.array_equal(first.coming, before.coming):
         return dataclasses.replace(before, age=age)
     # a number that is not finite was not predicted either
     if not np.abs(motion[0] - extrapolate(before, np.array([age]))[0, 0]).max() < JUMP:
@@ -130,7 +131,7 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
         decay = np.exp(-age / KEPT)
         pull = decay * pull - bend * last
         weight = decay * weight + last**2
-    sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age, coming, turning)
+    sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age, first.coming, first.turning)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
     return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
@@ -164,30 +165,26 @@ def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tupl
     return motion, np.hstack([q, rate, np.vstack([spins, spins[-1:]])])
 
 
-def _between(samples: Array, knots: Array, k: Array, at: Array) -> Array:
+def _between(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
     """Hermite interpolation (derivatives, T, signals) of samples (derivatives, knots, signals) at times in intervals k.
 
     Source: Hermite 1878 (the polynomial that meets values and derivatives at both ends).
     """
-    orders = len(samples)
-    h = (knots[k + 1] - knots[k])[:, None]
+    orders, h = range(len(samples)), (knots[k + 1] - knots[k])[:, None]
     s = (at - knots[k])[:, None] / h
-    scaled = [(samples[d, k] * h**d, samples[d, k + 1] * h**d) for d in range(orders)]
-    out = []
-    coefficients = HERMITE[orders]
-    data = [row[side] for side in (0, 1) for row in scaled]
-    c = [sum(m * value for m, value in zip(row, data, strict=True)) for row in coefficients]
-    for d in range(orders):
-        terms = (math.perm(i, d) * c[i] * s ** (i - d) for i in range(d, len(c)))
-        out.append(sum(terms, np.zeros_like(data[0])) / h**d)
-    return np.stack(out)
+    ends = np.stack([samples[d, side] * h**d for side in (k, k + 1) for d in orders])
+    c = np.tensordot(HERMITE[len(samples)], ends, 1)
+    powers = [[math.perm(i, d) * s ** max(i - d, 0) for i in range(len(c))] for d in orders]
+    return np.stack(
+        [sum(map(np.multiply, c, row), np.zeros_like(c[0])) / h**d for d, row in zip(orders, powers, strict=True)]
+    )
 
 
 def _hermite(orders: int) -> Array:
     """Matrix (2 n, 2 n) from values and derivatives at 0, then at 1, to the coefficients of their polynomial."""
-    count = 2 * orders
-    ends = [[math.perm(i, d) * at ** (i - d) if i >= d else 0.0 for i in range(count)] for at in (0, 1) for d in range(orders)]
-    return np.linalg.inv(np.array(ends, dtype=float))
+    rows = [(at, d) for at in (0.0, 1.0) for d in range(orders)]
+    powers = [[math.perm(i, d) * at ** max(i - d, 0) for i in range(2 * orders)] for at, d in rows]
+    return np.asarray(np.linalg.inv(powers), dtype=np.float64)
 
 
 HERMITE = {orders: _hermite(orders) for orders in (2, 3)}
