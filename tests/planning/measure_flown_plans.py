@@ -141,7 +141,7 @@ def ends(law: str, flights: int) -> np.ndarray:
 def caught(small: bool) -> Iterator[tuple[object, ...]]:
     """Rows: law, flights, flights at whose end the claw holds the ball, their share with its interval."""
     for law in ("centroidal", "nmpc") if small else LAWS:
-        count = (2 if law == "nmpc" else 8) if small else (100 if law == "nmpc" else 200)
+        count = (2 if law == "nmpc" else 8) if small else (50 if law == "nmpc" else 200)
         places = ends(law, count)
         # the end of the plan is at x = 3, z = 1.5; the stand at x = 0, z = 0, and what falls goes on falling
         won = int(np.sum((np.abs(places[:, 0] - 3.0) < 0.5) & (places[:, 1] > 0.5)))

@@ -7,6 +7,12 @@ started from the last one, moved on in time. Commands that act late and plans th
 detected (:mod:`.observer`, :mod:`.fallback`). A tip that presses is held by a surface whose force the plan predicts
 (:mod:`.tip_contact`, :mod:`.cost`).
 
+In mode "plan" the reference is a plan's: its preview brings attitude, rates and rotor speeds, and the cost counts
+errors from that state at any tilt. Feedback gains are those of the law's own Riccati recursion over the preview, not
+those of the plan's last one. In eagle catch the tip is 0.2 mm off at the catch and 1.2 mm at most with the law's own
+gains, 1.0 and 118 mm with the plan's: penalties of its goals stiffen these near the goals alone, and nothing observes
+what the model lacks.
+
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
 every other law must.
