@@ -15,7 +15,7 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.laws.centroidal.law import planned_center
 from skyarm.control.laws.predictive.cost import Weights, state_residuals
-from skyarm.control.laws.predictive.preview import planned_motion, update_sample
+from skyarm.control.laws.predictive.preview import SampledReference, planned_motion, update_sample
 from skyarm.control.laws.predictive.solver import examples
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.planning.plan_file import plan_bytes
@@ -132,6 +132,28 @@ def test_a_preview_of_a_plan_is_the_plan_between_its_samples(caught: Plan, follo
     # after the end the motion rests
     late = planned_motion(sample, np.array(par.preview), np.array([5.0, 6.0]))[0]
     np.testing.assert_array_equal(late[0][0], late[0][1])
+
+
+def test_a_previewed_attitude_turns_about_all_axes_and_rotors_have_mean_accelerations() -> None:
+    """A body that turns at a constant rate, as scipy turns it, and rotors whose speed is a parabola of time."""
+    leads, rate, first = np.array([0.02, 0.05, 0.1]), np.array([1.0, -2.0, 3.0]), Rotation.random(random_state=4)
+    knots, ahead = np.append(0.0, leads), np.array([0.0, 0.03, 0.07, 0.09])
+
+    def quaternions(t: np.ndarray) -> np.ndarray:
+        return np.asarray((first * Rotation.from_rotvec(t[:, None] * rate)).as_quat(scalar_first=True))
+
+    step = 1e-6
+    turning = np.zeros((2, 4, 6))
+    turning[0, :, :4] = quaternions(knots)
+    turning[1, :, :4] = (quaternions(knots + step) - quaternions(knots - step)) / (2.0 * step)
+    turning[:, :, 4], turning[:, :, 5] = [400.0 + 5e3 * knots**2, 1e4 * knots], [[300.0] * 4, [0.0] * 4]
+    zero = np.zeros(5)
+    sample = SampledReference(np.zeros((3, 5)), zero, 0.0, zero, zero, coming=np.zeros((3, 4, 5)), turning=turning)
+    _, found = planned_motion(sample, leads, ahead)
+    np.testing.assert_allclose(found[:, :4], quaternions(ahead), atol=1e-6)
+    np.testing.assert_allclose(found[:, 4:7], np.tile(rate, (4, 1)), atol=1e-3)
+    np.testing.assert_allclose(found[:-1, 7], np.diff(5e3 * ahead**2) / np.diff(ahead), rtol=1e-9)
+    np.testing.assert_allclose(found[:, 8], 0.0, atol=1e-9)
 
 
 def test_a_plan_that_begins_later_is_a_new_sample(followed: skyarm.Scenario) -> None:
