@@ -114,7 +114,7 @@ def test_the_planned_centre_moves_on_as_taylors_polynomial_between_samples() -> 
 def test_a_preview_of_a_plan_is_the_plan_between_its_samples(caught: Plan, followed: skyarm.Scenario) -> None:
     """Of the law's horizon: states by the plan's own interpolation and finite differences, at odd times."""
     agent, par, n, m = followed.agent, followed.agent.controller.par, 3, 6
-    reference, now = agent.followed, SETTLE + 1.63
+    reference, now = agent.law_reference, SETTLE + 1.63
     ahead = np.append(0.0, np.cumsum([0.005, 0.005, 0.01, 0.03, 0.07, 0.12, 0.16])) + 0.0037
     sample = update_sample(with_preview(reference.at(now), par.preview, lambda t: reference.at(now + t)), None, 0.005)
     motion, planned = planned_motion(sample, np.array(par.preview), ahead)
@@ -157,7 +157,7 @@ def test_a_previewed_attitude_turns_about_all_axes_and_rotors_have_mean_accelera
 
 
 def test_a_plan_that_begins_later_is_a_new_sample(followed: skyarm.Scenario) -> None:
-    reference, leads = followed.agent.followed, followed.agent.controller.par.preview
+    reference, leads = followed.agent.law_reference, followed.agent.controller.par.preview
 
     def at(t: float) -> Any:
         return with_preview(reference.at(t), leads, lambda lead: reference.at(t + lead))
@@ -208,7 +208,7 @@ def test_nmpc_follows_the_whole_plan(tmp_path: Path, plant: str) -> None:
 @pytest.mark.thorough
 def test_nmpc_follows_a_plan_through_a_tilt_of_ninety_degrees(tmp_path: Path) -> None:
     plan = skyarm.plan(skyarm.load_task("passthrough"))
-    log = skyarm.run(written(plan, tmp_path, controller=NMPC))
+    log = skyarm.run(written(plan, tmp_path))  # under nmpc by itself
     assert log.status == "completed"
     up = Rotation.from_quat(log.quaternion, scalar_first=True).as_matrix()[:, 2, 2]
     assert np.degrees(np.arccos(up)).max() > 89.0
@@ -233,8 +233,8 @@ def test_laws_that_do_not_follow_the_state_do_not_get_it(
     caught: Plan, followed: skyarm.Scenario, tmp_path: Path
 ) -> None:
     flagship, whole = (
-        skyarm.load_scenario(written(caught, tmp_path)).agent.followed.at(2.0),
-        followed.agent.followed.at(2.0),
+        skyarm.load_scenario(written(caught, tmp_path)).agent.law_reference.at(2.0),
+        followed.agent.law_reference.at(2.0),
     )
     assert flagship.turning == ()
     assert len(whole.turning) == 2 * (4 + 6)

@@ -420,7 +420,7 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
     @property
-    def followed(self) -> Trajectory:
+    def law_reference(self) -> Trajectory:
         """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
         planned = self.reference.planned
         if planned is None or follows_plan(self.controller.par):

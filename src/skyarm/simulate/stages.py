@@ -362,7 +362,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     """
     if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = scenario.agent.followed.at(0.0), time < scenario.agent.tracking_start
+    still, resting = scenario.agent.law_reference.at(0.0), time < scenario.agent.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
     values: list[Scalar] = []
     for name, moving in parts(going).items():
