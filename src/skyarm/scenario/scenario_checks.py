@@ -234,7 +234,7 @@ def reference_fits(scenario: Scenario) -> None:
         raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
 
 
-@rule("controller", "model", "reference")
+@rule("controller", "reference", numbers=False)
 def plan_is_there(scenario: Scenario) -> None:
     """Check that a law that follows a plan's whole state has one, of as many rotors as its model."""
     par, planned = scenario.agent.controller.par, scenario.agent.reference.planned
