@@ -66,6 +66,11 @@ def flight(task: str, law: str, **tables: Any) -> dict[str, Any]:
     return document if own is None else {**document, "controller": own}
 
 
+def three_digits(number: float) -> str:
+    """A number with three digits that count, without an exponent."""
+    return f"{float(f'{number:.3g}'):g}"
+
+
 def flown(small: bool) -> Iterator[tuple[object, ...]]:
     """Rows: task, law, plant, tip when the claw closes and in the hold, largest tip error of the flight."""
     for task in ("catch_a_ball",) if small else ("eagle_catch", "eagle_catch_free", "catch_a_ball"):
@@ -78,7 +83,7 @@ def flown(small: bool) -> Iterator[tuple[object, ...]]:
                 k = int(np.searchsorted(log.time, begin - 1e-6))
                 during = slice(k, int(np.searchsorted(log.time, end + 1e-6)))
                 numbers = (off[k], speed[k], off[during].max(), off.max())
-                yield f"`{task}`", f"`{law}`", f"`{plant}`", *(f"{each:.3g}" for each in numbers)
+                yield f"`{task}`", f"`{law}`", f"`{plant}`", *map(three_digits, numbers)
 
 
 def tilted(small: bool) -> Iterator[tuple[object, ...]]:
@@ -97,7 +102,7 @@ def tilted(small: bool) -> Iterator[tuple[object, ...]]:
             tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
             at = int(np.searchsorted(log.time, SETTLE + planned("passthrough").t[planned("passthrough").edges[2]]))
             numbers = (tilt[at], base[at], base.max(), tip.max())
-            yield f"`{law}`", f"`{plant}`", *(f"{each:.3g}" for each in numbers)
+            yield f"`{law}`", f"`{plant}`", *map(three_digits, numbers)
 
 
 def study_of(law: str, flights: int) -> dict[str, Any]:
@@ -144,7 +149,7 @@ def ends(law: str, flights: int) -> np.ndarray:
 def caught(small: bool) -> Iterator[tuple[object, ...]]:
     """Rows: law, flights, flights at whose end the claw holds the ball, their share with its interval."""
     for law in ("centroidal", "nmpc") if small else LAWS:
-        count = (2 if law == "nmpc" else 8) if small else (50 if law == "nmpc" else 200)
+        count = (2 if law == "nmpc" else 8) if small else (25 if law == "nmpc" else 200)
         places = ends(law, count)
         # the end of the plan is at x = 3, z = 1.5; the stand at x = 0, z = 0, and what falls goes on falling
         won = int(np.sum((np.abs(places[:, 0] - 3.0) < 0.5) & (places[:, 1] > 0.5)))
