@@ -184,10 +184,9 @@ def main() -> None:
     given = parser.parse_args()
     rows, heads = TABLES[given.table]
     progress(f"{given.table}:")
-    with tempfile.TemporaryDirectory() as folder:
-        # few flights begin anew; the many go on where they were interrupted
-        with contextlib.chdir(folder if given.small else "."):
-            print_table(heads, rows(given.small))
+    # few flights begin anew; the many go on where they were interrupted
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder if given.small else "."):
+        print_table(heads, rows(given.small))
 
 
 if __name__ == "__main__":
