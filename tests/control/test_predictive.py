@@ -641,7 +641,7 @@ def test_what_needs_a_law_over_scalars_refuses_in_one_line():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mode": "both"}, r"mode = 'both': must be one of \['tool', 'joints'\]"),
+        ({"mode": "both"}, r"mode = 'both': must be one of \['tool', 'joints', 'plan'\]"),
         ({"solver": "riccati"}, "no such option"),
         ({"every": 0}, r"every = 0: must be at least 1"),
         ({"every": 14}, r"every = 14: must be less than controller\.stages = 14"),

@@ -21,6 +21,9 @@ def arrays(**changes: Any) -> dict[str, Any]:
     """Arrays of a plan's file: every signal a smooth function of its own."""
     columns = {name: np.stack([np.sin(TIMES + k + 3 * j) for k in range(3)], axis=1)
                for j, name in enumerate(("position", "center", "tip"))}  # fmt: skip
+    columns |= {
+        name: np.stack([np.cos(TIMES * k) for k in range(1, 5)], axis=1) for name in ("quaternion", "rotor_speeds")
+    }
     whole = {"format": FORMAT, "t": TIMES, "yaw": 0.1 * TIMES**2, "joints": columns["tip"][:, :2], **columns} | changes
     return {name: value for name, value in whole.items() if value is not None}
 
@@ -42,6 +45,7 @@ def test_the_reference_is_at_the_nodes_of_the_plan_from_its_start_on(tmp_path: P
         np.testing.assert_allclose(sample.yaw, whole["yaw"][k], atol=1e-12)
         np.testing.assert_allclose([*sample.tip][:3], whole["tip"][k], atol=1e-12)
         np.testing.assert_allclose([*sample.center][:3], whole["center"][k], atol=1e-12)
+        np.testing.assert_allclose(sample.turning[:8], [*whole["quaternion"][k], *whole["rotor_speeds"][k]], atol=1e-12)
     before, after = trajectory.at(0.2), trajectory.at(9.0)
     np.testing.assert_allclose([*before.position], whole["position"][0], atol=1e-12)
     np.testing.assert_allclose([*after.position], whole["position"][-1], atol=1e-12)
@@ -70,6 +74,7 @@ def test_a_plan_of_a_vehicle_without_a_tip(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "entries", "message"),
     [
+        ({"rotor_speeds": None}, {}, "must be a file of 'skyarm plan' of this version"),
         ({"center": None}, {}, "must be a file of 'skyarm plan' of this version"),
         ({"format": FORMAT + 1}, {}, "must be a file of 'skyarm plan' of this version"),
         ({}, {"start": -1.0}, "reference.start = -1.0: must be at least 0"),

@@ -143,6 +143,11 @@ def preview_leads(par: Dataclass) -> Scalars:
     return getattr(innermost(par), "preview", ())
 
 
+def follows_plan(par: Dataclass) -> bool:
+    """True if a law, inside any layers, follows the whole state of a plan."""
+    return getattr(innermost(par), "mode", "") == "plan"
+
+
 def presses(par: Dataclass) -> bool:
     """True if a law, inside any layers, controls contact forces that a reference requests."""
     return part_of(par, "interaction") is not None

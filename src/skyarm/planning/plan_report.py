@@ -121,15 +121,25 @@ SETTLE = 1.0
 """Time (s) of hover before a plan begins and after it ends, in the scenario that flies it."""
 
 
+LEANING = math.radians(75.0)
+"""Largest tilt of a plan that the centroidal law follows: its heading is singular at 90 degrees."""
+
+
 def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
-    """Tables of a scenario that flies a plan by the centroidal law, in the task's world with its obstacles.
+    """Tables of a scenario that flies a plan in the task's world with its obstacles.
+
+    The law is the centroidal one, or the predictive one where the base is tilted by more than :data:`LEANING`.
 
     Args:
         plan: the plan.
         file: its file, as the scenario names it.
         vehicle: name or path of the vehicle.
     """
-    task, lean = plan.task, min(summary(plan).tilt + 0.1, 1.4)
+    task, tilt = plan.task, summary(plan).tilt
+    law: dict[str, Entry] = {"law": "nmpc", "mode": "plan"}
+    if tilt <= LEANING:
+        lean = round(max(1.2, 1.5 * math.tan(min(tilt + 0.1, 1.4))), 3)
+        law = {"law": "centroidal", "mode": "joint", "bandwidth": 1.0, "tilt": lean}
     world: dict[str, Any] = dict(task.world or {})
     stated = [each.get("name") for each in world.get("surfaces", [])]
     own = [each for each in task.obstacles if each.name not in stated]
@@ -150,12 +160,7 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
         # the plan is known on board: its reference comes in each control period
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},
-        "controller": {
-            "law": "centroidal",
-            "mode": "joint",
-            "bandwidth": 1.0,
-            "tilt": round(max(1.2, 1.5 * math.tan(lean)), 3),
-        },
+        "controller": law,
         "environment": {"ground": False},
         "reference": {"kind": "plan", "file": str(file), "start": SETTLE},
     }

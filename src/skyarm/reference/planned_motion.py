@@ -33,15 +33,22 @@ FORMAT = 1
 @immutable
 @checked("planned")
 class PlannedBody:
-    """Planned motion of centre of mass and tip: three signals each."""
+    """Planned motion of centre of mass, tip, attitude and rotors: three, three, four and one for each rotor."""
 
     center: Annotated[tuple[Signal, ...], Unit("m", "planned position of the centre of mass, world axes")]
     tip: Annotated[tuple[Signal, ...], Unit("m", "planned position of the tip, world axes; empty: no tip")] = ()
+    attitude: Annotated[tuple[Signal, ...], Unit("", "planned attitude, a quaternion; empty: unknown")] = ()
+    rotors: Annotated[tuple[Signal, ...], Unit("rad/s", "planned speeds of the rotors")] = ()
 
     def center_at(self, t: Scalar) -> Scalars:
         """Position (m) of the centre of mass at time t and its first four derivatives, fifteen numbers."""
         rows = [signal.derivatives(t) for signal in self.center]
         return tuple(row[k] for k in range(5) for row in rows)
+
+    def turning_at(self, t: Scalar) -> Scalars:
+        """Quaternion and rotor speeds (rad/s) at time t, then their derivatives."""
+        rows = [signal.derivatives(t) for signal in (*self.attitude, *self.rotors)]
+        return tuple(row[k] for k in range(2) for row in rows)
 
 
 def plan_tables(fields: Fields) -> dict[str, Entry]:
@@ -67,8 +74,9 @@ def plan_tables(fields: Fields) -> dict[str, Entry]:
         return {"kind": "spline", "times": [*times], "values": np.asarray(values).tolist()}
 
     axes = {axis: spline(arrays["position"][:, k]) for k, axis in enumerate("xyz")}
+    names = {"center": "center", "tip": "tip", "attitude": "quaternion", "rotors": "rotor_speeds"}
     planned: dict[str, Entry] = {
-        name: [spline(column) for column in arrays[name].T] for name in ("center", "tip") if arrays[name].size
+        name: [spline(column) for column in arrays[array].T] for name, array in names.items() if arrays[array].size
     }
     tables: dict[str, Entry] = {
         "base": {"kind": "signals", **axes},
@@ -92,7 +100,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
             arrays = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, zipfile.BadZipFile, KeyError, EOFError):
         raise ValueError(f"{at}: must be a file of 'skyarm plan'") from None
-    missing = {"format", "t", "position", "yaw", "joints", "center", "tip"} - set(arrays)
+    missing = {"format", "t", "position", "yaw", "joints", "center", "tip", "quaternion", "rotor_speeds"} - set(arrays)
     if missing or int(arrays["format"]) != FORMAT:
         raise ValueError(f"{at}: must be a file of 'skyarm plan' of this version")
     return arrays

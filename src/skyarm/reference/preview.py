@@ -33,7 +33,9 @@ def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scala
     """
     if not leads:
         return sample
-    return replace(sample, ahead=tuple(number for lead in leads for each in samples(at(lead)) for number in each))
+    later = [at(lead) for lead in leads]
+    ahead = tuple(number for coming in later for each in samples(coming) for number in each)
+    return replace(sample, ahead=ahead, turning=sum((coming.turning for coming in later), sample.turning))
 
 
 def samples_ahead(reference: Reference) -> list[list[Sample]]:

@@ -36,8 +36,9 @@ class Reference:
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
-    0.5 while the tip has to hold a load. ``center`` is empty but in a
-    plan. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
+    0.5 while the tip has to hold a load. ``center`` is empty but in a plan, and ``turning`` but in one that the law
+    follows as a whole. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`), which ``turning`` has,
+    too.
     """
 
     position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
@@ -63,6 +64,9 @@ class Reference:
     center: Annotated[
         Scalars, Unit("", "planned centre of mass, m, world axes, with four derivatives; empty: that of a level base")
     ] = ()
+    turning: Annotated[
+        Scalars, Unit("", "planned quaternion and rotor speeds (rad/s), then their derivatives; empty: no plan")
+    ] = ()
     ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
 
     def __post_init__(self) -> None:
@@ -72,6 +76,7 @@ class Reference:
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
         tuples = tuples and type(self.push) is type(self.load) is type(self.center) is type(self.ahead) is tuple
+        tuples = tuples and type(self.turning) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
@@ -156,6 +161,7 @@ class Trajectory:
             push=() if self.push is None else self.push.at(t),
             load=() if self.load is None else (self.load.derivatives(t)[0],),
             center=() if self.planned is None else self.planned.center_at(t),
+            turning=() if self.planned is None else self.planned.turning_at(t),
         )
 
     def switch_times(self) -> tuple[float, ...]:

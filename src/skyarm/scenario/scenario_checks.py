@@ -13,7 +13,7 @@ from functools import cache, partial
 from typing import NamedTuple
 
 from skyarm.algebra import Mat3, Scalars
-from skyarm.control.controller import innermost, learns_load, part_of, senses_force
+from skyarm.control.controller import follows_plan, innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
@@ -232,6 +232,19 @@ def reference_fits(scenario: Scenario) -> None:
     count, joints = len(scenario.agent.reference.joints), scenario.agent.plant.vehicle.n
     if count != joints:
         raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
+
+
+@rule("controller", "reference", numbers=False)
+def plan_is_there(scenario: Scenario) -> None:
+    """Check that a law that follows a plan's whole state has one, of as many rotors as its model."""
+    par, planned = scenario.agent.controller.par, scenario.agent.reference.planned
+    if not follows_plan(par):
+        return
+    if planned is None or not planned.attitude:
+        raise ValueError("controller.mode = 'plan': must be left out without a reference of kind \"plan\"")
+    if len(planned.rotors) != len(par.model.vehicle.rotors):
+        own = len(par.model.vehicle.rotors)
+        raise ValueError(f"reference.planned.rotors = {len(planned.rotors)} signals: must be {own}, one for each rotor")
 
 
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")

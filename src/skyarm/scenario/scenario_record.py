@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, data, minimum, sin
-from skyarm.control.controller import Controller, autopilot_of
+from skyarm.control.controller import Controller, autopilot_of, follows_plan
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -418,6 +418,14 @@ class Agent:
             with errors_as(ScenarioError):
                 require_fields(self.initial, "initial")
             object.__setattr__(self, "initial", _as_data(self.initial))
+
+    @property
+    def law_reference(self) -> Trajectory:
+        """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
+        planned = self.reference.planned
+        if planned is None or follows_plan(self.controller.par):
+            return self.reference
+        return dataclasses.replace(self.reference, planned=dataclasses.replace(planned, attitude=(), rotors=()))
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:

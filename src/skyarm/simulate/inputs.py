@@ -203,7 +203,8 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 def _motion(scenario: Scenario) -> Program:
     """Traced program from a time (s) to the scenario's reference at that time."""
-    return trace(lambda clock: scenario.agent.reference.at(clock[0]), (0.0,))
+    reference = scenario.agent.law_reference
+    return trace(lambda clock: reference.at(clock[0]), (0.0,))
 
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:

@@ -87,10 +87,8 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     time = floor((ticks + 0.5) / ratio) * ratio / rate
-    leads = preview_leads(scenario.agent.controller.par)
-    reference = with_preview(
-        scenario.agent.reference.at(time), leads, lambda lead: scenario.agent.reference.at(time + lead)
-    )
+    leads, motion = preview_leads(scenario.agent.controller.par), scenario.agent.law_reference
+    reference = with_preview(motion.at(time), leads, lambda lead: motion.at(time + lead))
     if reference.load:  # the hand's command is that of each control period
         reference = replace(reference, load=scenario.agent.reference.at(ticks / rate).load)
     return reference

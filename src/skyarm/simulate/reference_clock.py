@@ -91,7 +91,7 @@ class Waits:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._trajectory = scenario.agent.reference
+        self._trajectory = scenario.agent.law_reference
         self._leads = preview_leads(scenario.agent.controller.par)
         self.guards: tuple[Guard, ...] = scenario.agent.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)

@@ -362,7 +362,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     """
     if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = scenario.agent.reference.at(0.0), time < scenario.agent.tracking_start
+    still, resting = scenario.agent.law_reference.at(0.0), time < scenario.agent.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
     values: list[Scalar] = []
     for name, moving in parts(going).items():
@@ -372,6 +372,9 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
             pose = tuple(rest) if several else (rest,)
         elif name == "ahead":
             pose = resting_samples * (len(numbers) // len(resting_samples))
+        elif name == "turning":  # quaternion and rotor speeds, then their derivatives
+            half = len(rest) // 2
+            pose = (*rest[:half], *(0.0,) * half) * (len(numbers) // max(len(rest), 1))
         elif name == "push" and numbers:  # nothing is touched yet, and what is believed of it
             pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
         else:

@@ -461,7 +461,8 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
-    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.agent.reference
+    leads, period = preview_leads(part.record.par), 1.0 / scenario.rates.control
+    reference = scenario.agent.law_reference
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         sample = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
@@ -100,7 +100,16 @@ def under_contact(
     return pressed, force
 
 
-MODES = ("tool", "joints")
+MODES = ("tool", "joints", "plan")
+
+
+@immutable
+class PlannedGoal:
+    """What a plan says of one stage beyond positions: attitude, rate (rad/s, body axes) and rotor accelerations."""
+
+    attitude: Quaternion
+    rate: Vec3
+    rotor_accelerations: Scalars
 
 
 @immutable
@@ -111,6 +120,7 @@ class StageGoal:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: desired ones.
         shift: m, world axes, of the base, which keeps the tip where a level base would carry it.
         contact: desired contact of the tip; empty where none is ever requested.
+        planned: the rest of a planned state; empty but in mode "plan".
     """
 
     position: Vec3
@@ -121,6 +131,7 @@ class StageGoal:
     joint_accelerations: Scalars
     shift: Vec3
     contact: ContactGoal | tuple[()] = ()
+    planned: PlannedGoal | tuple[()] = ()
 
 
 @immutable
@@ -222,8 +233,11 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
     the joints next to the base compensate its tilt, so that for parallel axes the links keep their absolute angles,
     and the base moves by the remainder: about any axis across which no joint turns, the whole of the tip's way.
-    A tip that touches has no place along the surface's normal.
+    A tip that touches has no place along the surface's normal. In mode "plan" every error is that from the planned
+    state, at any tilt; the tip is where this state carries it.
     """
+    if goal.planned:
+        return planned_residuals(model, weights, state, goal, goal.planned)
     vehicle, R = model.vehicle, state.quaternion.rotation()
     c, s = cos(goal.yaw), sin(goal.yaw)
     # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
@@ -250,6 +264,24 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     return tuple(residuals)
 
 
+def planned_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal) -> Scalars:
+    """Weighted errors of a predicted vehicle state against a planned one."""
+    vehicle, R = model.vehicle, state.quaternion.rotation()
+    turned = planned.attitude.conjugate() * state.quaternion
+    turn = Vec3(turned.x, turned.y, turned.z) * (2.0 * turned.w)
+    residuals = [*((state.position - goal.position) * weights.position)]
+    residuals += [*((state.velocity - goal.velocity) * weights.velocity)]
+    residuals += [*(turn * weights.heading), *((state.rate - planned.rate) * weights.rate)]
+    residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, goal.joints, strict=True)]
+    residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    if vehicle.end_effector:
+        frame, S = vehicle.frame(vehicle.end_effector), planned.attitude.rotation()
+        tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
+        tip_goal = goal.position + S.apply(frame_pose(vehicle, frame, goal.joints).p)
+        residuals += [*((tip - tip_goal) * weights.tool)]
+    return tuple(residuals)
+
+
 def given_way(vehicle: Vehicle, joints: Scalars, tilt: Vec3) -> Scalars:
     """Joint positions at which the joints next to the base compensate a base tilt (sine of angle, body axes)."""
     return tuple(
@@ -273,7 +305,10 @@ def input_residuals(
     pressed: Scalars = ()
     if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
-    return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations), *pressed)
+    rotors = inputs.rotor_accelerations
+    if goal.planned:
+        rotors = tuple(map(sub, rotors, goal.planned.rotor_accelerations))
+    return (*arm, *(weights.rotor_accelerations * u for u in rotors), *pressed)
 
 
 def predict_stage(

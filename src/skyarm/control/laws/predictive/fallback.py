@@ -83,7 +83,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     """Largest cost of an acceptable plan: :data:`TIMES` the cost of constant errors :data:`WORST`."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
-    if mode == "tool":
+    if mode != "joints":
         errors.append(float(weights.tool) * WORST["tool"])
     return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
 

@@ -8,6 +8,7 @@ tip's displacement for a lean about an axis about which no joint turns.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -20,10 +21,10 @@ from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
-from skyarm.reference.preview import samples
+from skyarm.reference.preview import samples, samples_ahead
 from skyarm.vehicle import Vehicle
 
 JUMP = 0.02
@@ -46,12 +47,16 @@ SETTLED = 2
 class SampledReference:
     """Last reference sample [x, y, z, yaw, joints ...], its age, third derivatives, and statistics of its oscillation.
 
+    With it go the samples of a preview, if there is one.
+
     Attributes:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
         pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older ones forgotten; their quotient
             is the squared angular frequency of the swing that fits best, 1/s^2.
         foretold: samples in a row, this one included, that came when predicted by the last one.
         secants, gap: mean jerks since the sample before and the time since then, s.
+        coming: (3, T, signals) this sample and those of the preview. turning: (2, T, 4 + rotors) planned quaternion and
+            rotor speeds with their derivatives. Both empty without a preview.
     """
 
     motion: Array
@@ -62,6 +67,8 @@ class SampledReference:
     foretold: int = 0
     secants: Array | None = None
     gap: float = 0.0
+    coming: Array = dataclasses.field(default_factory=partial(np.zeros, (3, 0, 0)))
+    turning: Array = dataclasses.field(default_factory=partial(np.zeros, (2, 0, 0)))
 
     @property
     def stiffness(self) -> Array:
@@ -101,10 +108,16 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
     motion = np.array(samples(reference), dtype=float).T
     still = np.zeros(motion.shape[1])
     first = SampledReference(motion, still, 0.0, still, still)
+    if reference.ahead:
+        rows = [samples(reference), *samples_ahead(reference)]
+        coming = np.array(rows, dtype=float).transpose(2, 0, 1)
+        turning = np.array(reference.turning, dtype=float).reshape(len(rows), 2, -1).transpose(1, 0, 2)
+        first = dataclasses.replace(first, coming=coming, turning=turning)
     if before is None:
         return first
     age = before.age + dt
-    if np.array_equal(motion, before.motion):
+    # a motion that begins later is seen in the preview alone
+    if np.array_equal(motion, before.motion) and np.array_equal(first.coming, before.coming):
         return dataclasses.replace(before, age=age)
     # a number that is not finite was not predicted either
     if not np.abs(motion[0] - extrapolate(before, np.array([age]))[0, 0]).max() < JUMP:
@@ -118,10 +131,64 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
         decay = np.exp(-age / KEPT)
         pull = decay * pull - bend * last
         weight = decay * weight + last**2
-    sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
+    sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age, first.coming, first.turning)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
     return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
+
+
+def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tuple[Array, Array]:
+    """Signals with two derivatives (3, T, signals) and goals of the planned state (T, 7 + rotors).
+
+    Args:
+        sample: with the preview of a plan.
+        leads: times of its samples after the held one, s.
+        ahead: (T,) times after the held sample, s.
+
+    Between two samples a polynomial of degree 5 meets values and derivatives of both; that of quaternion and rotor
+    speeds is of degree 3. After the last sample the motion rests there.
+    """
+    knots = np.append(0.0, leads)
+    at = np.clip(ahead, 0.0, knots[-1])
+    k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(leads) - 1)
+    motion = _between(sample.coming, knots, k, at)
+    turning = _between(sample.turning, knots, k, at)
+    q = turning[0, :, :4] / np.linalg.norm(turning[0, :, :4], axis=1, keepdims=True)
+    w, a, b, c = q.T
+    # 2 conj(q) dq/dt is the body's rate
+    left = 2.0 * np.stack([[-a, w, c, -b], [-b, -c, w, a], [-c, b, -a, w]]).transpose(2, 0, 1)
+    rate = np.einsum("tij,tj->ti", left, turning[1, :, :4])
+    # what a stage holds constant is the mean of what the plan does in it
+    dt = np.maximum(np.diff(ahead), 1e-9)[:, None]
+    spins = np.diff(turning[0, :, 4:], axis=0) / dt
+    motion[2, :-1] = np.diff(motion[1], axis=0) / dt
+    return motion, np.hstack([q, rate, np.vstack([spins, spins[-1:]])])
+
+
+def _between(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
+    """Hermite interpolation (derivatives, T, signals) of samples (derivatives, knots, signals) at times in intervals k.
+
+    Source: Hermite 1878 (the polynomial that meets values and derivatives at both ends).
+    """
+    orders, h = range(len(samples)), (knots[k + 1] - knots[k])[:, None]
+    s = (at - knots[k])[:, None] / h
+    ends = np.stack([samples[d, side] * h**d for side in (k, k + 1) for d in orders])
+    c = np.tensordot(HERMITE[len(samples)], ends, 1)
+    powers = [[math.perm(i, d) * s ** max(i - d, 0) for i in range(len(c))] for d in orders]
+    return np.stack(
+        [sum(map(np.multiply, c, row), np.zeros_like(c[0])) / h**d for d, row in zip(orders, powers, strict=True)]
+    )
+
+
+def _hermite(orders: int) -> Array:
+    """Matrix (2 n, 2 n) from values and derivatives at 0, then at 1, to the coefficients of their polynomial."""
+    rows = [(at, d) for at in (0.0, 1.0) for d in range(orders)]
+    powers = [[math.perm(i, d) * at ** max(i - d, 0) for i in range(2 * orders)] for at, d in rows]
+    return np.asarray(np.linalg.inv(powers), dtype=np.float64)
+
+
+HERMITE = {orders: _hermite(orders) for orders in (2, 3)}
+"""Hermite matrices of interpolation by values and one, or two, derivatives."""
 
 
 def goals(motion: Array, shift: Array) -> Array:

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Scalar, Scalars
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars
 from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -21,6 +21,7 @@ from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.predictive.cost import (
     ContactGoal,
+    PlannedGoal,
     StageGoal,
     Weights,
     input_residuals,
@@ -69,10 +70,17 @@ NUDGE = 1e-5
 """Step of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
 
 
-def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, StageInputs, Disturbance, StageGoal]:
-    """Example state, inputs, disturbance and goal, which fix the array shapes; ``contact``: the goal has a contact."""
+def examples(
+    joints: int, rotors: int, contact: bool = False, planned: bool = False
+) -> tuple[State, StageInputs, Disturbance, StageGoal]:
+    """Example state, inputs, disturbance and goal, which fix the array shapes.
+
+    ``contact``: the goal has a contact. ``planned``: it is of a planned state.
+    """
     arm = (0.0,) * joints
     pressed = ContactGoal(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    level = Quaternion(1.0, 0.0, 0.0, 0.0)
+    whole = PlannedGoal(attitude=level, rate=ZERO3_DATA, rotor_accelerations=(0.0,) * rotors)
     goal = StageGoal(
         position=ZERO3_DATA,
         velocity=ZERO3_DATA,
@@ -82,6 +90,7 @@ def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, St
         joint_accelerations=arm,
         shift=ZERO3_DATA,
         contact=pressed,
+        planned=whole if planned else (),
     )
     inputs = StageInputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return example_state(joints, rotors), inputs, no_disturbance(joints), goal
@@ -99,7 +108,7 @@ class CompiledStages:
     """
 
     def __init__(self, model: Model, weights: Weights, mode: str, scales: Array, contact: bool = False) -> None:
-        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
+        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan")
         state, inputs, disturbance, goal = shapes
 
         def stage(
@@ -184,7 +193,8 @@ class Rollouts:
     """
 
     def __init__(self, model: Model, weights: Weights, mode: str, bounds: Bounds, contact: bool = False) -> None:
-        state, inputs, disturbance, goal = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
+        shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan")
+        state, inputs, disturbance, goal = shapes
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
