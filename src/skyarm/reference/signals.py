@@ -27,7 +27,7 @@ from skyarm.records.leaves import Place, parts
 from skyarm.records.path_names import Names, below, path_names
 from skyarm.records.read_table import entry_of, record_from
 from skyarm.records.registry import find, names
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 
 Derivatives = tuple[Any, ...]
 """Value and derivatives one to four of a signal."""
@@ -122,7 +122,7 @@ class Ramp(Signal):
     """
 
     start: Annotated[Scalar, Unit("s", "time at which the ramp begins")]
-    duration: Annotated[Scalar, Unit("s", "duration of the ramp", low=0.0, strict=True)]
+    duration: Annotated[Scalar, positive("s", "duration of the ramp")]
     height: Annotated[Scalar, Unit("", "value after the ramp, in the unit of the signal")]
     shape: Literal["linear", "quintic"] = "linear"
 
@@ -283,8 +283,8 @@ class Pulses(Signal):
     """
 
     start: Annotated[Scalar, Unit("s", "time of the first pulse")] = 0.0
-    period: Annotated[Scalar, Unit("s", "time from one pulse to the next", low=0.0, strict=True)]
-    width: Annotated[Scalar, Unit("s", "width of a pulse", low=0.0)]
+    period: Annotated[Scalar, positive("s", "time from one pulse to the next")]
+    width: Annotated[Scalar, nonnegative("s", "width of a pulse")]
     height: Annotated[Scalar, Unit("", "value within a pulse, in the unit of the signal")] = 1.0
     count: Annotated[int, Unit("", "number of pulses", low=1, high=100_000)]
 

@@ -28,7 +28,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.phases import with_joint_moves
 from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
@@ -228,10 +228,9 @@ class TipChoices:
     posture: Annotated[tuple[float, ...], Unit("rad or m", "preferred position of each joint")] = ()
     base_share: Annotated[
         float,
-        Unit(
+        nonnegative(
             "",
             "fraction of the tip's displacement that the base takes",
-            low=0.0,
             high=1.0,
             effect="higher values move the base more and the arm less",
         ),

@@ -47,7 +47,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
 
 
@@ -443,31 +443,25 @@ class ObserverGains:
 
     force: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the force estimate",
-            low=0.0,
-            strict=True,
             effect="higher values reject wind faster, amplify noise and tolerate less delay",
         ),
     ]
     torque: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the torque estimate",
-            low=0.0,
-            strict=True,
             effect="higher values reject torques on the base faster, amplify noise and tolerate less delay",
         ),
     ]
     joints: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the joint effort estimates",
-            low=0.0,
-            strict=True,
             effect="higher values reject joint friction and loads faster, amplify noise and tolerate less delay",
         ),
     ]

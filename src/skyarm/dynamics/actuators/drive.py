@@ -11,7 +11,7 @@ from skyarm.algebra.scalars import add, clip, divide, exp, maximum, mul, sub, ta
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import positive
 from skyarm.vehicle import Joint
 
 
@@ -161,11 +161,9 @@ class LaggedTorque(TorqueDrive):
 
     time_constant: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "time constant of the first-order lag from commanded to applied effort",
-            low=0.0,
-            strict=True,
             effect="longer lags make the joint loop oscillate sooner",
         ),
     ]

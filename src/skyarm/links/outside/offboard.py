@@ -32,7 +32,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import Plain
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import Ended
@@ -102,11 +102,9 @@ class OffboardSettings:
     ] = 0.25
     leash: Annotated[
         float,
-        Unit(
+        positive(
             "m",
             "largest distance of the base from its reference",
-            low=0.0,
-            strict=True,
             effect="shorter distances give control back to the autopilot sooner",
         ),
     ] = 1.5

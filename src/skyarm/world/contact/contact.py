@@ -24,7 +24,7 @@ from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
@@ -120,7 +120,7 @@ class Contact(Force[ContactMemory]):
     grippers: tuple[Gripper, ...] = ()
     grasps: tuple[Grasp, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     rotor_radius: Annotated[
-        Scalar, Unit("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only", low=0.0)
+        Scalar, nonnegative("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only")
     ] = 0
     hit_steps: Annotated[
         int,

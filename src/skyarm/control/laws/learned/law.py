@@ -37,7 +37,7 @@ from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
@@ -252,12 +252,10 @@ class LearnedParameters(Parameters):
     network: Network
     answer: Annotated[
         float,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the filter of the network's output",
-            low=0.0,
             high=1e4,
-            strict=True,
             effect="lower values pass less noise and learn slow disturbances only",
         ),
     ] = 10.0
