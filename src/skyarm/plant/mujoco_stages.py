@@ -14,7 +14,7 @@ from itertools import accumulate, pairwise
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
@@ -191,7 +191,7 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     n = len(first.joints)
 
     def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:
-        return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
+        return sums(values, more)
 
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))
     return replace(

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from skyarm.algebra import Scalar
+from skyarm.algebra import Scalar, sums
 from skyarm.algebra.scalars import add, cos, floor, logical_and, mul, same, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
@@ -252,7 +252,7 @@ class Sum(Signal):
         """Value and derivatives of the sum."""
         total: Derivatives = (0, 0, 0, 0, 0)
         for signal in self.signals:
-            total = tuple(add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
+            total = sums(total, signal.derivatives(t))
         return total
 
 

@@ -110,7 +110,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
 def bodies_of(vehicle: Vehicle) -> RigidBodies:
     """Bodies, joints and frames of a vehicle without its rotors; followers are listed as mimic joints."""
-    leaders = [link.joint.name for link in vehicle.links]
+    leaders = vehicle.joint_names
     mimics = {
         each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
         for each in vehicle.followers

@@ -84,7 +84,7 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
         end_effector=tip,
         notes=bodies.notes,
     )
-    return with_stops(with_smooth_friction(made, [link.joint.name for link in made.links]))
+    return with_stops(with_smooth_friction(made, made.joint_names))
 
 
 def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:

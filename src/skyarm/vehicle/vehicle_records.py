@@ -231,6 +231,11 @@ class Vehicle:
         return len(self.links)
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the links."""
+        return tuple(link.joint.name for link in self.links)
+
+    @property
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of joints, of rotors and of tilting rotors."""
         return self.n, len(self.rotors), len(self.tilts)
@@ -375,7 +380,7 @@ def _require_joint(field: str, value: Joint) -> None:
 
 def _require_drives(value: Vehicle) -> None:
     """Check that each drive acts on an existing joint with an effort limit above zero, at most one drive per joint."""
-    joints = [link.joint.name for link in value.links]
+    joints = value.joint_names
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
             refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")

@@ -80,7 +80,7 @@ class Fault:
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle lacks the rotor or joint of the fault."""
-        rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
+        rotors, joints = [r.name for r in vehicle.rotors], vehicle.joint_names
         for kind, value, names in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
             if value and value not in names:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(names) or 'none'}")

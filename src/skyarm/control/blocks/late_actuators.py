@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra import Scalar, Scalars, differences, inner_product
 from skyarm.algebra.scalars import data, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
@@ -50,7 +50,7 @@ class Past:
         """Modelled rotor speeds and joint efforts in the control period that ended ``age`` periods ago."""
         parts = self._since(age)
         # what acted since a period earlier is the same of the command after it
-        shares = [sub(older, since) for older, since in zip((1.0, *parts[:-1]), parts, strict=True)]
+        shares = differences((1.0, *parts[:-1]), parts)
         speeds = _sums(self.speeds, shares)
         return Actuation(
             squares=_sums(self.squares, shares), amid=speeds, speeds=speeds, efforts=_sums(self.efforts, shares)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve, sums
 from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
@@ -323,7 +323,7 @@ def _with_side(mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], s
     is left beside what the limits leave of them (``allowed``).
     """
     if mixer.policy == "clip":
-        return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
+        return sums(raw, side)
     low: Scalar = 0.0
     high: Scalar = 1.0
     for value, change, top in zip(raw, side, mixer.highest, strict=True):

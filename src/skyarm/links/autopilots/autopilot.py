@@ -9,8 +9,7 @@ from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Motion, Scalar
-from skyarm.algebra.scalars import add
+from skyarm.algebra import ZERO3, Motion, Scalar, sums
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.controller import Controller, ControllerError, Memory
@@ -207,7 +206,7 @@ def move_arm(
     """
     vehicle = par.model.vehicle
     feedback = joint_pd(par.joint_gains, measurement, reference)
-    desired = tuple(add(a, b) for a, b in zip(feedback, reference.joint_accelerations, strict=True))
+    desired = sums(feedback, reference.joint_accelerations)
     base = Motion(ZERO3, measurement.specific_force)
     torques = dynamics.inverse_dynamics(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, desired

@@ -66,7 +66,7 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
         speeds: rotor commands at the instant, rad/s: thrust grows with their square.
         attitude: base to world at the instant: the attitude is cut in rotations about the base's axes.
     """
-    rotors, joints = len(vehicle.rotors), [link.joint.name for link in vehicle.links]
+    rotors, joints = len(vehicle.rotors), vehicle.joint_names
     size = rotors + len(joints)
     channels = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
     channels += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)

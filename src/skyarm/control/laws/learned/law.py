@@ -24,7 +24,7 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.filters import low_pass
@@ -209,8 +209,8 @@ def features(measurement: Measurement, reference: Reference, history: History) -
         *rises[3:],
         *R.apply_T(m.position - reference.position),
         *R.apply_T(m.velocity - reference.velocity),
-        *(sub(a, b) for a, b in zip(m.joints, reference.joints, strict=True)),
-        *(sub(a, b) for a, b in zip(m.joint_rates, reference.joint_rates, strict=True)),
+        *differences(m.joints, reference.joints),
+        *differences(m.joint_rates, reference.joint_rates),
         *history.commands,
     )
 
@@ -298,7 +298,7 @@ def compensate(measurement: Measurement, reference: Reference, unknown: Scalars,
     base = Motion(alpha, R.apply_T(specific))
     qdd = joint_accelerations(par, measurement, reference)
     force, torques = coupled_forces(par, measurement, base, qdd)
-    efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
+    efforts = differences(torques, unknown[6:])
     return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]
 
 
