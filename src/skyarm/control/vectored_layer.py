@@ -184,12 +184,12 @@ def vectored_law(
     squares = squares_at(vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead])
     moved = VectoredMemory(
         inner=following,
-        goals=tuple(data(each) for each in goals),
-        angles=tuple(data(each) for each in angles_after(vehicle, angles, setpoints, dt)),
-        matched=tuple(data(each) for each in _lagging_angles(vehicle, memory.matched, goals, dt)),
+        goals=tuple(map(data, goals)),
+        angles=tuple(map(data, angles_after(vehicle, angles, setpoints, dt))),
+        matched=tuple(map(data, _lagging_angles(vehicle, memory.matched, goals, dt))),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
-    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
+    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints)))
 
 
 def angles_seen(measurement: Measurement, believed: Scalars) -> Scalars:

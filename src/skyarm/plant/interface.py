@@ -75,7 +75,7 @@ class Plant(Protocol):
 
 def flat(state: State) -> tuple[float, ...]:
     """Scalars of a vehicle state as a flat sequence, in the order that plants use."""
-    return tuple(float(value) for value in leaves(state))
+    return tuple(map(float, leaves(state)))
 
 
 def whole_steps(seconds: float, physics_step: float) -> int:

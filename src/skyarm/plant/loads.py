@@ -117,7 +117,7 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
         force = force + motion.to_world(moved - calm)
     pairs = zip(around.components, around.memories, strict=True)
     own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
+    return WindSample(Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own)
 
 
 def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:

@@ -142,7 +142,7 @@ class StagedRungeKutta:
         sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
         loads = layout.generalized_forces(following, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
-        return tuple(data(value) for value in (*numbers, *memory, *turned, *sums, *rates, *loads))
+        return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from skyarm.algebra import Scalar
-from skyarm.records.immutable import immutable, memoize
+from skyarm.records.immutable import memoize, positional
 from skyarm.records.leaves import field_names
 
 FARTHEST = 1e7
@@ -29,7 +29,7 @@ LIMITS: Mapping[str, float] = {"m": FARTHEST, "kg": 1e9, "kg m^2": 1e9, "m/s^2":
 too."""
 
 
-@immutable(kw_only=False)
+@positional
 class Unit:
     """Unit, meaning and bounds of a field's numbers.
 

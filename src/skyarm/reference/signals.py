@@ -22,7 +22,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.user_code import require_result
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Place, parts
 from skyarm.records.path_names import Names, below, path_names
 from skyarm.records.read_table import entry_of, record_from
@@ -95,7 +95,7 @@ def switch_times(record: object) -> tuple[float, ...]:
     return tuple(sorted({s for signal in signals for s in signal.switch_times()}))
 
 
-@immutable(kw_only=False)
+@positional
 class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
@@ -182,7 +182,7 @@ class Sine(Signal):
         return s, w * c, -(w * w) * s, -(w * w * w) * c, (w * w * w * w) * s
 
 
-@immutable(kw_only=False)
+@positional
 class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
@@ -218,7 +218,7 @@ class Windowed(Signal):
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
 
 
-@immutable(kw_only=False)
+@positional
 class Shifted(Signal):
     """Time signal delayed by ``delay`` seconds."""
 
@@ -238,7 +238,7 @@ class Shifted(Signal):
         return tuple(s + float(self.delay) for s in self.signal.switch_times())
 
 
-@immutable(kw_only=False)
+@positional
 class Sum(Signal):
     """Sum of several signals; zero if empty."""
 
@@ -256,7 +256,7 @@ class Sum(Signal):
         return total
 
 
-@immutable(kw_only=False)
+@positional
 class Product(Signal):
     """Product of two signals, such as a sine with a ramped amplitude."""
 

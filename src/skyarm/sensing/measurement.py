@@ -139,7 +139,7 @@ class SensorNoise(Sensor):
         count = noise_count(len(state.joints), len(state.rotor_speeds))
         noise = normals(draws)[:count] if draws else [0] * count
         # where nothing pushes the reading is a structural zero
-        proper = Vec3(*(data(c) for c in specific_force))
+        proper = Vec3(*map(data, specific_force))
         return memory, measure(self, t, state, proper, noise)
 
 

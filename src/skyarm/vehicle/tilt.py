@@ -61,7 +61,7 @@ def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> V
     Raises:
         VehicleError: the hub lies on the line of its thrust through the origin.
     """
-    hub = Vec3(*(float(c) for c in position))
+    hub = Vec3(*map(float, position))
     across = hub - thrust_axis * thrust_axis.dot(hub)
     length = math.sqrt(across.dot(across))
     if not length > 1e-9:

@@ -19,7 +19,7 @@ from typing import Any
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records.files import PathLike
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
@@ -31,7 +31,7 @@ READ = ("link", "joint", "material")
 """Elements of a robot that are read, or concern only its appearance."""
 
 
-@immutable(kw_only=False)
+@positional
 class _File:
     """Parsed URDF file: links and joints by name, parent joint of each link, and mimic joints."""
 

@@ -24,7 +24,7 @@ from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit, nonnegative, positive
 
 METRES_PER_FOOT = 0.3048
@@ -61,7 +61,7 @@ class Dryden:
         accept(self, "turbulence", {"direction_W": unit_vector})
 
 
-@immutable(kw_only=False)
+@positional
 class DrydenMemory:
     """State of the turbulence filters, in standard deviations of the velocity components u, v and w."""
 

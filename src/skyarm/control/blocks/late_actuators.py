@@ -41,9 +41,7 @@ class Past:
         speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
         rows = (squares, speeds, command.efforts)
         before = (self.squares, self.speeds, self.efforts)
-        squares, speeds, efforts = (
-            (*old[1:], tuple(data(each) for each in new)) for old, new in zip(before, rows, strict=True)
-        )
+        squares, speeds, efforts = ((*old[1:], tuple(map(data, new))) for old, new in zip(before, rows, strict=True))
         return Past(squares=squares, speeds=speeds, efforts=efforts)
 
     def period(self, age: Scalar) -> Actuation:

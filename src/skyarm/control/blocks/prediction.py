@@ -241,6 +241,6 @@ def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: Sca
         velocity=velocity,
         rate=rate,
         joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
-        joint_rates=tuple(data(r) for r in rates),
+        joint_rates=tuple(map(data, rates)),
         rotor_speeds=speeds,
     )

@@ -62,7 +62,7 @@ from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_co
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -92,7 +92,7 @@ class PressingMemory:
     interaction: InteractionMemory
 
 
-@immutable(kw_only=False)
+@positional
 class ObservedContact:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 

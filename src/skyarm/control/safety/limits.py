@@ -65,12 +65,12 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
     resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
-    speeds = tuple(float(speed) for speed in trim.speeds)
+    speeds = tuple(map(float, trim.speeds))
     law = checked_law(controller)
     for _ in range(SETTLING):
         seen = dataclasses.replace(resting, rotor_speeds=speeds)
         _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
-        speeds = tuple(float(speed) for speed in command.rotor_speeds)
+        speeds = tuple(map(float, command.rotor_speeds))
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
     return sum(float(share) * speed * speed for share, speed in zip(shares, speeds, strict=True))
 

@@ -20,7 +20,7 @@ from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solv
 from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
@@ -31,7 +31,7 @@ ENDLESS = 1e100
 """Thrust (N) larger than any bound."""
 
 
-@immutable(kw_only=False)
+@positional
 class Bound:
     """Two parallel linear bounds of the yaw torque as a function of the thrust, N m."""
 

@@ -17,7 +17,7 @@ from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -51,7 +51,7 @@ class LinkError(Exception):
     """Error if an autopilot's program does not respond, has ended, or violates the protocol."""
 
 
-@immutable(kw_only=False)
+@positional
 class BaseGoal:
     """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
 
@@ -61,7 +61,7 @@ class BaseGoal:
     yaw: float
 
 
-@immutable(kw_only=False)
+@positional
 class SensedInstant:
     """Sensor readings and true state at one instant, as an autopilot's link receives them.
 

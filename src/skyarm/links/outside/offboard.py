@@ -383,7 +383,7 @@ class OffboardFlight:
             last = tick
             reference = self._reference(tick)
             self._answer(state, tick, reference, record)
-            error = math.dist(record.states[-1][:3], tuple(float(c) for c in reference.position))
+            error = math.dist(record.states[-1][:3], tuple(map(float, reference.position)))
             if error > self._settings.leash:
                 raise HandBackError(DIVERGED, f"the base is {error:.2f} m from its reference")
 

@@ -102,7 +102,7 @@ class LoopSettings:
         """Initial integral torque (N m) of the rate loop in a hover at given rotor speeds (rad/s)."""
         wrench = rotor_wrench(vehicle, speeds)
         torque = wrench.torque - self.center.cross(wrench.force)
-        return Vec3(*(float(each) for each in self.rate_loop.begin(torque)))
+        return Vec3(*map(float, self.rate_loop.begin(torque)))
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
@@ -149,7 +149,7 @@ class OutsideLaw:
         self.controller, self.settings = controller, settings
         model = controller.par.model
         trim = hover_trim(model.vehicle, tuple(begin.joints), model.gravity)
-        speeds = tuple(float(each) for each in trim.speeds)
+        speeds = tuple(map(float, trim.speeds))
         integral = settings.begin(model.vehicle, speeds)
         self._first = OutsideMemory(law=controller.memory, rotor_speeds=speeds, integral=integral)
         self._step = self._in_machine_code(begin) if controller.compiled else self._in_python()

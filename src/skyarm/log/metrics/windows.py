@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.read_table import record_from
 from skyarm.records.units import positive
 
@@ -28,7 +28,7 @@ NAMES = ("steady", "transient", "gust", "hover")
 """Names of the windows that are one interval."""
 
 
-@immutable(kw_only=False)
+@positional
 class Window:
     """Half-open time interval [start, stop), s."""
 

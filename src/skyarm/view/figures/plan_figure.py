@@ -57,7 +57,7 @@ def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
         canvas.restore_region(still)
         clock.set_text(f"{t:.1f} s")
         for ax, each, (view, _) in zip(axes, drawn, SIDES, strict=True):
-            each.set_segments(view.flat(lines))
+            each.set_segments([*view.flat(lines)])
             ax.draw_artist(each)
         axes[0].draw_artist(clock)
         yield np.array(canvas.buffer_rgba())[..., :3]
@@ -101,8 +101,8 @@ def _stills(plan: Plan) -> Array:
 def _lines_at(plan: Plan, times: Array) -> Array:
     """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m, world axes."""
     vehicle, x = plan.task.vehicle, states_at(plan, times)
-    pose = {"position": x[:, :3], "quaternion": x[:, 3:7], "joints": x[:, 13 : 13 + vehicle.n]}
-    seen = Instants(vehicle=vehicle, times=times, **pose)
+    position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, 13 : 13 + vehicle.n]
+    seen = Instants(vehicle=vehicle, times=times, position=position, quaternion=quaternion, joints=joints)
     ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
     ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
     if vehicle.end_effector:

@@ -408,7 +408,7 @@ class Contact(Force[ContactMemory]):
         return ContactMemory(
             finer=tuple(0.0 for _ in memory.finer),
             clock=tuple(1.0 for _ in memory.clock),
-            bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
+            bristles=tuple(Vec3(*map(data, each.touch.bristle_rate)) for each in meetings),
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
             turns=tuple(UNCHANGED.turn for _ in memory.turns),

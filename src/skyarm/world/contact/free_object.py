@@ -169,7 +169,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Half the largest dimension (m) of the free object: largest offset of a grasp from the object's centre."""
         if self.shape == "cylinder":
             return max(float(self.size[0]), 0.5 * float(self.size[1]))
-        return max(float(each) for each in self.size) * (0.5 if self.shape == "box" else 1.0)
+        return max(map(float, self.size)) * (0.5 if self.shape == "box" else 1.0)
 
     @property
     def gyration(self) -> Scalar:
@@ -263,7 +263,7 @@ class FreeObject(Carrier[ObjectMotion]):
 
 def _data(vector: Vec3) -> Vec3:
     """Convert integer zeros of a vector to floats, which compiled code keeps as variables, not as constants."""
-    return Vec3(*(data(c) for c in vector))
+    return Vec3(*map(data, vector))
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:

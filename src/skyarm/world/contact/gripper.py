@@ -30,7 +30,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
@@ -52,7 +52,7 @@ ADHESIVE = ("magnet", "suction")
 """Kinds of grippers that adhere and open under a pull along the normal."""
 
 
-@immutable(kw_only=False)
+@positional
 @checked("command")
 class Command:
     """Command of a gripper over time: closed while its signal is above one half."""

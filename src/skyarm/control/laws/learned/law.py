@@ -107,7 +107,7 @@ def read_network(text: str) -> tuple[Network, Training]:
         if table["schema"] != SCHEMA:
             raise ValueError(f"schema = {shown(table['schema'])}: must be {SCHEMA}")
         layers = tuple(
-            Layer(weights=tuple(_numbers(row) for row in each["weights"]), offsets=_numbers(each["offsets"]))
+            Layer(weights=tuple(map(_numbers, each["weights"])), offsets=_numbers(each["offsets"]))
             for each in table["layers"]
         )
         parts = {name: _numbers(table[name]) for name in ("means", "factors", "scales", "limits")}
@@ -145,7 +145,7 @@ def shipped_network() -> tuple[Network, Training]:
 
 
 def _numbers(values: Iterable[float]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
+    return tuple(map(float, values))
 
 
 HISTORY = 15.0
