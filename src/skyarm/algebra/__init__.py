@@ -5,7 +5,7 @@ from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
 from skyarm.algebra.quaternion import Quaternion
 from skyarm.algebra.scalars import Scalar, Scalars
 from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia, centripetal
-from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Vec3, inner_product
+from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Vec3, differences, inner_product, sums
 
 __all__ = [
     "E_X",
@@ -25,6 +25,8 @@ __all__ = [
     "Vec3",
     "axis_rotation",
     "centripetal",
+    "differences",
     "inner_product",
     "ldl_solve",
+    "sums",
 ]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, SupportsIndex
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import Scalar, add, mul, neg, same, sqrt, structural, sub, total
+from skyarm.algebra.scalars import Scalar, Scalars, add, mul, neg, same, sqrt, structural, sub, total
 
 
 class ArrayLike:
@@ -123,3 +123,13 @@ E_Z = Vec3(0, 0, 1)
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Inner product of two sequences of scalars; terms with a constant (int) zero are omitted."""
     return total(mul(x, y) for x, y in zip(a, b, strict=True))
+
+
+def sums(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalars:
+    """Sums of two sequences of scalars, element by element."""
+    return tuple(add(x, y) for x, y in zip(a, b, strict=True))
+
+
+def differences(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalars:
+    """Differences a - b of two sequences of scalars, element by element."""
+    return tuple(sub(x, y) for x, y in zip(a, b, strict=True))

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.tracer import Lowered, Node, is_condition
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Place, Tree, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
@@ -83,7 +83,7 @@ END_IEEE = f"""\
 """C text after the generated code: it restores the compiler flags of a program that includes the file."""
 
 
-@immutable(kw_only=False)
+@positional
 class Floats:
     """C floating-point type of a generated file: double, or float if ``single``."""
 
@@ -179,7 +179,7 @@ Units = Mapping[Place, Mapping[str, Unit]]
 """Units of dataclass fields, by path of the dataclass and name of the field."""
 
 
-@immutable(kw_only=False)
+@positional
 class RecordField:
     """Field of a dataclass that becomes a member of a C struct: path, unit, array sizes and scalars.
 
@@ -195,7 +195,7 @@ class RecordField:
     entries: tuple[tuple[Place, Tree], ...]
 
 
-@immutable(kw_only=False)
+@positional
 class Member:
     """Member of a C struct: name, array sizes, comment, initial values."""
 
@@ -205,7 +205,7 @@ class Member:
     values: tuple[float, ...]
 
 
-@immutable(kw_only=False)
+@positional
 class Struct:
     """C struct of a dataclass: its members, and the C name of each scalar of the dataclass (None if left out)."""
 

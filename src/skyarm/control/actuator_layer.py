@@ -99,7 +99,7 @@ def plain_model(model: Model) -> Model:
     """Model whose rotors have thrust k_f W^2 (speed W) instead of thrust tables, and speed limits of equal thrust."""
     if not has_tables(model):
         return model
-    rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
+    rotors = tuple(map(_plain, model.vehicle.rotors))
     return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, rotors=rotors))
 
 

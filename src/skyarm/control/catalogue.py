@@ -25,7 +25,7 @@ from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.files.messages import present_names
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry import Registration, registrations
 from skyarm.records.registry.plugins import law_of_file_key
@@ -38,7 +38,7 @@ BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 load whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
-@immutable(kw_only=False)
+@positional
 class Entry:
     """Catalogue entry of a control law, whose module is imported only when a controller is made."""
 
@@ -138,7 +138,7 @@ TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
 """Joint gains on torque (N m/rad and N m s/rad) of Barakou et al. 2026, Table A2."""
 
 
-@immutable(kw_only=False)
+@positional
 class Preset:
     """Named preset: a law with its published gains or other options.
 

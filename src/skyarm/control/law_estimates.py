@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from skyarm.algebra import Scalars, Vec3
 from skyarm.control.controller import innermost, part_of
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, is_record
 
 
@@ -56,7 +56,7 @@ def observed_push(memory: Tree) -> Vec3 | None:
     return next((part.force for part in parts if is_record(part)), None)
 
 
-@immutable(kw_only=False)
+@positional
 class PushAlone:
     """Tip force estimate of a control law, separate from the rest of the law's state; empty if not estimated."""
 

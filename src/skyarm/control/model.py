@@ -16,7 +16,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.records.words import Word
 from skyarm.vehicle import Vehicle, VehicleError
 
@@ -28,7 +28,7 @@ class Model:
 
     vehicle: Vehicle
     gravity: Annotated[
-        Scalar, Unit("m/s^2", "gravitational acceleration of the controller's model, downwards", low=0.0, usual=25.0)
+        Scalar, nonnegative("m/s^2", "gravitational acceleration of the controller's model, downwards", usual=25.0)
     ] = 9.81
 
     def path_names(self) -> Names:
@@ -48,37 +48,33 @@ class GeometricGains:
 
     position: Annotated[
         Vec3,
-        Unit(
+        nonnegative(
             "N/m",
             "Kp, force per position error, along each axis",
-            low=0.0,
             effect="higher values correct position errors faster and need faster attitude loops",
         ),
     ]
     velocity: Annotated[
         Vec3,
-        Unit(
+        nonnegative(
             "N s/m",
             "Kv, force per velocity error, along each axis",
-            low=0.0,
             effect="higher values damp the position more and amplify noise of the velocity",
         ),
     ]
     attitude: Annotated[
         Vec3,
-        Unit(
+        nonnegative(
             "N m/rad",
             "KR, torque per attitude error, about each body axis",
-            low=0.0,
             effect="higher values turn the base faster; motor lag and delay limit them",
         ),
     ]
     rate: Annotated[
         Vec3,
-        Unit(
+        nonnegative(
             "N m s/rad",
             "Kw, torque per body rate error, about each body axis",
-            low=0.0,
             effect="higher values damp the attitude more and amplify noise of the gyroscope",
         ),
     ]
@@ -91,19 +87,17 @@ class JointGains:
 
     stiffness: Annotated[
         tuple[float, ...],
-        Unit(
+        nonnegative(
             "1/s^2",
             "desired acceleration of each joint per error of its position",
-            low=0.0,
             effect="higher values hold the joints more tightly, amplify noise and tolerate less delay",
         ),
     ]
     damping: Annotated[
         tuple[float, ...],
-        Unit(
+        nonnegative(
             "1/s",
             "desired acceleration of each joint per error of its rate",
-            low=0.0,
             effect="higher values damp the joints more and amplify noise of the rates",
         ),
     ]
@@ -167,19 +161,17 @@ class Parameters:
     terms: Terms = Terms()
     friction_compensation: Annotated[
         tuple[float, ...],
-        Unit(
+        nonnegative(
             "",
             "fraction of the modelled friction that the torque of each joint compensates; empty: none",
-            low=0.0,
             effect="higher values remove more of the friction; above 1 the compensation drives the joint itself",
         ),
     ] = ()
     rate_weights: Annotated[
         tuple[float, ...],
-        Unit(
+        nonnegative(
             "",
             "set-point weight of each joint's desired rate; empty: 1",
-            low=0.0,
             effect="lower values overshoot less and track a moving reference later",
         ),
     ] = ()

@@ -20,12 +20,12 @@ from skyarm.control.laws.centroidal.options import GAINS, RANGES, RETIRED, VALUE
 from skyarm.control.laws.centroidal.parameters import MODES
 from skyarm.control.model import Options, Terms
 from skyarm.dynamics.actuators.mixer import POLICIES
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
 from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
 
 
-@immutable(kw_only=False)
+@positional
 class OptionText:
     """Description of one option of a control law for tables and for ``skyarm show words``.
 

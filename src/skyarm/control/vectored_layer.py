@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Scalar, Scalars, inner_product, ldl_solve
+from skyarm.algebra import Scalar, Scalars, differences, inner_product, ldl_solve
 from skyarm.algebra.scalars import absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
@@ -184,12 +184,12 @@ def vectored_law(
     squares = squares_at(vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead])
     moved = VectoredMemory(
         inner=following,
-        goals=tuple(data(each) for each in goals),
-        angles=tuple(data(each) for each in angles_after(vehicle, angles, setpoints, dt)),
-        matched=tuple(data(each) for each in _lagging_angles(vehicle, memory.matched, goals, dt)),
+        goals=tuple(map(data, goals)),
+        angles=tuple(map(data, angles_after(vehicle, angles, setpoints, dt))),
+        matched=tuple(map(data, _lagging_angles(vehicle, memory.matched, goals, dt))),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
-    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
+    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints)))
 
 
 def angles_seen(measurement: Measurement, believed: Scalars) -> Scalars:
@@ -230,7 +230,7 @@ def squares_at(vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence
     along = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
     goal = _times(allocation_matrix(turn_rotors(vehicle, desired)), [force.push for force in forces])
     A = allocation_matrix(turn_rotors(vehicle, angles))
-    short = [sub(a, b) for a, b in zip(goal, _times(A, along), strict=True)]
+    short = differences(goal, _times(A, along))
     gram = [[inner_product(a, b) for b in A] for a in A]
     at_rest = allocation_matrix(vehicle)[2]
     gram[2][2] = add(gram[2][2], mul(YAW_DAMPING, inner_product(at_rest, at_rest)))

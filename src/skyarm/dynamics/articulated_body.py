@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Scalar, Scalars, Vec3, differences, ldl_solve
 from skyarm.algebra.scalars import add, divide, mul, same, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
@@ -88,7 +88,7 @@ def _by_mass_matrix(
     still = Motion(ZERO3, ZERO3)
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
     pushed = applied - bias
-    efforts = [sub(a, b) for a, b in zip(joint_torques, holding, strict=True)]
+    efforts = differences(joint_torques, holding)
     x = ldl_solve(mass_matrix(vehicle, Mat3.identity(), joints), [*pushed.force, *pushed.torque, *efforts])
     return Motion(Vec3(*x[3:6]), Vec3(*x[:3])), tuple(x[6:])
 

@@ -6,11 +6,11 @@ from skyarm.algebra import ZERO3, Scalar, Vec3
 from skyarm.algebra.scalars import add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Body, Vehicle
 
 
-@immutable(kw_only=False)
+@positional
 class Momentum:
     """Linear (kg m/s) and angular momentum about the centre of mass (kg m^2/s), world axes."""
 
@@ -18,7 +18,7 @@ class Momentum:
     angular: Vec3
 
 
-@immutable(kw_only=False)
+@positional
 class _BodyMotion:
     """Motion of a body: world pose and angular velocity of its link, position and velocity of its centre of mass."""
 

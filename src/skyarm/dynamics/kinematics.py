@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, axis_rotation
 from skyarm.algebra.scalars import add, data, divide, logical_and, mul, same, sqrt, where
 from skyarm.dynamics.state import State
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Frame, Joint, Vehicle
 
 
-@immutable(kw_only=False)
+@positional
 class Pose:
     """Pose of a frame B in a frame A: rotation R_AB (B axes to A axes) and position p_AB (m, A axes)."""
 

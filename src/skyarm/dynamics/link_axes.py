@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from skyarm.algebra import Mat3, Scalar, SpatialInertia, axis_rotation
 from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import Pose, parallel
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Body, Vehicle
 
 _SAME = Mat3.identity()
 
 
-@immutable(kw_only=False)
+@positional
 class LinkInAxes:
     """Pose and inertia of a link in coordinate axes chosen to save rotations (working axes).
 

@@ -11,11 +11,11 @@ from skyarm.algebra import Force, Motion, Scalar, Scalars, Vec3, centripetal
 from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Joint, Vehicle
 
 
-@immutable(kw_only=False)
+@positional
 class JointMotion:
     """Angular velocity of a link, and the velocity-product (centripetal and Coriolis) terms of its acceleration."""
 

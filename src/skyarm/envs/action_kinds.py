@@ -19,7 +19,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Joint, Vehicle
@@ -69,10 +69,9 @@ class Actions:
 
     joints: Annotated[
         float | None,
-        Unit(
+        nonnegative(
             "N m, N, rad or m",
             "setpoint of a joint at an action of 1",
-            low=0.0,
             effect="higher values give the policy more authority over the arm",
         ),
     ] = None

@@ -11,7 +11,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
@@ -20,7 +20,7 @@ from skyarm.vehicle import Vehicle
 
 def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:
     """Unit declaration of a parameter that must be positive."""
-    return Unit(unit, meaning, low=0.0, strict=True, effect=effect)
+    return positive(unit, meaning, effect=effect)
 
 
 _LESS = "higher values make it count less"

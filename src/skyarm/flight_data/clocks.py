@@ -26,7 +26,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, rotations_between, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 
 PAIRS = (("gyro", "quaternion"), ("accelerometer", "velocity"), ("accelerometer", "position"))
@@ -79,7 +79,7 @@ UNEVEN = 0.2
 """Largest deviation of a step from the usual one, as a fraction, up to which its difference counts."""
 
 
-@immutable(kw_only=False)
+@positional
 class ClockOffset:
     """Clock offset of a data stream: the reference's time of a stamp t is t + offset + drift (t - middle).
 

@@ -14,7 +14,7 @@ from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, must_be_one_of, one_line, shown, unreadable
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
 from skyarm.records.units import Unit
@@ -145,7 +145,7 @@ class FlightData:
         return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
 
 
-@immutable(kw_only=False)
+@positional
 class FlightFormat:
     """File format of measured flights: its reader function, suffixes and first bytes.
 

@@ -18,7 +18,7 @@ from typing import Annotated
 
 from skyarm.links.sockets import Address, drain
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 
@@ -42,7 +42,7 @@ class JointPortError(ValueError):
     """Error if a joint port cannot be opened or does not fit the vehicle."""
 
 
-@immutable(kw_only=False)
+@positional
 class JointReading:
     """Joint angles and rates at a time of the arm's own clock."""
 

@@ -22,12 +22,12 @@ from skyarm.records.files import PathLike, must_be_one_of, shown, taken_back, un
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import require_result
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake, refuse_mistake
 
 
-@immutable(kw_only=False)
+@positional
 class LogFormat:
     """File format of a log: a function that writes it and one that reads it.
 

@@ -16,7 +16,7 @@ from skyarm.log.flown_scenario import Info, restore_written, restored_at, writte
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit, units
 from skyarm.vehicle import Link, Rotor
@@ -84,7 +84,7 @@ class FlightArrays(Arrays, Protocol):
         """Array logged by a wind, force or contact model; (N, 0) if the flight has no such array."""
 
 
-@immutable(kw_only=False)
+@positional
 class LogColumn:
     """Column of a log: one number over time, with name, unit and meaning.
 
@@ -105,7 +105,7 @@ class LogColumn:
         return array if self.index is None else array[:, self.index]
 
 
-@immutable(kw_only=False)
+@positional
 class Names:
     """Names of a logged vehicle's joints and rotors, and the units of the joint commands.
 

@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.log.flown_scenario import Info
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
@@ -31,7 +31,7 @@ BARE = "value"
 """Field of a reading that is a number or a tuple of numbers."""
 
 
-@immutable(kw_only=False)
+@positional
 class LoggedField:
     """Field of a sensor reading or estimate: unit, meaning and column labels.
 
@@ -47,7 +47,7 @@ class LoggedField:
     units: list[str] | None = None
 
 
-@immutable(kw_only=False)
+@positional
 class Source:
     """Sensor or estimator with logged readings: fields, interval, delay and frame.
 

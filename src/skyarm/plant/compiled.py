@@ -141,7 +141,7 @@ class RigidBodyPlant:
     def _reading(self, states: tuple[State, ...], commands: tuple[Command, ...], around: Together) -> tuple[Vec3, ...]:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         accelerations = accelerate(self._worlds, states, commands, around)
-        return tuple(Vec3(*(data(c) for c in base.linear)) for base, _ in accelerations)
+        return tuple(Vec3(*map(data, base.linear)) for base, _ in accelerations)
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""

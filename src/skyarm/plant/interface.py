@@ -14,7 +14,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.registry import find
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 
@@ -29,7 +29,7 @@ class Truth:
 
     vehicle: Vehicle
     gravity: Annotated[
-        Scalar, Unit("m/s^2", "true gravitational acceleration, downwards", low=0.0, rule=coerce.number, usual=25.0)
+        Scalar, nonnegative("m/s^2", "true gravitational acceleration, downwards", rule=coerce.number, usual=25.0)
     ] = 9.81
 
     def path_names(self) -> Names:
@@ -75,7 +75,7 @@ class Plant(Protocol):
 
 def flat(state: State) -> tuple[float, ...]:
     """Scalars of a vehicle state as a flat sequence, in the order that plants use."""
-    return tuple(float(value) for value in leaves(state))
+    return tuple(map(float, leaves(state)))
 
 
 def whole_steps(seconds: float, physics_step: float) -> int:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TypeGuard
 
-from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
@@ -117,17 +117,17 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
         force = force + motion.to_world(moved - calm)
     pairs = zip(around.components, around.memories, strict=True)
     own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
+    return WindSample(Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own)
 
 
 def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:
     """Sum of wrenches on bodies, as a force and torque on the base and torques of the joints."""
     total = Force(ZERO3, ZERO3)
-    pushed: list[Scalar] = [0] * motion.vehicle.n
+    pushed: Scalars = (0,) * motion.vehicle.n
     for wrench in wrenches:
         force, efforts = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
         total = total + force
-        pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
+        pushed = sums(pushed, efforts)
     return total, pushed
 
 

@@ -190,7 +190,7 @@ class MujocoPlant:
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
-        return tuple(data(value) for value in (*forces, *driven, *leaves(around.after_euler_step(slopes, dt))))
+        return tuple(map(data, (*forces, *driven, *leaves(around.after_euler_step(slopes, dt)))))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.

@@ -22,7 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor, unused_name
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 
@@ -37,7 +37,7 @@ HEIGHT = 1.0
 """Default height (m) of the start above the floor."""
 
 
-@immutable(kw_only=False)
+@positional
 class Exported:
     """Text of an exported MJCF file, with its numbers of bodies and joints and the names of its actuators."""
 

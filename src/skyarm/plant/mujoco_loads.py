@@ -156,4 +156,4 @@ def _numbers(around: Together) -> Scalars:
     numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
     for load, memory in (pair for own in beside for pair in rigid_loads(own)):
         numbers += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
-    return tuple(data(value) for value in (*numbers, *(share for own in beside for share in stuck_of(own))))
+    return tuple(map(data, (*numbers, *(share for own in beside for share in stuck_of(own)))))

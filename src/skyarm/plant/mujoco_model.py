@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE, Body, Joint, Vehicle
 from skyarm.world import TimedPayload
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
@@ -99,14 +99,14 @@ def add_vehicle(spec: mujoco.MjSpec, vehicle: Vehicle, loads: Sequence[TimedPayl
     for i, link in enumerate(vehicle.moving):
         at = link.joint
         bodies[i] = bodies[link.parent].add_body(
-            name=prefix + body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
+            name=prefix + body_name(vehicle, i), pos=float_array(at.position), quat=_quaternion(at.rotation)
         )
         _add_joint(bodies[i], at, prefix)
         _give_inertia(bodies[i], link.body)
     for i, load in enumerate(loads):
         grasp = vehicle.frame(load.frame or None)
         place, name = grasp.position + grasp.rotation.apply(load.com), prefix + load_name(i)
-        body = bodies[grasp.link].add_body(name=name, pos=_array(place), quat=_quaternion(grasp.rotation))
+        body = bodies[grasp.link].add_body(name=name, pos=float_array(place), quat=_quaternion(grasp.rotation))
         body.explicitinertial = True
         body.mass, body.inertia = 0.0, np.zeros(3)
         body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
@@ -155,7 +155,7 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint, prefix: str) -> None:
     """Add a joint without friction, limits or springs."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
     name, armature = prefix + joint.name, float(joint.armature)
-    body.add_joint(name=name, type=kinds[joint.kind], axis=_array(joint.axis), armature=armature)
+    body.add_joint(name=name, type=kinds[joint.kind], axis=float_array(joint.axis), armature=armature)
 
 
 def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
@@ -171,17 +171,20 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     moments[2] = min(moments[2], moments[0] + moments[1])
     body.explicitinertial = True
     body.mass = max(float(source.mass), LEAST)
-    body.ipos, body.inertia, body.iquat = _array(source.com), moments, _mat2quat(axes)
+    body.ipos, body.inertia, body.iquat = float_array(source.com), moments, _mat2quat(axes)
 
 
 def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str) -> None:
     """Add a site for each frame and each rotor hub (z along the thrust)."""
     for frame in vehicle.frames:
         bodies[frame.link].add_site(
-            name=prefix + frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
+            name=prefix + frame.name,
+            pos=float_array(frame.position),
+            quat=_quaternion(frame.rotation),
+            size=[0.005] * 3,
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
-        at, along = _array(rotor.position), _along(rotor.axis)
+        at, along = float_array(rotor.position), _along(rotor.axis)
         bodies[BASE].add_site(name=prefix + name, pos=at, quat=along, size=[0.005] * 3)
 
 
@@ -203,10 +206,6 @@ def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
         )
 
 
-def _array(v: Vec3) -> Array:
-    return np.array([float(c) for c in v])
-
-
 def _quaternion(R: Mat3) -> Array:
     return _mat2quat(np.array(R))
 
@@ -220,5 +219,5 @@ def _mat2quat(R: Array) -> Array:
 def _along(axis: Vec3) -> Array:
     """Quaternion that rotates the z axis onto a given axis."""
     quaternion = np.zeros(4)
-    mujoco.mju_quatZ2Vec(quaternion, _array(axis))
+    mujoco.mju_quatZ2Vec(quaternion, float_array(axis))
     return quaternion

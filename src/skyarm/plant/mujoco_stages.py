@@ -14,7 +14,7 @@ from itertools import accumulate, pairwise
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
@@ -142,7 +142,7 @@ class StagedRungeKutta:
         sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
         loads = layout.generalized_forces(following, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
-        return tuple(data(value) for value in (*numbers, *memory, *turned, *sums, *rates, *loads))
+        return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int
@@ -191,7 +191,7 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     n = len(first.joints)
 
     def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:
-        return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
+        return sums(values, more)
 
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))
     return replace(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, mul, sub
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics import State
@@ -291,7 +291,7 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
         impulse = motion.velocity(load.com, link) * load.mass
         force, efforts = motion.generalized_force(-impulse, -motion.to_world(spin, link), load.com, link)
         total = total + force
-        pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
+        pushed = [*sums(pushed, efforts)]
     for i, share in enumerate(stuck_of(around)):
         if type(share) is not int:
             pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
@@ -303,5 +303,5 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
         state,
         velocity=state.velocity + motion.rotation.apply(jump.linear),
         rate=state.rate + jump.angular,
-        joint_rates=tuple(add(rate, change) for rate, change in zip(state.joint_rates, joints, strict=True)),
+        joint_rates=sums(state.joint_rates, joints),
     )

@@ -14,7 +14,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.members import SOLE
 from skyarm.vehicle import Rotor
@@ -81,7 +81,7 @@ class Surroundings:
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
-@immutable(kw_only=False)
+@positional
 class Together:
     """Surroundings of all vehicles in one control period: those of each, and the environment models that all share.
 

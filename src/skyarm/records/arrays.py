@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,11 @@ Pixels = npt.NDArray[np.uint8]
 
 AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
+
+
+def float_array(values: Iterable[SupportsFloat]) -> Array:
+    """Array (n,) of scalars that are plain numbers."""
+    return np.array([*map(float, values)])
 
 
 def stack_values(count: int, values: Iterable[Scalar | Array]) -> Array:

@@ -120,7 +120,7 @@ def inertia(field: str, value: object) -> Sym3:
         )
     allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, or a symmetric 3x3 matrix"
     entries: Sequence[object] = items(field, value, (3, 6), allowed)
-    if any(_many(entry) for entry in entries):
+    if any(map(_many, entries)):
         rows = [items(field, row, (3,), allowed) for row in items(field, entries, (3,), allowed)]
         entries = _symmetric(field, [[number(field, each) for each in row] for row in rows], value)
     components = (number(field, each) for each in entries)

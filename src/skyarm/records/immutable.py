@@ -98,3 +98,9 @@ def immutable(
         return made
 
     return make if kind is None else make(kind)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def positional(kind: type[T], /) -> type[T]:
+    """Make a class an immutable record whose fields may be given by position."""
+    return immutable(kw_only=False)(kind)

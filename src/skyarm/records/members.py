@@ -7,7 +7,7 @@ from dataclasses import Field
 from typing import Any, TypeVar
 
 from skyarm.records import coerce
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 T = TypeVar("T")
 
@@ -15,7 +15,7 @@ SOLE = "main"
 """Name of the only member of a group whose file gives no names."""
 
 
-@immutable(kw_only=False)
+@positional
 class Members(Mapping[str, T]):
     """Immutable mapping from names to records, in order; at least one.
 

@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from typing import Protocol, Self, TypeAlias
 
 from skyarm.algebra import Quaternion, Scalar, Vec3
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import Unit
 from skyarm.records.words import words_of_fields
 
 
-@immutable(kw_only=False)
+@positional
 class NumberView:
     """Value that is not stored in a record but follows from several fields, such as an angle of an attitude.
 

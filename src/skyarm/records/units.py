@@ -1,7 +1,7 @@
 """Units of numeric fields: unit, meaning and bounds, declared together with the field.
 
-``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is read by checks (:mod:`skyarm.records.field_rules`), exported C,
-heads of CSV files and tables of the documents.
+``mass: Annotated[Scalar, nonnegative("kg", "mass of the payload")]`` is read by checks
+(:mod:`skyarm.records.field_rules`), exported C, heads of CSV files and tables of the documents.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from skyarm.algebra import Scalar
-from skyarm.records.immutable import immutable, memoize
+from skyarm.records.immutable import memoize, positional
 from skyarm.records.leaves import field_names
 
 FARTHEST = 1e7
@@ -28,7 +29,7 @@ LIMITS: Mapping[str, float] = {"m": FARTHEST, "kg": 1e9, "kg m^2": 1e9, "m/s^2":
 too."""
 
 
-@immutable(kw_only=False)
+@positional
 class Unit:
     """Unit, meaning and bounds of a field's numbers.
 
@@ -71,6 +72,12 @@ class Unit:
         """Unit and meaning as one line of text."""
         return ", ".join(part for part in (self.unit, self.meaning) if part)
 
+
+positive = partial(Unit, low=0.0, strict=True)
+"""Make the unit of a number above zero."""
+
+nonnegative = partial(Unit, low=0.0)
+"""Make the unit of a number that is zero or more."""
 
 NUMBER = Unit(infinite=True)
 """Unit of a field that declares none: any number, infinity included."""

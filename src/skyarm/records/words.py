@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, Literal, NamedTuple
 
 from skyarm.records.field_rules import defaults
-from skyarm.records.immutable import declarations, immutable, memoize
+from skyarm.records.immutable import declarations, memoize, positional
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.members import alone
 from skyarm.records.units import Unit, declared_fields
@@ -21,7 +21,7 @@ EACH = "*"
 """Step of a path that matches the name or index of every item of a list."""
 
 
-@immutable(kw_only=False)
+@positional
 class Word:
     """Declared key of a file: path of its field, type of entry allowed there, and when its value may change.
 

@@ -19,7 +19,7 @@ from skyarm.algebra.scalars import add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap, polynomial
 from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
@@ -41,7 +41,7 @@ class PathTime:
     """
 
     points: Annotated[Scalars, Unit("s", "control points of the spline of path time")]
-    step: Annotated[Scalar, Unit("s", "time between control points", low=0.0, strict=True)]
+    step: Annotated[Scalar, positive("s", "time between control points")]
 
     def __post_init__(self) -> None:
         accept_fields(self, "path_time")

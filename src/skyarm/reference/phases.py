@@ -168,7 +168,7 @@ def with_joint_moves(
 
 def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
     """Index of the joint that a task phase moves; refuses joints that carry the tip or already move."""
-    names = [link.joint.name for link in vehicle.links]
+    names = vehicle.joint_names
     carriers = () if trajectory.tip is None else trajectory.tip.arm.carriers
     if move.joint not in names:
         others = [name for i, name in enumerate(names) if i not in carriers]

@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import maximum, minimum, where
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Derivatives, Signal
 from skyarm.reference.trajectory import Trajectory
 
@@ -43,7 +43,7 @@ class Redirected(Signal):
 
     signal: Signal
     start: Annotated[Scalar, Unit("s", "time at which the new motion begins")] = NEVER
-    duration: Annotated[Scalar, Unit("s", "duration of the motion to the goal", low=0.0, strict=True)] = 1.0
+    duration: Annotated[Scalar, positive("s", "duration of the motion to the goal")] = 1.0
     value: Annotated[Scalar, Unit("", "value at the start, in the unit of the signal")] = 0.0
     velocity: Annotated[Scalar, Unit("1/s", "first derivative at the start, in the unit of the signal")] = 0.0
     acceleration: Annotated[Scalar, Unit("1/s^2", "second derivative at the start, in the unit of the signal")] = 0.0

@@ -221,7 +221,7 @@ def _require_reach(trajectory: Trajectory, where: str, duration: float) -> None:
 
 def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
     """Instants (s) of a flight, switch times among them, and the values of a signal there."""
-    switches = sorted({0.0, *(float(t) for t in signal.switch_times()), duration})
+    switches = sorted({0.0, *map(float, signal.switch_times()), duration})
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
     looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
     with np.errstate(all="ignore"):

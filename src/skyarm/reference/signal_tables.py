@@ -25,7 +25,7 @@ import math
 from skyarm.algebra import Scalar, Scalars
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, filled_list, number
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, sequence, signal_from
 
 
@@ -73,7 +73,7 @@ def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
 
-@immutable(kw_only=False)
+@positional
 @checked("signals")
 class SignalList:
     """List of time signals, one for each component of a vector."""

@@ -15,19 +15,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from skyarm.algebra import Scalar
+from skyarm.algebra import Scalar, sums
 from skyarm.algebra.scalars import add, cos, floor, logical_and, mul, same, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.user_code import require_result
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Place, parts
 from skyarm.records.path_names import Names, below, path_names
 from skyarm.records.read_table import entry_of, record_from
 from skyarm.records.registry import find, names
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 
 Derivatives = tuple[Any, ...]
 """Value and derivatives one to four of a signal."""
@@ -95,7 +95,7 @@ def switch_times(record: object) -> tuple[float, ...]:
     return tuple(sorted({s for signal in signals for s in signal.switch_times()}))
 
 
-@immutable(kw_only=False)
+@positional
 class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
@@ -122,7 +122,7 @@ class Ramp(Signal):
     """
 
     start: Annotated[Scalar, Unit("s", "time at which the ramp begins")]
-    duration: Annotated[Scalar, Unit("s", "duration of the ramp", low=0.0, strict=True)]
+    duration: Annotated[Scalar, positive("s", "duration of the ramp")]
     height: Annotated[Scalar, Unit("", "value after the ramp, in the unit of the signal")]
     shape: Literal["linear", "quintic"] = "linear"
 
@@ -182,7 +182,7 @@ class Sine(Signal):
         return s, w * c, -(w * w) * s, -(w * w * w) * c, (w * w * w * w) * s
 
 
-@immutable(kw_only=False)
+@positional
 class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
@@ -218,7 +218,7 @@ class Windowed(Signal):
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
 
 
-@immutable(kw_only=False)
+@positional
 class Shifted(Signal):
     """Time signal delayed by ``delay`` seconds."""
 
@@ -238,7 +238,7 @@ class Shifted(Signal):
         return tuple(s + float(self.delay) for s in self.signal.switch_times())
 
 
-@immutable(kw_only=False)
+@positional
 class Sum(Signal):
     """Sum of several signals; zero if empty."""
 
@@ -252,11 +252,11 @@ class Sum(Signal):
         """Value and derivatives of the sum."""
         total: Derivatives = (0, 0, 0, 0, 0)
         for signal in self.signals:
-            total = tuple(add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
+            total = sums(total, signal.derivatives(t))
         return total
 
 
-@immutable(kw_only=False)
+@positional
 class Product(Signal):
     """Product of two signals, such as a sine with a ramped amplitude."""
 
@@ -283,8 +283,8 @@ class Pulses(Signal):
     """
 
     start: Annotated[Scalar, Unit("s", "time of the first pulse")] = 0.0
-    period: Annotated[Scalar, Unit("s", "time from one pulse to the next", low=0.0, strict=True)]
-    width: Annotated[Scalar, Unit("s", "width of a pulse", low=0.0)]
+    period: Annotated[Scalar, positive("s", "time from one pulse to the next")]
+    width: Annotated[Scalar, nonnegative("s", "width of a pulse")]
     height: Annotated[Scalar, Unit("", "value within a pulse, in the unit of the signal")] = 1.0
     count: Annotated[int, Unit("", "number of pulses", low=1, high=100_000)]
 

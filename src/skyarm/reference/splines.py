@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import where
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
 
@@ -25,7 +25,7 @@ ORDERS = 5
 """Number of values of a signal: its value and derivatives one to four."""
 
 
-@immutable(kw_only=False)
+@positional
 class Polynomials(Signal):
     """Piecewise polynomial time signal, constant before the first and after the last knot.
 

@@ -11,7 +11,7 @@ from skyarm.algebra import Scalar
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle import Vehicle
 
@@ -27,7 +27,7 @@ class Phase:
     """
 
     name: str
-    end: Annotated[float, Unit("s", "planned end of the phase", low=0.0)]
+    end: Annotated[float, nonnegative("s", "planned end of the phase")]
     back: tuple[float, float] | None = None
 
     def later(self, seconds: float) -> Phase:
@@ -60,30 +60,26 @@ class Guard:
         loads: names of the payloads that the task takes and leaves, at the reference's time.
     """
 
-    at: Annotated[Scalar, Unit("s", "planned end of the guarded phase, where the reference waits", low=0.0)]
-    begin: Annotated[
-        Scalar, Unit("s", "planned beginning of the guarded phase; distances count from there", low=0.0)
-    ] = 0.0
+    at: Annotated[Scalar, nonnegative("s", "planned end of the guarded phase, where the reference waits")]
+    begin: Annotated[Scalar, nonnegative("s", "planned beginning of the guarded phase; distances count from there")] = (
+        0.0
+    )
     phase: int = 0
     error: Annotated[
         Scalar | None,
-        Unit("m", "largest tip error; across the normal in contact, of the base without a tip", low=0.0, strict=True),
+        positive("m", "largest tip error; across the normal in contact, of the base without a tip"),
     ] = None
-    force: Annotated[Scalar | None, Unit("N", "least tip force along the direction", low=0.0, strict=True)] = None
-    force_below: Annotated[Scalar | None, Unit("N", "largest tip force along the direction", low=0.0, strict=True)] = (
-        None
-    )
+    force: Annotated[Scalar | None, positive("N", "least tip force along the direction")] = None
+    force_below: Annotated[Scalar | None, positive("N", "largest tip force along the direction")] = None
     distance: Annotated[
         Scalar | None,
-        Unit("m", "least displacement of the tip against the direction since the phase began", low=0.0, strict=True),
+        positive("m", "least displacement of the tip against the direction since the phase began"),
     ] = None
     direction: Annotated[
         tuple[Scalar, Scalar, Scalar], Unit("", "unit vector of force and distance, out of the surface, world axes")
     ] = (0.0, 0.0, 1.0)
-    hold: Annotated[Scalar, Unit("s", "time for which all conditions must hold", low=0.0)] = 0.5
-    timeout: Annotated[
-        Scalar, Unit("s", "longest wait; then the reference continues or the flight fails", low=0.0, strict=True)
-    ] = 5.0
+    hold: Annotated[Scalar, nonnegative("s", "time for which all conditions must hold")] = 0.5
+    timeout: Annotated[Scalar, positive("s", "longest wait; then the reference continues or the flight fails")] = 5.0
     fails: bool = False
     early: bool = False
     loads: tuple[str, ...] = ()

@@ -31,7 +31,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Record, leaves, rebuild
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Signal
 from skyarm.vehicle import Joint, Vehicle
@@ -157,7 +157,7 @@ class TipPush:
     normal: Annotated[
         tuple[Scalar, Scalar, Scalar], Unit("", "outward unit normal of the modelled surface, world axes")
     ]
-    speed: Annotated[Scalar, Unit("m/s", "approach speed of the tip", low=0.0)] = SPEED
+    speed: Annotated[Scalar, nonnegative("m/s", "approach speed of the tip")] = SPEED
     grip: Annotated[Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")] = field(
         default=None, metadata=WRITTEN_IF_ANY
     )

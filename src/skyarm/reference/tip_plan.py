@@ -28,7 +28,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.phases import with_joint_moves
 from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
@@ -190,7 +190,7 @@ def _step(
 
 def rotation_vector(R: Mat3) -> Vec3:
     """Rotation vector (rad) of a rotation matrix, up to half a turn."""
-    (a, b, c), (d, e, f), (g, h, i) = (tuple(float(x) for x in row) for row in R.rows)
+    (a, b, c), (d, e, f), (g, h, i) = (tuple(map(float, row)) for row in R.rows)
     twice = Vec3(h - f, c - g, d - b)
     sine, cosine = 0.5 * float(twice.norm()), 0.5 * (a + e + i - 1.0)
     if sine > 1e-9:
@@ -228,10 +228,9 @@ class TipChoices:
     posture: Annotated[tuple[float, ...], Unit("rad or m", "preferred position of each joint")] = ()
     base_share: Annotated[
         float,
-        Unit(
+        nonnegative(
             "",
             "fraction of the tip's displacement that the base takes",
-            low=0.0,
             high=1.0,
             effect="higher values move the base more and the arm less",
         ),
@@ -276,7 +275,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     """
     needed = choices.base_share < 1.0
     if not needed and choices.orientation is None:
-        return tuple(Constant(q) for q in choices.posture)
+        return tuple(map(Constant, choices.posture))
     step = 1.0 / choices.rate
     count = math.ceil(duration * choices.rate) + 1
     if count > MOST_SAMPLES:
@@ -290,8 +289,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     turns = None
     if choices.orientation is not None:
         turns = [
-            _heading(-h) @ _turn(*(float(angle) for angle in choices.orientation.at(t)))
-            for t, h in zip(times, headings, strict=True)
+            _heading(-h) @ _turn(*map(float, choices.orientation.at(t))) for t, h in zip(times, headings, strict=True)
         ]
     samples = follow(task, positions, turns, step)
     carriers = set(tip.arm.carriers)

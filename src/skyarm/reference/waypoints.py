@@ -119,7 +119,7 @@ def _shares(points: Points, shares: list[float]) -> list[float]:
             slopes.append((_cost(points, moved) - cost) / small)
         mean = sum(slope * share for slope, share in zip(slopes, shares, strict=True))
         ways = [slope - mean for slope in slopes]
-        size = max(abs(way) for way in ways) or 1.0
+        size = max(map(abs, ways)) or 1.0
         moved = [share * math.exp(-step * way / size) for share, way in zip(shares, ways, strict=True)]
         moved = [share / sum(moved) for share in moved]
         new_cost = _cost(points, moved)

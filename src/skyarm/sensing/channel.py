@@ -22,7 +22,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit, declared_fields
+from skyarm.records.units import Unit, declared_fields, nonnegative
 from skyarm.reference.signal_tables import SignalList
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -46,43 +46,35 @@ class Channel:
 
     sigma: Annotated[
         Scalar,
-        Unit(
-            "u",
-            "standard deviation of the white noise of a reading",
-            low=0.0,
-            effect="higher values make readings noisier",
+        nonnegative(
+            "u", "standard deviation of the white noise of a reading", effect="higher values make readings noisier"
         ),
     ] = 0
     density: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "u/sqrt(Hz)",
             "noise density; adds density^2 / dt to the variance of a reading",
-            low=0.0,
             effect="higher values make readings noisier, more so at high rates",
         ),
     ] = 0
     bias: Annotated[Scalars, Unit("u", "constant bias, one number for each component")] = ()
     turn_on: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "u",
             "standard deviation of the bias at the start of an episode",
-            low=0.0,
             effect="higher values make episodes differ more",
         ),
     ] = 0
     walk: Annotated[
         Scalar,
-        Unit(
-            "u/s/sqrt(Hz)",
-            "density of the bias's random walk",
-            low=0.0,
-            effect="higher values make the bias drift faster",
+        nonnegative(
+            "u/s/sqrt(Hz)", "density of the bias's random walk", effect="higher values make the bias drift faster"
         ),
     ] = 0
     scale: Annotated[Scalar, Unit("", "relative error of the scale factor")] = 0
-    resolution: Annotated[Scalar, Unit("u", "step to which readings are rounded; 0: none", low=0.0)] = 0
+    resolution: Annotated[Scalar, nonnegative("u", "step to which readings are rounded; 0: none")] = 0
     offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     @property
@@ -188,10 +180,10 @@ class Dropouts:
         intervals: first and last instant of each interval in which no reading is taken, s.
     """
 
-    share: Annotated[Scalar, Unit("", "fraction of the readings lost at random", low=0.0, high=0.99)] = 0
+    share: Annotated[Scalar, nonnegative("", "fraction of the readings lost at random", high=0.99)] = 0
     duration: Annotated[
         Scalar,
-        Unit("s", "mean duration of a run of lost readings", low=0.0, effect="longer runs demand more prediction"),
+        nonnegative("s", "mean duration of a run of lost readings", effect="longer runs demand more prediction"),
     ] = 0
     intervals: Annotated[
         tuple[tuple[Scalar, Scalar], ...], Unit("s", "first and last instant of each interval without readings")
@@ -258,10 +250,9 @@ class ChannelMemory:
 
 SampleRate = Annotated[
     float,
-    Unit(
+    nonnegative(
         "Hz",
         "readings a second; 0: one each control period",
-        low=0.0,
         fixed=True,
         effect="lower rates leave the estimator with older readings",
     ),
@@ -282,12 +273,8 @@ class ChannelSensor(Sensor):
     frequency: SampleRate = 0.0
     latency: Annotated[
         float,
-        Unit(
-            "s",
-            "age of a reading when it arrives",
-            low=0.0,
-            fixed=True,
-            effect="older readings make the estimate lag more",
+        nonnegative(
+            "s", "age of a reading when it arrives", fixed=True, effect="older readings make the estimate lag more"
         ),
     ] = 0.0
     dropouts: Dropouts = Dropouts()

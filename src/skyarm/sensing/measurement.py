@@ -18,7 +18,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 
@@ -84,50 +84,41 @@ class SensorNoise(Sensor):
 
     position: Annotated[
         Scalar,
-        Unit("m", "standard deviation of the position noise, each world axis", low=0.0, usual=1.0, effect=_NOISIER),
+        nonnegative("m", "standard deviation of the position noise, each world axis", usual=1.0, effect=_NOISIER),
     ] = 0
     velocity: Annotated[
         Scalar,
-        Unit("m/s", "standard deviation of the velocity noise, each world axis", low=0.0, usual=5.0, effect=_NOISIER),
+        nonnegative("m/s", "standard deviation of the velocity noise, each world axis", usual=5.0, effect=_NOISIER),
     ] = 0
     attitude: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad",
             "standard deviation of the attitude noise, a rotation vector in base axes",
-            low=0.0,
             usual=0.5,
             effect=_NOISIER,
         ),
     ] = 0
     rate: Annotated[
         Scalar,
-        Unit(
-            "rad/s",
-            "standard deviation of the angular velocity noise, each base axis",
-            low=0.0,
-            usual=5.0,
-            effect=_NOISIER,
+        nonnegative(
+            "rad/s", "standard deviation of the angular velocity noise, each base axis", usual=5.0, effect=_NOISIER
         ),
     ] = 0
     specific_force: Annotated[
         Scalar,
-        Unit(
-            "m/s^2",
-            "standard deviation of the accelerometer noise, each base axis",
-            low=0.0,
-            usual=50.0,
-            effect=_NOISIER,
+        nonnegative(
+            "m/s^2", "standard deviation of the accelerometer noise, each base axis", usual=50.0, effect=_NOISIER
         ),
     ] = 0
     joints: Annotated[
-        Scalar, Unit("rad or m", "standard deviation of the joint position noise", low=0.0, usual=0.5, effect=_NOISIER)
+        Scalar, nonnegative("rad or m", "standard deviation of the joint position noise", usual=0.5, effect=_NOISIER)
     ] = 0
     joint_rates: Annotated[
-        Scalar, Unit("rad/s or m/s", "standard deviation of the joint rate noise", low=0.0, usual=5.0, effect=_NOISIER)
+        Scalar, nonnegative("rad/s or m/s", "standard deviation of the joint rate noise", usual=5.0, effect=_NOISIER)
     ] = 0
     rotor_speeds: Annotated[
-        Scalar, Unit("rad/s", "standard deviation of the rotor speed noise", low=0.0, usual=200.0, effect=_NOISIER)
+        Scalar, nonnegative("rad/s", "standard deviation of the rotor speed noise", usual=200.0, effect=_NOISIER)
     ] = 0
 
     @classmethod
@@ -148,7 +139,7 @@ class SensorNoise(Sensor):
         count = noise_count(len(state.joints), len(state.rotor_speeds))
         noise = normals(draws)[:count] if draws else [0] * count
         # where nothing pushes the reading is a structural zero
-        proper = Vec3(*(data(c) for c in specific_force))
+        proper = Vec3(*map(data, specific_force))
         return memory, measure(self, t, state, proper, noise)
 
 

@@ -23,7 +23,7 @@ from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.vehicle import Vehicle, VehicleError
@@ -183,15 +183,14 @@ class Encoders(ChannelSensor):
 
     bits: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "resolution of an absolute encoder in bits; 0: no rounding",
-            low=0.0,
             high=52.0,
             effect="fewer bits make coarser positions and noisier rates",
         ),
     ] = 12
-    span: Annotated[Scalar, Unit("rad or m", "range of a joint that the bits divide", low=0.0, strict=True)] = TURN
+    span: Annotated[Scalar, positive("rad or m", "range of a joint that the bits divide")] = TURN
     joints: Channel = Channel()
     rates: str = "difference"
     rate: Channel = Channel()
@@ -252,10 +251,9 @@ class FramedSensor(ChannelSensor):
     frame: str = ""
     bandwidth: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad/s",
             "bandwidth of the sensor's first-order low pass; 0: none",
-            low=0.0,
             effect="lower values smooth the reading and add lag",
         ),
     ] = 0
@@ -321,8 +319,8 @@ class TactileSwitch(FramedSensor):
 
     senses: ClassVar[str] = "switch"
 
-    on: Annotated[Scalar, Unit("N", "force above which the switch closes", low=0.0)] = 0.5
-    off: Annotated[Scalar, Unit("N", "force below which the switch opens", low=0.0)] = 0.25
+    on: Annotated[Scalar, nonnegative("N", "force above which the switch closes")] = 0.5
+    off: Annotated[Scalar, nonnegative("N", "force below which the switch opens")] = 0.25
     force: Channel = Channel()
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3, axis_rotation
 from skyarm.algebra.scalars import add, mul
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
@@ -20,7 +20,7 @@ MIMIC = ("lock", "couple")
 """Treatments of joints that follow others: fixed at rest, or moved with their leaders."""
 
 
-@immutable(kw_only=False)
+@positional
 class Mount:
     """Place where an arm is mounted: link or frame of the airframe, pose, and prefix of the arm's names.
 
@@ -110,7 +110,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
 def bodies_of(vehicle: Vehicle) -> RigidBodies:
     """Bodies, joints and frames of a vehicle without its rotors; followers are listed as mimic joints."""
-    leaders = [link.joint.name for link in vehicle.links]
+    leaders = vehicle.joint_names
     mimics = {
         each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
         for each in vehicle.followers
@@ -152,7 +152,7 @@ def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str],
 PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
 
 
-@immutable(kw_only=False)
+@positional
 class Mimic:
     """Joint that follows another joint, as in URDF files: q = ratio q_leader + offset.
 
@@ -283,7 +283,7 @@ def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower])
     return notes.lines()
 
 
-@immutable(kw_only=False)
+@positional
 class RigidBodies:
     """Bodies, joints and frames of a vehicle without rotors.
 

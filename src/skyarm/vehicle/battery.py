@@ -11,7 +11,7 @@ from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 from skyarm.vehicle.check import VehicleError, refuse, rising
 from skyarm.vehicle.thrust_table import ThrustTable
 
@@ -25,8 +25,8 @@ HOUR = 3600.0
 class CellCurve:
     """Open-circuit voltage of one cell against its charge, by monotone cubic interpolation."""
 
-    charge: Annotated[Scalars, Unit("", "charge of the cell, as a fraction of the capacity, rising", low=0.0, high=1.0)]
-    voltage: Annotated[Scalars, Unit("V", "open-circuit voltage of one cell at each charge", low=0.0)]
+    charge: Annotated[Scalars, nonnegative("", "charge of the cell, as a fraction of the capacity, rising", high=1.0)]
+    voltage: Annotated[Scalars, nonnegative("V", "open-circuit voltage of one cell at each charge")]
 
     def __post_init__(self) -> None:
         accept_fields(self, "battery.open_circuit", VehicleError)
@@ -70,13 +70,12 @@ class Battery:
     """
 
     cells: int
-    capacity: Annotated[Scalar, Unit("A h", "charge from full to empty", low=0.0, strict=True, usual=1000.0)]
+    capacity: Annotated[Scalar, positive("A h", "charge from full to empty", usual=1000.0)]
     resistance: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "ohm",
             "internal resistance of the whole pack and its wires",
-            low=0.0,
             usual=5.0,
             effect="higher values make the voltage sag more under load",
         ),
@@ -84,12 +83,12 @@ class Battery:
     open_circuit: CellCurve
     reference_voltage: Annotated[
         Scalar,
-        Unit("V", "voltage of the pack for which highest speeds and thrust tables are stated", low=0.0, strict=True),
+        positive("V", "voltage of the pack for which highest speeds and thrust tables are stated"),
     ]
-    charge: Annotated[Scalar, Unit("", "charge at the start, as a fraction of the capacity", low=0.0, high=1.0)] = 1.0
-    standing_power: Annotated[Scalar, Unit("W", "power of all consumers except the rotors", low=0.0)] = 0.0
+    charge: Annotated[Scalar, nonnegative("", "charge at the start, as a fraction of the capacity", high=1.0)] = 1.0
+    standing_power: Annotated[Scalar, nonnegative("W", "power of all consumers except the rotors")] = 0.0
     efficiency: Annotated[
-        Scalar, Unit("", "mechanical over electrical power of motors and speed controllers", low=0.0, high=1.0)
+        Scalar, nonnegative("", "mechanical over electrical power of motors and speed controllers", high=1.0)
     ] = 0.7
     esc: str = "governed"
 

@@ -62,7 +62,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
     if not concrete(*inertia_com.entries):
         return
     moments = principal_moments(inertia_com)
-    slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
+    slack = TOLERANCE * max(*map(abs, moments), 1e-300)
     shown = f"principal moments {', '.join(f'{m:.6g}' for m in moments)}"
     if moments[0] < -slack:
         refuse(field, shown, "must not be negative")

@@ -71,7 +71,7 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
     length = math.hypot(*wxyz)
     if not abs(length - 1.0) <= TOLERANCE:
         refuse(field, list(wxyz), f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}")
-    return rotation(Quaternion(*(float(value) for value in wxyz)).normalized().rotation())
+    return rotation(Quaternion(*map(float, wxyz)).normalized().rotation())
 
 
 def quaternion_products(R: Any) -> list[list[Any]]:
@@ -90,7 +90,7 @@ def quaternion_products(R: Any) -> list[list[Any]]:
 
 def inertia(values: Sequence[float]) -> Sym3:
     """Inertia matrix (kg m^2) from entries xx yy zz or xx yy zz xy xz yz."""
-    return Sym3.from_numbers(*(float(value) for value in values))
+    return Sym3.from_numbers(*map(float, values))
 
 
 def body(parts: Sequence[Body]) -> Body:

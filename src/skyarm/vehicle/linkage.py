@@ -16,7 +16,7 @@ from skyarm.records.coerce import absent, coefficient, inertia, number, proper_r
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
 
 BASE = -1
@@ -36,7 +36,7 @@ class Body:
             exists in a controller's model only; a plant refuses it.
     """
 
-    mass: Annotated[Scalar, Unit("kg", "mass of the body", low=0.0, rule=coefficient)]
+    mass: Annotated[Scalar, nonnegative("kg", "mass of the body", rule=coefficient)]
     com: Annotated[Vec3, Unit("m", "centre of mass of the body, link axes", rule=vector, usual=FARTHEST)] = ZERO3
     inertia: Annotated[Sym3, Unit("kg m^2", "inertia about the centre of mass, link axes", rule=inertia)] = Sym3(
         0, 0, 0
@@ -109,10 +109,9 @@ class Joint:
     ] = math.inf
     effort_limit: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "N m or N",
             "largest effort of the joint's actuator; 0 for a passive joint",
-            low=0.0,
             infinite=True,
             rule=number,
             usual=1e4,
@@ -125,11 +124,9 @@ class Joint:
     ] = 0
     coulomb_rate: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s or m/s",
             "joint rate at which Coulomb friction reaches 76 % of its value",
-            low=0.0,
-            strict=True,
             rule=number,
             effect="lower values make friction sharper and need smaller integration steps",
         ),

@@ -51,7 +51,7 @@ def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
 
     All numbers of the vehicle must be concrete.
     """
-    if all(_solid(body) for body in vehicle.bodies):
+    if all(map(_solid, vehicle.bodies)):
         return None
     for turn in range(3):
         joints = _joint_values(vehicle, turn)

@@ -11,7 +11,7 @@ from skyarm.algebra.scalars import divide, maximum, sqrt
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.vehicle.check import VehicleError, refuse, rising
 
 COLUMNS = ("speed", "thrust", "torque", "current")
@@ -30,19 +30,19 @@ class ThrustTable:
         thrust_coefficient, moment_coefficient: coefficients of the parabolas; 0 where they follow from the columns.
     """
 
-    speed: Annotated[Scalars, Unit("rad/s", "rotor speeds of the table, rising", low=0.0)]
-    thrust: Annotated[Scalars, Unit("N", "thrust at each speed, rising", low=0.0)]
-    torque: Annotated[Scalars, Unit("N m", "drag torque at each speed, rising; may be left out", low=0.0)] = ()
+    speed: Annotated[Scalars, nonnegative("rad/s", "rotor speeds of the table, rising")]
+    thrust: Annotated[Scalars, nonnegative("N", "thrust at each speed, rising")]
+    torque: Annotated[Scalars, nonnegative("N m", "drag torque at each speed, rising; may be left out")] = ()
     current: Annotated[
         Scalars,
-        Unit("A", "current of one rotor at each speed, rising; may be left out", low=0.0, usual=500.0),
+        nonnegative("A", "current of one rotor at each speed, rising; may be left out", usual=500.0),
     ] = ()
     thrust_coefficient: Annotated[
         Scalar,
-        Unit("N s^2/rad^2", "coefficient of the fitted parabola of the thrust; 0: fitted to the columns", low=0.0),
+        nonnegative("N s^2/rad^2", "coefficient of the fitted parabola of the thrust; 0: fitted to the columns"),
     ] = 0
     moment_coefficient: Annotated[
-        Scalar, Unit("m", "fitted drag torque per thrust; 0: fitted to the columns", low=0.0)
+        Scalar, nonnegative("m", "fitted drag torque per thrust; 0: fitted to the columns")
     ] = 0
 
     def __post_init__(self) -> None:

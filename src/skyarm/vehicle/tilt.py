@@ -10,7 +10,7 @@ from skyarm.algebra import Scalar, Vec3
 from skyarm.records.coerce import concrete, number, unit_vector
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.vehicle.check import VehicleError, refuse
 
 ACROSS = 1e-6
@@ -37,12 +37,10 @@ class Tilt:
     axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes", rule=unit_vector)]
     lower: Annotated[Scalar, Unit("rad", "least tilt angle", rule=number)]
     upper: Annotated[Scalar, Unit("rad", "largest tilt angle", rule=number)]
-    time_constant: Annotated[
-        Scalar, Unit("s", "time constant of the angle's first-order lag", low=0.0, strict=True, rule=number)
-    ]
-    max_rate: Annotated[
-        Scalar, Unit("rad/s", "largest rate of the tilt angle", low=0.0, strict=True, infinite=True, rule=number)
-    ] = math.inf
+    time_constant: Annotated[Scalar, positive("s", "time constant of the angle's first-order lag", rule=number)]
+    max_rate: Annotated[Scalar, positive("rad/s", "largest rate of the tilt angle", infinite=True, rule=number)] = (
+        math.inf
+    )
 
     def require(self, field: str, thrust_axis: Vec3) -> None:
         """Raise an error for invalid parameters of a tilt servo, or a tilt axis not perpendicular to the thrust."""
@@ -63,7 +61,7 @@ def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> V
     Raises:
         VehicleError: the hub lies on the line of its thrust through the origin.
     """
-    hub = Vec3(*(float(c) for c in position))
+    hub = Vec3(*map(float, position))
     across = hub - thrust_axis * thrust_axis.dot(hub)
     length = math.sqrt(across.dot(across))
     if not length > 1e-9:

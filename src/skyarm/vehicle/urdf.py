@@ -19,7 +19,7 @@ from typing import Any
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records.files import PathLike
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
@@ -31,7 +31,7 @@ READ = ("link", "joint", "material")
 """Elements of a robot that are read, or concern only its appearance."""
 
 
-@immutable(kw_only=False)
+@positional
 class _File:
     """Parsed URDF file: links and joints by name, parent joint of each link, and mimic joints."""
 
@@ -84,7 +84,7 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
         end_effector=tip,
         notes=bodies.notes,
     )
-    return with_stops(with_smooth_friction(made, [link.joint.name for link in made.links]))
+    return with_stops(with_smooth_friction(made, made.joint_names))
 
 
 def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:

@@ -21,7 +21,7 @@ from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, NumberView
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
@@ -29,7 +29,7 @@ from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
-LOAD = Unit("kg", "mass of the payload, in addition to the vehicle's", low=0.0, high=1e4)
+LOAD = nonnegative("kg", "mass of the payload, in addition to the vehicle's", high=1e4)
 """Declaration of a carried mass; a larger one would leave nothing of the vehicle in the sum of both."""
 
 
@@ -73,9 +73,7 @@ class Rotor:
             rule=rotation_sense,
         ),
     ]
-    thrust_coefficient: Annotated[
-        Scalar, Unit("N s^2/rad^2", "k_f: thrust per squared speed", low=0.0, strict=True, rule=number)
-    ]
+    thrust_coefficient: Annotated[Scalar, positive("N s^2/rad^2", "k_f: thrust per squared speed", rule=number)]
     moment_coefficient: Annotated[Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)]
     drag_coefficient: Annotated[
         Scalar, Unit("N s^2/(rad m)", "hub drag per speed of the rotor and air velocity across the axis", **SHARE)
@@ -85,11 +83,9 @@ class Rotor:
     ] = 0
     time_constant_up: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "time constant of a rising speed",
-            low=0.0,
-            strict=True,
             rule=number,
             usual=1.0,
             effect="longer lags take phase margin from the attitude loop",
@@ -97,19 +93,15 @@ class Rotor:
     ] = 0.0125
     time_constant_down: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "time constant of a falling speed",
-            low=0.0,
-            strict=True,
             rule=number,
             usual=1.0,
             effect="longer lags take phase margin from the attitude loop",
         ),
     ] = 0.025
-    max_speed: Annotated[
-        Scalar, Unit("rad/s", "largest speed of the rotor", low=0.0, strict=True, infinite=True, rule=number)
-    ] = math.inf
+    max_speed: Annotated[Scalar, positive("rad/s", "largest speed of the rotor", infinite=True, rule=number)] = math.inf
     inertia: Annotated[
         Scalar,
         Unit(
@@ -166,7 +158,7 @@ class BodyDrag:
         air_density: kg/m^3 (ISA sea level 1.225).
     """
 
-    area: Annotated[Vec3, Unit("m^2", "drag coefficient times reference area along x, y, z", low=0.0, rule=vector)] = (
+    area: Annotated[Vec3, nonnegative("m^2", "drag coefficient times reference area along x, y, z", rule=vector)] = (
         ZERO3
     )
     air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", **SHARE)] = 1.225
@@ -237,6 +229,11 @@ class Vehicle:
     def n(self) -> int:
         """Number of joints."""
         return len(self.links)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the links."""
+        return tuple(link.joint.name for link in self.links)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -383,7 +380,7 @@ def _require_joint(field: str, value: Joint) -> None:
 
 def _require_drives(value: Vehicle) -> None:
     """Check that each drive acts on an existing joint with an effort limit above zero, at most one drive per joint."""
-    joints = [link.joint.name for link in value.links]
+    joints = value.joint_names
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
             refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")

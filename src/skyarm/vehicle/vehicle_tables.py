@@ -100,7 +100,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
     rate_stated = {*own, *settled, *stating("coulomb_rate")}
-    made = with_smooth_friction(made, {link.joint.name for link in made.links} - rate_stated)
+    made = with_smooth_friction(made, set(made.joint_names) - rate_stated)
     return made if limits == "end" else with_stops(made, {*settled, *stating("stop_stiffness")})
 
 

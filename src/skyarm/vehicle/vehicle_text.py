@@ -65,7 +65,7 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
     for frame in vehicle.frames:
         lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
     lines += _of_rotors(vehicle.rotors, notes)
-    if any(float(area) for area in vehicle.drag.area) or "drag.area" in notes:
+    if any(map(float, vehicle.drag.area)) or "drag.area" in notes:
         lines += _section("[drag]", _record(vehicle.drag, ("area", "air_density")), "drag", notes)
     for drive in vehicle.drives:
         lines += _section(f"[drives.{toml_key(drive.name)}]", _drive(drive), f"drives.{drive.name}", notes)

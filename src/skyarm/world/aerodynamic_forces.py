@@ -13,7 +13,7 @@ from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Force, Wrench
 
@@ -37,7 +37,7 @@ class GroundEffect(Force[tuple[()]]):
     Source: Cheeseman, Bennett 1955 (a rotor alone); Sanchez-Cuevas, Heredia, Ollero 2017 (several, by their images).
     """
 
-    radius: Annotated[Scalar, Unit("m", "radius of a rotor", low=0.0, strict=True)]
+    radius: Annotated[Scalar, positive("m", "radius of a rotor")]
     others: bool = True
     lowest: Annotated[
         Scalar, Unit("", "least height above the ground, in rotor radii; the effect grows no further below", low=0.5)
@@ -77,9 +77,9 @@ class LinkDrag(Force[tuple[()]]):
 
     area: Annotated[
         Scalars,
-        Unit("m^2", "drag coefficient times reference area of each link, in the vehicle's order", low=0.0),
+        nonnegative("m^2", "drag coefficient times reference area of each link, in the vehicle's order"),
     ]
-    air_density: Annotated[Scalar, Unit("kg/m^3", "density of the air", low=0.0)] = 1.225
+    air_density: Annotated[Scalar, nonnegative("kg/m^3", "density of the air")] = 1.225
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle whose number of links differs from the number of drag areas."""
@@ -110,9 +110,9 @@ class RotorDrag(Force[tuple[()]]):
     """
 
     inflow: Annotated[
-        Scalar, Unit("N s^2/(rad m)", "thrust lost per speed of the rotor and climb speed along its axis", low=0.0)
+        Scalar, nonnegative("N s^2/(rad m)", "thrust lost per speed of the rotor and climb speed along its axis")
     ] = 0
-    lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift per squared air speed across the axis", low=0.0)] = 0
+    lift: Annotated[Scalar, nonnegative("N s^2/m^2", "translational lift per squared air speed across the axis")] = 0
 
     def wrenches(
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]

@@ -24,8 +24,8 @@ from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.immutable import immutable, positional
+from skyarm.records.units import Unit, nonnegative, positive
 
 METRES_PER_FOOT = 0.3048
 LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
@@ -42,32 +42,17 @@ class Dryden:
 
     intensity: Annotated[
         Vec3,
-        Unit(
-            "m/s",
-            "standard deviation of the air velocity u, v, w",
-            low=0.0,
-            effect="higher values make stronger turbulence",
+        nonnegative(
+            "m/s", "standard deviation of the air velocity u, v, w", effect="higher values make stronger turbulence"
         ),
     ]
     scale_length: Annotated[
         Vec3,
-        Unit(
-            "m",
-            "length scale of the turbulence u, v, w",
-            low=0.0,
-            strict=True,
-            effect="longer scales make slower gusts",
-        ),
+        positive("m", "length scale of the turbulence u, v, w", effect="longer scales make slower gusts"),
     ]
     airspeed: Annotated[
         Scalar,
-        Unit(
-            "m/s",
-            "speed at which the turbulence passes the vehicle",
-            low=0.0,
-            strict=True,
-            effect="higher speeds make faster gusts",
-        ),
+        positive("m/s", "speed at which the turbulence passes the vehicle", effect="higher speeds make faster gusts"),
     ]
     direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of the component u, world axes", folds=True)] = E_X
 
@@ -76,7 +61,7 @@ class Dryden:
         accept(self, "turbulence", {"direction_W": unit_vector})
 
 
-@immutable(kw_only=False)
+@positional
 class DrydenMemory:
     """State of the turbulence filters, in standard deviations of the velocity components u, v and w."""
 

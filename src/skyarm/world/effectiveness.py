@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from skyarm.algebra import Scalars
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 
-@immutable(kw_only=False)
+@positional
 class Effectiveness:
     """Remaining fraction of each rotor's thrust and of each joint drive's effort, and the stuck joints.
 

@@ -15,7 +15,7 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.reference.signals import Signal, signal_from
 from skyarm.vehicle import Vehicle
 from skyarm.world.effectiveness import Effectiveness
@@ -36,8 +36,8 @@ class Fault:
 
     rotor: str = ""
     joint: str = ""
-    effectiveness: Annotated[Scalar, Unit("", "fraction of the actuator's force that remains", low=0.0, high=1.0)] = 1.0
-    start: Annotated[Scalar, Unit("s", "time at which the fault begins", low=0.0)] = 0.0
+    effectiveness: Annotated[Scalar, nonnegative("", "fraction of the actuator's force that remains", high=1.0)] = 1.0
+    start: Annotated[Scalar, nonnegative("s", "time at which the fault begins")] = 0.0
     stuck: bool = field(default=False, metadata=WRITTEN_IF_ANY)
     signal: Signal | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
@@ -80,7 +80,7 @@ class Fault:
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle lacks the rotor or joint of the fault."""
-        rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
+        rotors, joints = [r.name for r in vehicle.rotors], vehicle.joint_names
         for kind, value, names in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
             if value and value not in names:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(names) or 'none'}")

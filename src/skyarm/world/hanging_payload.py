@@ -21,7 +21,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Wrench, require_frame, select
 from skyarm.world.timed_payload import PayloadMemory, TimedPayload
@@ -67,19 +67,17 @@ class HangingPayload(TimedPayload):
         stretch: extension of the cord under the load's weight, by its length: it determines the cord's stiffness.
     """
 
-    cord: Annotated[Scalar, Unit("m", "length of the unloaded cord", low=0.0, strict=True)] = 0.5
+    cord: Annotated[Scalar, positive("m", "length of the unloaded cord")] = 0.5
     stretch: Annotated[
         Scalar,
-        Unit(
+        positive(
             "",
             "relative stretch of the cord by the weight of the load",
-            low=0.0,
             high=1.0,
-            strict=True,
             effect="lower values make a stiffer cord, which needs a higher control rate",
         ),
     ] = 0.02
-    damping_ratio: Annotated[Scalar, Unit("", "damping ratio of the cord's own stretching", low=0.0)] = 0.2
+    damping_ratio: Annotated[Scalar, nonnegative("", "damping ratio of the cord's own stretching")] = 0.2
 
     def __post_init__(self) -> None:
         # not super(): a dataclass with slots is another class than the one that is being made here

@@ -10,7 +10,7 @@ from skyarm.algebra.scalars import cos, maximum, minimum, sin, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.world.component import Force, Wrench
 
 
@@ -33,14 +33,10 @@ class LaunchStand(Force[tuple[()]]):
 
     place: Annotated[Vec3, Unit("m", "position of the base origin at which the stand begins to push, world axes")]
     yaw: Annotated[Scalar, Unit("rad", "heading at which the stand holds the base")] = 0.0
-    mass: Annotated[Scalar, Unit("kg", "mass of the vehicle on the stand", low=0.0, strict=True)]
-    inertia: Annotated[
-        Scalar, Unit("kg m^2", "moment of inertia of the vehicle's base, the least of the three", low=0.0, strict=True)
-    ]
-    frequency: Annotated[
-        Scalar, Unit("rad/s", "natural frequency of the vehicle on the stand's spring", low=0.0, strict=True)
-    ] = 40.0
-    gravity: Annotated[Scalar, Unit("m/s^2", "gravitational acceleration, downwards", low=0.0, strict=True)] = 9.81
+    mass: Annotated[Scalar, positive("kg", "mass of the vehicle on the stand")]
+    inertia: Annotated[Scalar, positive("kg m^2", "moment of inertia of the vehicle's base, the least of the three")]
+    frequency: Annotated[Scalar, positive("rad/s", "natural frequency of the vehicle on the stand's spring")] = 40.0
+    gravity: Annotated[Scalar, positive("m/s^2", "gravitational acceleration, downwards")] = 9.81
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]

@@ -14,7 +14,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import filled_list, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
 
 NONE = Constant(0)
@@ -68,16 +68,14 @@ class ColouredNoise:
     Source: Brown, Hwang 2012, section 3.9 (first-order Gauss-Markov process).
     """
 
-    force: Annotated[Vec3, Unit("N", "standard deviation of the force", low=0.0, folds=True)] = ZERO3
-    torque: Annotated[Vec3, Unit("N m", "standard deviation of the torque", low=0.0, folds=True)] = ZERO3
-    velocity: Annotated[Vec3, Unit("m/s", "standard deviation of the velocity of the air", low=0.0, folds=True)] = ZERO3
+    force: Annotated[Vec3, nonnegative("N", "standard deviation of the force", folds=True)] = ZERO3
+    torque: Annotated[Vec3, nonnegative("N m", "standard deviation of the torque", folds=True)] = ZERO3
+    velocity: Annotated[Vec3, nonnegative("m/s", "standard deviation of the velocity of the air", folds=True)] = ZERO3
     bandwidth_hz: Annotated[
         Scalar,
-        Unit(
+        positive(
             "Hz",
             "frequency at which the spectrum has fallen to a half",
-            low=0.0,
-            strict=True,
             effect="higher values make faster changes of the same size",
         ),
     ]

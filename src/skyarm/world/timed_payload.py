@@ -27,7 +27,7 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.records.words import Word
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.vehicle_records import LOAD
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 class Reach:
     """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
 
-    within: Annotated[Scalar, Unit("m", "largest distance of the frame from the point", low=0.0, strict=True)]
+    within: Annotated[Scalar, positive("m", "largest distance of the frame from the point")]
     of: Annotated[Vec3, Unit("m", "point that the frame must reach, world axes")]
 
     def holds(self, position_W: Vec3) -> Scalar:
@@ -84,16 +84,16 @@ class TimedPayload(Component[PayloadMemory]):
     name: str = ""
     mass: Annotated[Scalar, LOAD]
     inertia: Annotated[
-        Vec3, Unit("kg m^2", "moments of inertia about the payload's centre of mass, frame axes", low=0.0)
+        Vec3, nonnegative("kg m^2", "moments of inertia about the payload's centre of mass, frame axes")
     ] = ZERO3
     com: Annotated[Vec3, Unit("m", "centre of mass of the payload, axes of the frame that holds it")] = ZERO3
     frame: str = ""
-    pick: Annotated[
-        Scalar, Unit("s", "time at which the payload is picked up; with a place, the earliest", low=0.0)
-    ] = 0.0
+    pick: Annotated[Scalar, nonnegative("s", "time at which the payload is picked up; with a place, the earliest")] = (
+        0.0
+    )
     pick_place: Annotated[Reach | None, Word("pick")] = None
     drop: Annotated[
-        Scalar, Unit("s", "time at which the payload is set down; with a place, the earliest", low=0.0, infinite=True)
+        Scalar, nonnegative("s", "time at which the payload is set down; with a place, the earliest", infinite=True)
     ] = math.inf
     drop_place: Annotated[Reach | None, Word("drop")] = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)

@@ -34,7 +34,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry, record_from, registered_from
 from skyarm.records.registry import names
@@ -46,7 +46,7 @@ from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, DrydenMemory
 from skyarm.world.gust import SHAPES, Gust
 
 
-@immutable(kw_only=False)
+@positional
 class WindSample(Component[tuple[()]]):
     """Force, air velocity and logged numbers of all environment models at one instant of a flight.
 
@@ -144,7 +144,7 @@ class GustyWind(Component[Memory]):
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
         """Time intervals of the gusts, for pictures of a flight."""
-        blowing = (gust for gust in self.all_gusts if any(float(c) for c in gust.peak))
+        blowing = (gust for gust in self.all_gusts if any(map(float, gust.peak)))
         return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
 
 

@@ -20,7 +20,7 @@ from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
     import llvmlite.binding as llvm
@@ -67,7 +67,7 @@ def host_width(*, single: bool = False) -> int:
     return bits // (32 if single else 64)
 
 
-@immutable(kw_only=False)
+@positional
 class Assembly:
     """Program in LLVM's language, from which machine code is made.
 

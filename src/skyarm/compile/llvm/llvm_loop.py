@@ -188,13 +188,9 @@ next:
 done:
   ret void
 }""")
-    entry = _entry(flush=lanes.contract and _x86())
+    entry = _entry(flush=lanes.contract and platform.machine().lower() in ("x86_64", "amd64"))
     shared = [line for lines in writer.functions.values() for line in lines]
     return "\n".join([*writer.lines, *shared, *entry, *_call(), *sorted(writer.intrinsics), ""])
-
-
-def _x86() -> bool:
-    return platform.machine().lower() in ("x86_64", "amd64")
 
 
 def _entry(*, flush: bool) -> list[str]:

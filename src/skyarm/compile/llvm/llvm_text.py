@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import arrange
 from skyarm.compile.tracing.tracer import Node, is_condition
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 COMPARISON = {"lt": "olt", "le": "ole"}
@@ -17,7 +17,7 @@ LOGIC = {"and": "and", "or": "or"}
 INTRINSIC = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copysign"}
 
 
-@immutable(kw_only=False)
+@positional
 class Lanes:
     """Shape of a SIMD vector: number of lanes and floating-point precision.
 

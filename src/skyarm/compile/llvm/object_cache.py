@@ -24,7 +24,7 @@ from pathlib import Path
 
 from skyarm.records.files import shown
 from skyarm.records.files.private import private_folder, read_private, write_private
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 SIZE = 256.0
 """Default limit (MB) of the total size of the cached object files, used unless ``SKYARM_CACHE_SIZE`` is set."""
@@ -158,7 +158,7 @@ FORGOTTEN = 3600.0
 """Age (s) above which a temporary file counts as abandoned by its writer."""
 
 
-@immutable(kw_only=False)
+@positional
 class Contents:
     """Number and total size (bytes) of the cached object files."""
 
@@ -166,7 +166,7 @@ class Contents:
     size: int
 
 
-@immutable(kw_only=False)
+@positional
 class _Entry:
     """Cached object file: time of last use (s), size (bytes), path."""
 

@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 
 def cores() -> int:
@@ -46,7 +46,7 @@ Arguments = ctypes.c_int64 * 12
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
 
-@immutable(kw_only=False)
+@positional
 class Machine:
     """Machine code of a traced loop with its computing time per step.
 

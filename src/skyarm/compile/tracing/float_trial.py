@@ -92,7 +92,7 @@ def _call_with_floats(
         numbers, memory = leaves(result), result[0]
         if any(isinstance(number, Node) for number in numbers):
             raise refuse(f"gives a number of an earlier trace in period {k}: {OUTSIDE}")
-        results.append(tuple(float(number) for number in numbers))
+        results.append(tuple(map(float, numbers)))
     return results
 
 

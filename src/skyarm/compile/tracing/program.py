@@ -11,7 +11,7 @@ from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats
 from skyarm.compile.tracing.lower import arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Lowered, Node
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
@@ -171,7 +171,7 @@ def python_function(program: Lowered) -> Flat:
     return run
 
 
-@immutable(kw_only=False)
+@positional
 class Loop:
     """Traced program of one simulation step: from state, parameters and inputs to next state and logged values.
 

@@ -16,7 +16,7 @@ from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats, register
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
@@ -162,7 +162,7 @@ def is_condition(node: Node) -> bool:
     return node.op in CONDITIONS or isinstance(node.value, bool)
 
 
-@immutable(kw_only=False)
+@positional
 class Lowered:
     """Traced program that consists of basic operations only.
 
@@ -299,7 +299,7 @@ class Graph:
         Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
         """
         args = tuple(self.lift(value) for group in groups for value in group)
-        value = (function, tuple(len(group) for group in groups))
+        value = (function, tuple(map(len, groups)))
         block = self._make("call", args, value, ("call", len(self.nodes)))
         return [self.result(block, k) for k in range(count)]
 
@@ -323,17 +323,13 @@ class Graph:
 class _NodeFunctions:
     """Scalar functions such as sin and where on symbolic values of a traced program."""
 
-    @staticmethod
-    def _graph(*values: Scalar) -> Graph:
-        return next(value.graph for value in values if isinstance(value, Node))
-
     def __getattr__(self, name: str) -> Callable[..., Node]:
         op = {"divide": "div", "absolute": "abs", "logical_and": "and", "logical_or": "or", "logical_not": "not"}.get(
             name, name
         )
         if op not in FOLD:
             raise AttributeError(name)
-        return lambda *values: self._graph(*values).call(op, *values)
+        return lambda *values: next(value.graph for value in values if isinstance(value, Node)).call(op, *values)
 
 
 register(Node, _NodeFunctions())

@@ -17,13 +17,13 @@ from skyarm.algebra.scalars import add, cos, divide, mul, neg, sin, sqrt, sub, w
 from skyarm.algebra.scalars.taylor import Taylor, choose, nth_derivative
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Body, Vehicle
 
 
-@immutable(kw_only=False)
+@positional
 class Posture:
     """Posture of the vehicle: centre of mass, tip and link poses relative to the base, as Taylor series in time.
 
@@ -79,7 +79,7 @@ TINY = 1e-12
 away from it."""
 
 
-@immutable(kw_only=False)
+@positional
 class DesiredAttitude:
     """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
 

@@ -21,7 +21,7 @@ from skyarm.algebra import (
 from skyarm.algebra.scalars import add, divide, mul, sub
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Frame, Vehicle
 
 
@@ -127,7 +127,7 @@ def forces_under_thrust(
     return force, torques, follows
 
 
-@immutable(kw_only=False)
+@positional
 class Reaction:
     """Mass matrix of the joints of a vehicle whose base translates freely and rotates as desired.
 

@@ -45,9 +45,9 @@ from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import blend
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
 
 
@@ -246,7 +246,7 @@ def observe(
         force=memory.force + push * base.learns,
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
-        rotor_speeds=tuple(data(s) for s in speeds),
+        rotor_speeds=tuple(map(data, speeds)),
         bias=base.bias,
         joint_residuals=residuals,
     )
@@ -342,7 +342,7 @@ class Told:
     joint_corrections: Scalars
 
 
-@immutable(kw_only=False)
+@positional
 class FilteredPose:
     """Filtered base position (m), attitude and joint positions of the vehicle."""
 
@@ -382,7 +382,7 @@ def inertia_times(
     still = (0,) * len(joints)
     base = Motion(angular_B, R.apply_T(linear_W))
     force, torques = dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, base, joint)
-    return vector_data(R.apply(force.force)), vector_data(force.torque), tuple(data(t) for t in torques)
+    return vector_data(R.apply(force.force)), vector_data(force.torque), tuple(map(data, torques))
 
 
 @immutable
@@ -430,7 +430,7 @@ class Observed:
             self,
             force=vector_data(less.force),
             torque=vector_data(less.torque),
-            efforts=tuple(data(each) for each in less.efforts),
+            efforts=tuple(map(data, less.efforts)),
         )
 
 
@@ -443,31 +443,25 @@ class ObserverGains:
 
     force: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the force estimate",
-            low=0.0,
-            strict=True,
             effect="higher values reject wind faster, amplify noise and tolerate less delay",
         ),
     ]
     torque: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the torque estimate",
-            low=0.0,
-            strict=True,
             effect="higher values reject torques on the base faster, amplify noise and tolerate less delay",
         ),
     ]
     joints: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the joint effort estimates",
-            low=0.0,
-            strict=True,
             effect="higher values reject joint friction and loads faster, amplify noise and tolerate less delay",
         ),
     ]

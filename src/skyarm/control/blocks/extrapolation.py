@@ -107,7 +107,7 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
     if all(same(c, 0) for sample in (held, following, later) for c in sample[1:]):
         return Taylor.constant(held[0], 4)
     p, v, a = (data(c) for c in held)
-    (v1, a1), (v2, a2) = (tuple(data(c) for c in sample[1:]) for sample in (following, later))
+    (v1, a1), (v2, a2) = (tuple(map(data, sample[1:])) for sample in (following, later))
     inverse = divide(1.0, period)
     mean = (v1 - v) * inverse
     b2 = (3.0 * mean - 2.0 * a - a1) * inverse

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra import Scalar, Scalars, differences, inner_product
 from skyarm.algebra.scalars import data, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
@@ -41,16 +41,14 @@ class Past:
         speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
         rows = (squares, speeds, command.efforts)
         before = (self.squares, self.speeds, self.efforts)
-        squares, speeds, efforts = (
-            (*old[1:], tuple(data(each) for each in new)) for old, new in zip(before, rows, strict=True)
-        )
+        squares, speeds, efforts = ((*old[1:], tuple(map(data, new))) for old, new in zip(before, rows, strict=True))
         return Past(squares=squares, speeds=speeds, efforts=efforts)
 
     def period(self, age: Scalar) -> Actuation:
         """Modelled rotor speeds and joint efforts in the control period that ended ``age`` periods ago."""
         parts = self._since(age)
         # what acted since a period earlier is the same of the command after it
-        shares = [sub(older, since) for older, since in zip((1.0, *parts[:-1]), parts, strict=True)]
+        shares = differences((1.0, *parts[:-1]), parts)
         speeds = _sums(self.speeds, shares)
         return Actuation(
             squares=_sums(self.squares, shares), amid=speeds, speeds=speeds, efforts=_sums(self.efforts, shares)

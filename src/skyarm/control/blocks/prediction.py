@@ -18,7 +18,9 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
     inner_product,
+    sums,
 )
 from skyarm.algebra.scalars import add, data, mul, neg, sub
 from skyarm.control.blocks.select import vector_data
@@ -44,14 +46,14 @@ class Disturbance:
         return Disturbance(
             force=self.force + other.force,
             torque=self.torque + other.torque,
-            efforts=tuple(add(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
+            efforts=sums(self.efforts, other.efforts),
         )
 
     def __sub__(self, other: Disturbance) -> Disturbance:
         return Disturbance(
             force=self.force - other.force,
             torque=self.torque - other.torque,
-            efforts=tuple(sub(a, b) for a, b in zip(self.efforts, other.efforts, strict=True)),
+            efforts=differences(self.efforts, other.efforts),
         )
 
     def blend_towards(self, new: Disturbance, share: Scalar, force_share: Scalar) -> Disturbance:
@@ -239,6 +241,6 @@ def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: Sca
         velocity=velocity,
         rate=rate,
         joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
-        joint_rates=tuple(data(r) for r in rates),
+        joint_rates=tuple(map(data, rates)),
         rotor_speeds=speeds,
     )

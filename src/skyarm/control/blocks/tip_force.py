@@ -18,7 +18,7 @@ from skyarm.algebra import Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra.scalars import add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import Link, Vehicle
 
@@ -43,7 +43,7 @@ class ForceErrors:
         return divide(1.0, error * error)
 
 
-@immutable(kw_only=False)
+@positional
 class TipLevers:
     """Tip position and Jacobian at one configuration, which map a force at the tip to base and joints.
 

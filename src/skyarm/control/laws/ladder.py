@@ -40,7 +40,7 @@ from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
 from skyarm.sensing.measurement import Measurement
@@ -70,15 +70,12 @@ class StepParameters(Parameters):
 
     observer: ObserverGains
     steps: Annotated[int, Unit("", "number of extensions of the ablation ladder in use", low=1, high=6)] = LAG_INVERSION
-    reference_period: Annotated[float, Unit("s", "time between published reference samples", low=0.0, strict=True)] = (
-        0.02
-    )
+    reference_period: Annotated[float, positive("s", "time between published reference samples")] = 0.02
     lag_share: Annotated[
         float,
-        Unit(
+        nonnegative(
             "",
             "fraction of the motor lag that rotor commands invert; above 1 counts as 1",
-            low=0.0,
             effect="higher values answer faster and amplify noise",
         ),
     ] = 1.0

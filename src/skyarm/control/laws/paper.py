@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
@@ -66,7 +66,7 @@ def decoupled_pd(
     speeds = _base_speeds(par, measurement, reference, feedforward=False)
     weight = level_joint_gravity(par.model, measurement.joints)
     pull = joint_pd(par.joint_gains, measurement, with_weighted_rates(par, reference))
-    efforts = with_friction(par, measurement, reference, [add(a, b) for a, b in zip(pull, weight, strict=True)])
+    efforts = with_friction(par, measurement, reference, sums(pull, weight))
     return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
@@ -115,7 +115,7 @@ def generalized_force(
     if not terms.full_gravity:
         force = force + Force(ZERO3, weight * vehicle.mass)
         level = level_joint_gravity(par.model, q)
-        torques = tuple(add(a, b) for a, b in zip(torques, level, strict=True))
+        torques = sums(torques, level)
     return force, torques
 
 
@@ -164,7 +164,7 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
     pd = joint_pd(par.joint_gains, measurement, reference)
     if not par.terms.feedforward:
         return pd
-    return tuple(add(a, b) for a, b in zip(pd, reference.joint_accelerations, strict=True))
+    return sums(pd, reference.joint_accelerations)
 
 
 def with_friction(

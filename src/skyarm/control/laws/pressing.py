@@ -34,7 +34,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation
+from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation, differences
 from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
@@ -62,7 +62,7 @@ from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_co
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -92,7 +92,7 @@ class PressingMemory:
     interaction: InteractionMemory
 
 
-@immutable(kw_only=False)
+@positional
 class ObservedContact:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 
@@ -207,7 +207,7 @@ def pressing_command(
     alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))
     qdd = release_normal(touch, joint_accelerations(par, measurement, reference))
     force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
-    efforts = [sub(torque, effort) for torque, effort in zip(torques, reaction.efforts, strict=True)]
+    efforts = differences(torques, reaction.efforts)
     thrust = force.force.z - R.apply_T(reaction.force).z
     speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
@@ -253,7 +253,7 @@ def admittance_pd(
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
-        efforts = [sub(effort, each) for effort, each in zip(command.efforts, borne, strict=True)]
+        efforts = differences(command.efforts, borne)
         command = dataclasses.replace(command, efforts=limit_efforts(par, efforts))
     return dataclasses.replace(after, sent=command), command
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Scalar, Scalars, Vec3, differences, inner_product, ldl_solve
 from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
@@ -213,7 +213,7 @@ def apply_joint_barrier(model: Model, limits: Limits, measurement: Measurement, 
     """
     caused = _accelerations(model, measurement, efforts)
     allowed = _within_barrier(model, limits, measurement, caused)
-    added = floating_inertia_times(model, measurement.joints, [sub(a, b) for a, b in zip(allowed, caused, strict=True)])
+    added = floating_inertia_times(model, measurement.joints, differences(allowed, caused))
     # other joints keep their torques: where a drive is dead the model is wrong about what they cause
     return tuple(
         where(logical_or(bounded < qdd, bounded > qdd), add(tau, more), tau)

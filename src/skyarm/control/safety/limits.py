@@ -16,7 +16,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.measurement import blank_measurement
@@ -65,19 +65,18 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
     resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
-    speeds = tuple(float(speed) for speed in trim.speeds)
+    speeds = tuple(map(float, trim.speeds))
     law = checked_law(controller)
     for _ in range(SETTLING):
         seen = dataclasses.replace(resting, rotor_speeds=speeds)
         _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
-        speeds = tuple(float(speed) for speed in command.rotor_speeds)
+        speeds = tuple(map(float, command.rotor_speeds))
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
     return sum(float(share) * speed * speed for share, speed in zip(shares, speeds, strict=True))
 
 
 # infinity times nothing is no number: what multiplies or is multiplied is finite
-_finite = partial(Unit, low=0.0, strict=True)
-_limit = partial(_finite, infinite=True)
+_limit = partial(positive, infinite=True)
 
 
 _SOONER = "lower values replace the law sooner"
@@ -145,7 +144,7 @@ class Limits:
     ] = 1.5
     stiffness: Annotated[
         float,
-        _finite(
+        positive(
             "1/s^2",
             "acceleration that the law commands per position error",
             effect="higher values bound the position error passed to the law more tightly",
@@ -153,7 +152,7 @@ class Limits:
     ]
     damping: Annotated[
         float,
-        _finite(
+        positive(
             "1/s",
             "acceleration that the law commands per velocity error",
             effect="higher values bound the velocity error passed to the law more tightly",
@@ -177,16 +176,15 @@ class Limits:
     ]
     joint_margin: Annotated[
         tuple[float, ...],
-        Unit(
+        nonnegative(
             "rad or m",
             "distance kept from the joint limits; references keep twice as much",
-            low=0.0,
             effect="higher values stop the joints earlier and shrink the workspace",
         ),
     ]
     joint_pole: Annotated[
         float,
-        _finite(
+        positive(
             "1/s",
             "braking rate k: towards a limit a joint moves at most at k times the distance left",
             effect="higher values brake later and harder",
@@ -236,10 +234,9 @@ class Limits:
     ]
     patience: Annotated[
         float,
-        Unit(
+        nonnegative(
             "s",
             "time beyond a trusted limit after which the recovery law takes over; inf: never",
-            low=0.0,
             infinite=True,
             effect="longer times let a law recover by itself and risk the vehicle longer",
         ),

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, add, cos, divide, logical_and, logical_or, maximum, sqrt, where
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, sums
+from skyarm.algebra.scalars import absolute, cos, divide, logical_and, logical_or, maximum, sqrt, where
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -170,7 +170,7 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
     weight, efforts = dynamics.inverse_dynamics(vehicle, measurement.joints, ZERO3, still, resting, still)
     speeds, _ = mix(mixer, vehicle.base.inertia.apply(alpha) + weight.torque, body_thrust(vehicle.mass, a_d, R))
     pull = joint_pd(recovery.joint_gains, measurement, reference)
-    return Command(rotor_speeds=speeds, efforts=tuple(add(a, b) for a, b in zip(pull, efforts, strict=True)))
+    return Command(rotor_speeds=speeds, efforts=sums(pull, efforts))
 
 
 def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:

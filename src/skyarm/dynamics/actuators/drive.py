@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar
 from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import add, clip, divide, exp, maximum, mul, sub, tanh
 from skyarm.records.field_rules import checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import positive
 from skyarm.vehicle import Joint
 
 
@@ -142,7 +142,7 @@ class TorqueDrive(Drive):
 TORQUE_DRIVE = TorqueDrive()
 
 
-@immutable(kw_only=False)
+@positional
 class LaggedTorqueMemory:
     """Torque of a lagged drive at the end of the current control period, and its mean, N m or N."""
 
@@ -161,11 +161,9 @@ class LaggedTorque(TorqueDrive):
 
     time_constant: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "time constant of the first-order lag from commanded to applied effort",
-            low=0.0,
-            strict=True,
             effect="longer lags make the joint loop oscillate sooner",
         ),
     ]

@@ -6,14 +6,14 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion, Scalar, Scalars
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
 ROUNDING = 1e-9
 """Magnitude of a negative squared speed, over the largest, up to which it is a rounded zero."""
 
 
-@immutable(kw_only=False)
+@positional
 class HoverTrim:
     """Trim of a level hover: rotor speeds, thrust and holding joint torques.
 

@@ -16,11 +16,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3, inner_product, ldl_solve, sums
 from skyarm.algebra.scalars import absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
@@ -31,7 +31,7 @@ ENDLESS = 1e100
 """Thrust (N) larger than any bound."""
 
 
-@immutable(kw_only=False)
+@positional
 class Bound:
     """Two parallel linear bounds of the yaw torque as a function of the thrust, N m."""
 
@@ -323,7 +323,7 @@ def _with_side(mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], s
     is left beside what the limits leave of them (``allowed``).
     """
     if mixer.policy == "clip":
-        return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
+        return sums(raw, side)
     low: Scalar = 0.0
     high: Scalar = 1.0
     for value, change, top in zip(raw, side, mixer.highest, strict=True):

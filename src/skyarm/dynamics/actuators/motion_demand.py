@@ -18,7 +18,7 @@ from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array, stack_values
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Vehicle
 
 REACTIONS = 2
@@ -42,7 +42,7 @@ class MotionSamples:
     accelerations: Array
 
 
-@immutable(kw_only=False)
+@positional
 class ActuatorDemand:
     """Squared rotor speeds and joint torques of a motion at K instants, as arrays.
 

@@ -66,7 +66,8 @@ def rotor_forces(
         first = left[0][0]
         group = [pair for pair in left if _similar(pair[0], first)]
         left = [pair for pair in left if not _similar(pair[0], first)]
-        center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
+        coordinates = zip(*(rotor.position for rotor, *_ in group), strict=True)
+        center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in coordinates))
         beside = [_offset(rotor.position, center) for rotor, *_ in group]
         hub = _group_force(group, beside, velocity + rate.cross(center), rate)
         total = total + hub.at_origin(center)
@@ -75,11 +76,6 @@ def rotor_forces(
 
 Turning = tuple[Rotor, Scalar, Scalar]
 """Rotor, its speed (rad/s) and its effectiveness."""
-
-
-def _components(group: Sequence[Turning]) -> list[Scalars]:
-    """Split the positions of some rotors into all x, all y and all z coordinates."""
-    return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
 
 def _offset(position: Vec3, center: Vec3) -> Vec3:

@@ -17,7 +17,7 @@ from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 
 
 @immutable
@@ -60,43 +60,31 @@ class Servo(Drive):
 
     inertia: Annotated[
         Scalar,
-        Unit(
-            "kg m^2 or kg", "least inertia that the joint moves about its axis, armature included", low=0.0, strict=True
-        ),
+        positive("kg m^2 or kg", "least inertia that the joint moves about its axis, armature included"),
     ]
     integral: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "N m/(rad s) or N m/rad",
             "torque per integral of the loop's error",
-            low=0.0,
             effect="higher values remove a steady error sooner and overshoot more",
         ),
     ] = 0.0
-    gear: Annotated[Scalar, Unit("", "gear ratio: turns of the motor per turn of the joint", low=0.0, strict=True)] = (
-        1.0
-    )
+    gear: Annotated[Scalar, positive("", "gear ratio: turns of the motor per turn of the joint")] = 1.0
     efficiency: Annotated[
         Scalar,
-        Unit("", "efficiency of the gear", low=0.0, high=1.0, effect="lower values leave less torque at the joint"),
+        nonnegative("", "efficiency of the gear", high=1.0, effect="lower values leave less torque at the joint"),
     ] = 1.0
-    torque_constant: Annotated[Scalar, Unit("N m/A", "torque constant of the motor", low=0.0, strict=True)] = 1.0
+    torque_constant: Annotated[Scalar, positive("N m/A", "torque constant of the motor")] = 1.0
     resistance: Annotated[
         Scalar,
-        Unit(
-            "ohm",
-            "resistance of the motor's winding",
-            low=0.0,
-            strict=True,
-            effect="higher values lower the stall torque",
-        ),
+        positive("ohm", "resistance of the motor's winding", effect="higher values lower the stall torque"),
     ] = 1.0
     voltage: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "V",
             "voltage of the servo's supply",
-            low=0.0,
             infinite=True,
             usual=1000.0,
             effect="lower values lower stall torque and no-load speed",
@@ -104,31 +92,25 @@ class Servo(Drive):
     ] = math.inf
     current_limit: Annotated[
         Scalar,
-        Unit(
-            "A",
-            "largest current of the motor",
-            low=0.0,
-            infinite=True,
-            effect="lower values limit the torque at low speed",
+        nonnegative(
+            "A", "largest current of the motor", infinite=True, effect="lower values limit the torque at low speed"
         ),
     ] = math.inf
-    torque_limit: Annotated[Scalar, Unit("N m or N", "largest effort at the joint", low=0.0, infinite=True)] = math.inf
+    torque_limit: Annotated[Scalar, nonnegative("N m or N", "largest effort at the joint", infinite=True)] = math.inf
     speed_limit: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad/s or m/s",
             "largest rate of the servo's goal",
-            low=0.0,
             infinite=True,
             effect="lower values make the joint lag behind fast setpoints",
         ),
     ] = math.inf
     latency: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s",
             "dead time before a setpoint takes effect; the same in all episodes",
-            low=0.0,
             effect="longer dead times delay the joint and destabilize loops around it",
         ),
     ] = 0.0
@@ -265,29 +247,25 @@ class PositionServo(Servo):
 
     stiffness: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N m/rad or N/m",
             "torque per position error of the joint",
-            low=0.0,
-            strict=True,
             effect="higher values hold the joint more tightly and oscillate sooner with latency",
         ),
     ]
     damping: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "N m s/rad or N s/m",
             "torque per measured rate of the joint",
-            low=0.0,
             effect="higher values damp the joint more and make it slower",
         ),
     ] = 0.0
     resolution: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad or m",
             "step to which goal and measured position are rounded; 0 disables rounding",
-            low=0.0,
             effect="coarser steps make the joint chatter within one step",
         ),
     ] = 0
@@ -344,11 +322,9 @@ class VelocityServo(Servo):
 
     gain: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N m s/rad or N s/m",
             "torque per rate error of the joint",
-            low=0.0,
-            strict=True,
             effect="higher values hold the commanded rate more tightly and oscillate sooner with latency",
         ),
     ]

@@ -33,7 +33,7 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.dynamics.actuators.command import Command
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.tilt import Tilt
 
@@ -91,7 +91,7 @@ WIDEST = math.pi / 4.0
 """Largest used tilt angle (rad) to either side of rest, at which the axes of a pair are perpendicular."""
 
 
-@immutable(kw_only=False)
+@positional
 class TiltedForce:
     """Force of one tilting rotor, given as squared rotor speed ((rad/s)^2) and tilt angle (rad)."""
 

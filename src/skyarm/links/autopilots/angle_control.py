@@ -14,7 +14,7 @@ from typing import Annotated
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.autopilots.autopilot import BaseGoal
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 
 Vector = tuple[float, float, float]
@@ -53,7 +53,7 @@ class AngleGains:
         )
 
 
-@immutable(kw_only=False)
+@positional
 class AttitudeCommand:
     """Set point of an autopilot in angle mode: roll, pitch (rad), yaw rate (rad/s) and thrust per mass (m/s^2)."""
 

@@ -10,7 +10,7 @@ import math
 
 from skyarm.links.autopilots.effectiveness import highest_thrust, hover_share, proportional_gains, square_share
 from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Vehicle
 
@@ -29,7 +29,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 """Least vertical component of a rotor's axis; ArduPilot assumes parallel thrusts."""
 
 
-@immutable(kw_only=False)
+@positional
 class ArduPilotFrame:
     """Rotor layout that ArduPilot has a mixer for: frame class and type, angle and spin of each motor.
 

@@ -9,8 +9,7 @@ from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Motion, Scalar
-from skyarm.algebra.scalars import add
+from skyarm.algebra import ZERO3, Motion, Scalar, sums
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.controller import Controller, ControllerError, Memory
@@ -18,7 +17,7 @@ from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -52,7 +51,7 @@ class LinkError(Exception):
     """Error if an autopilot's program does not respond, has ended, or violates the protocol."""
 
 
-@immutable(kw_only=False)
+@positional
 class BaseGoal:
     """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
 
@@ -62,7 +61,7 @@ class BaseGoal:
     yaw: float
 
 
-@immutable(kw_only=False)
+@positional
 class SensedInstant:
     """Sensor readings and true state at one instant, as an autopilot's link receives them.
 
@@ -207,7 +206,7 @@ def move_arm(
     """
     vehicle = par.model.vehicle
     feedback = joint_pd(par.joint_gains, measurement, reference)
-    desired = tuple(add(a, b) for a, b in zip(feedback, reference.joint_accelerations, strict=True))
+    desired = sums(feedback, reference.joint_accelerations)
     base = Motion(ZERO3, measurement.specific_force)
     torques = dynamics.inverse_dynamics(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, desired

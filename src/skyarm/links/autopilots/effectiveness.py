@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import center_of_mass, mass_matrix
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Rotor, Vehicle
 
@@ -29,8 +29,8 @@ def unit_wrenches(vehicle: Vehicle) -> Array:
     """Torque about the centre of mass, and force, per unit thrust of each rotor (6, rotors), base axes."""
     com, columns = centre_of_mass(vehicle), []
     for rotor in vehicle.rotors:
-        axis = np.array([float(c) for c in rotor.axis])
-        arm = np.array([float(c) for c in rotor.position]) - com
+        axis = float_array(rotor.axis)
+        arm = float_array(rotor.position) - com
         torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
         columns.append(np.concatenate([torque, axis]))
     return np.array(columns).T

@@ -135,7 +135,7 @@ def hover_at_start(scenario: Scenario) -> Trajectory:
     """Reference that holds the initial pose of the base and the initial joint positions."""
     start = first_state(scenario)
     x, y, z = (float(c) for c in start.position)
-    return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(float(q) for q in start.joints))
+    return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(map(float, start.joints)))
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
@@ -184,9 +184,9 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
 def goal_of(reference: Reference) -> BaseGoal:
     """Set point of the base from a reference."""
     return BaseGoal(
-        position=tuple(float(c) for c in reference.position),
-        velocity=tuple(float(c) for c in reference.velocity),
-        acceleration=tuple(float(c) for c in reference.acceleration),
+        position=tuple(map(float, reference.position)),
+        velocity=tuple(map(float, reference.velocity)),
+        acceleration=tuple(map(float, reference.acceleration)),
         yaw=float(reference.yaw),
     )
 

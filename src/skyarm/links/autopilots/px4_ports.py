@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 
 from skyarm.links.autopilots.autopilot import LinkError
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import ScenarioError
 
 INSTANCES = 10
@@ -15,7 +15,7 @@ ONBOARD_PORT, JOINT_PORT = 14540, 14640
 """UDP ports of instance 0: for PX4's onboard MAVLink, and for the joints of an external program."""
 
 
-@immutable(kw_only=False)
+@positional
 class Ports:
     """Sockets for a PX4 instance on the loopback address: the listening simulator port and the onboard port."""
 

@@ -36,7 +36,7 @@ from skyarm.links.ros.node import Content, RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.records.files import errors_as, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
 """Pattern of a DDS address: domain, and namespace of PX4's topics."""
@@ -48,7 +48,7 @@ NED, FRD, BODY = 1, 2, 3
 """Frames of an odometry message: north-east-down; the same with another heading; base axes, for velocities only."""
 
 
-@immutable(kw_only=False)
+@positional
 class ModeBits:
     """Decoder of PX4's mode bits: external set points, or autonomous flight."""
 

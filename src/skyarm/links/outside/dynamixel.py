@@ -19,7 +19,7 @@ from skyarm.links.joint_port import FRESH, JointLink, JointPortError, JointReadi
 from skyarm.records.field_rules import checked
 from skyarm.records.files import needs_extra, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 
 OPERATING_MODE, TORQUE_ENABLE, BUS_WATCHDOG = 11, 64, 98
 """Addresses of one-byte registers."""
@@ -60,22 +60,11 @@ class ServoBus:
     baud: Annotated[int, Unit("1/s", "baud rate of the serial bus", low=9600)] = 1_000_000
     torque: Annotated[
         float | None,
-        Unit(
-            "N m/A",
-            "torque per ampere of a servo, for setpoints in N m; None for setpoints of position",
-            low=0.0,
-            strict=True,
-        ),
+        positive("N m/A", "torque per ampere of a servo, for setpoints in N m; None for setpoints of position"),
     ] = None
     most: Annotated[
         float,
-        Unit(
-            "A",
-            "largest current sent to a servo",
-            low=0.0,
-            strict=True,
-            effect="lower values protect the servo and limit its torque",
-        ),
+        positive("A", "largest current sent to a servo", effect="lower values protect the servo and limit its torque"),
     ] = 1.2
 
 

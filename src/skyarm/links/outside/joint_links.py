@@ -79,7 +79,7 @@ def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:
     if unknown:
         raise JointPortError(f"{at}: {shown(unknown[0])} must be one of {list(OPTIONS)}")
     try:
-        ids = tuple(int(each) for each in given.get("ids", "").split(","))
+        ids = tuple(map(int, given.get("ids", "").split(",")))
         baud, most = int(given.get("baud", 1_000_000)), float(given.get("most", 1.2))
         torque = float(given["torque"]) if "torque" in given else None
     except ValueError:

@@ -32,7 +32,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import Plain
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import Ended
@@ -102,11 +102,9 @@ class OffboardSettings:
     ] = 0.25
     leash: Annotated[
         float,
-        Unit(
+        positive(
             "m",
             "largest distance of the base from its reference",
-            low=0.0,
-            strict=True,
             effect="shorter distances give control back to the autopilot sooner",
         ),
     ] = 1.5
@@ -385,7 +383,7 @@ class OffboardFlight:
             last = tick
             reference = self._reference(tick)
             self._answer(state, tick, reference, record)
-            error = math.dist(record.states[-1][:3], tuple(float(c) for c in reference.position))
+            error = math.dist(record.states[-1][:3], tuple(map(float, reference.position)))
             if error > self._settings.leash:
                 raise HandBackError(DIVERGED, f"the base is {error:.2f} m from its reference")
 

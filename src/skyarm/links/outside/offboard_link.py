@@ -25,7 +25,7 @@ from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 NO_ATTITUDE = 128
 """Type mask of a set point without attitude: rates and thrust count."""
@@ -62,7 +62,7 @@ OLD = 0.1
 """Longest time (s) by which a position is extrapolated to the time of an attitude."""
 
 
-@immutable(kw_only=False)
+@positional
 class Place:
     """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the autopilot's clock."""
 

@@ -29,7 +29,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.coerce import refuse
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
 from skyarm.vehicle import Vehicle
@@ -52,7 +52,7 @@ class MotorSettings:
     The autopilot keeps its thrust curve, motor order and limits, and none of its loops: the law's own bandwidth counts.
     """
 
-    period: Annotated[float, Unit("s", "control period of the law", low=0.0, strict=True)]
+    period: Annotated[float, positive("s", "control period of the law")]
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
         """Zero integral torque, since motor set points bypass the autopilot's rate loop."""
@@ -91,9 +91,9 @@ class LoopSettings:
         center: point about which the autopilot shares torques among the rotors.
     """
 
-    period: Annotated[float, Unit("s", "control period of the law", low=0.0, strict=True)]
+    period: Annotated[float, positive("s", "control period of the law")]
     rate_loop: RateLoop
-    full_thrust: Annotated[float, Unit("N", "thrust of the vehicle at a thrust set point of 1", low=0.0, strict=True)]
+    full_thrust: Annotated[float, positive("N", "thrust of the vehicle at a thrust set point of 1")]
     center: Annotated[
         Vec3, Unit("m", "point about which the autopilot distributes torques among the rotors, base axes")
     ] = Vec3(0.0, 0.0, 0.0)
@@ -102,7 +102,7 @@ class LoopSettings:
         """Initial integral torque (N m) of the rate loop in a hover at given rotor speeds (rad/s)."""
         wrench = rotor_wrench(vehicle, speeds)
         torque = wrench.torque - self.center.cross(wrench.force)
-        return Vec3(*(float(each) for each in self.rate_loop.begin(torque)))
+        return Vec3(*map(float, self.rate_loop.begin(torque)))
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
@@ -149,7 +149,7 @@ class OutsideLaw:
         self.controller, self.settings = controller, settings
         model = controller.par.model
         trim = hover_trim(model.vehicle, tuple(begin.joints), model.gravity)
-        speeds = tuple(float(each) for each in trim.speeds)
+        speeds = tuple(map(float, trim.speeds))
         integral = settings.begin(model.vehicle, speeds)
         self._first = OutsideMemory(law=controller.memory, rotor_speeds=speeds, integral=integral)
         self._step = self._in_machine_code(begin) if controller.compiled else self._in_python()

@@ -25,7 +25,7 @@ from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
@@ -52,11 +52,9 @@ class IdealRateLoop:
 
     bandwidth: Annotated[
         Three,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the rate loop about x, y and z",
-            low=0.0,
-            strict=True,
             effect="higher values assume a faster autopilot and send smaller corrections",
         ),
     ]
@@ -79,7 +77,7 @@ class GuidedRateLoop(IdealRateLoop):
     it is zero of a vehicle that hovers, whose desired attitude is its own.
     """
 
-    gain: Annotated[Three, Unit("1/s", "gain of the autopilot's attitude loop", low=0.0)]
+    gain: Annotated[Three, nonnegative("1/s", "gain of the autopilot's attitude loop")]
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Angle (rad) of the desired attitude ahead of the actual one after ``dt``, and the rate error (rad/s)."""
@@ -93,12 +91,10 @@ class GuidedRateLoop(IdealRateLoop):
 class PidRateLoop:
     """PID rate loop: torque p e + z - d dw/dt about each axis with rate error e, and dz/dt = i e within a limit."""
 
-    proportional: Annotated[
-        Three, Unit("N m s/rad", "proportional gain p of the autopilot's rate loop", low=0.0, strict=True)
-    ]
-    integral: Annotated[Three, Unit("N m/rad", "integral gain i of the autopilot's rate loop", low=0.0)]
-    derivative: Annotated[Three, Unit("N m s^2/rad", "derivative gain d of the autopilot's rate loop", low=0.0)]
-    limit: Annotated[Three, Unit("N m", "largest torque of the rate loop's integral", low=0.0)]
+    proportional: Annotated[Three, positive("N m s/rad", "proportional gain p of the autopilot's rate loop")]
+    integral: Annotated[Three, nonnegative("N m/rad", "integral gain i of the autopilot's rate loop")]
+    derivative: Annotated[Three, nonnegative("N m s^2/rad", "derivative gain d of the autopilot's rate loop")]
+    limit: Annotated[Three, nonnegative("N m", "largest torque of the rate loop's integral")]
 
     def begin(self, torque: Vec3) -> Vec3:
         """Initial integral torque (N m): the whole hover torque, within the limit of the integral."""

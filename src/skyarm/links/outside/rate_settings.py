@@ -124,7 +124,7 @@ def rate_settings(
         period=period,
         rate_loop=_rate_loop(reader, vehicle, bandwidth),
         full_thrust=float(vehicle.mass) * float(model.gravity) / share,
-        center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
+        center=Vec3(*map(float, centre_of_mass(vehicle))),
     )
 
 

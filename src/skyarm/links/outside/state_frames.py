@@ -81,4 +81,4 @@ class WorldFrame:
 
 
 def _floats(v: Vec3) -> Vec3:
-    return Vec3(*(float(c) for c in v))
+    return Vec3(*map(float, v))

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 
 from skyarm.links.ros.node import MOST_WAITING, Inbox
 from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum, definition
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 PATIENCE = 3.0
 """Time (s) within which a peer must answer."""
@@ -33,7 +33,7 @@ ANY = "*"
 """Type or checksum of a subscriber that accepts any message."""
 
 
-@immutable(kw_only=False)
+@positional
 class Identity:
     """Node name, topic and message type at one end of a connection."""
 

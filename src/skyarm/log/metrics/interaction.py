@@ -20,7 +20,7 @@ from skyarm.algebra.scalars import absolute, atan2, cos, logical_and, maximum, s
 from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.log.metrics.metric import Metric, MetricGoal, MetricInstant
 from skyarm.records.arrays import AnyArray
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 
 BOUNCES = 0.3
 """Time (s) after the first contact in which a loss of contact belongs to the impact."""
@@ -59,7 +59,7 @@ class PushMemory:
     near: Scalar = 0.0
 
 
-@immutable(kw_only=False)
+@positional
 class PushTotals(Metric):
     """Accumulator of the contact metrics: force error, losses of contact and tip error."""
 
@@ -127,7 +127,7 @@ class GripMemory:
     turned: Scalar = 0.0
 
 
-@immutable(kw_only=False)
+@positional
 class GripTotals(Metric):
     """Accumulator of the grip metrics: radial force on a turning handle, and lag of the turned mechanism."""
 
@@ -174,7 +174,7 @@ class PhaseMemory:
     when: Scalar = 0.0
 
 
-@immutable(kw_only=False)
+@positional
 class PhaseTotals(Metric):
     """Metric accumulator that stores the start time of a task's latest phase."""
 

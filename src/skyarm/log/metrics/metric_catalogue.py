@@ -31,12 +31,12 @@ from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import did_you_mean, must_be_one_of, shown
 from skyarm.records.files.user_code import place_of
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.records.registry import names as registered_names
 
 
-@immutable(kw_only=False)
+@positional
 class Measure:
     """Definition of one metric: required sums, time window, formula, description and unit.
 

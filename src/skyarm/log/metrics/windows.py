@@ -10,9 +10,9 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import positive
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
@@ -28,7 +28,7 @@ NAMES = ("steady", "transient", "gust", "hover")
 """Names of the windows that are one interval."""
 
 
-@immutable(kw_only=False)
+@positional
 class Window:
     """Half-open time interval [start, stop), s."""
 
@@ -110,9 +110,7 @@ class Windows:
     gust: Window | None = None
     hover: Window | None = None
     holds: tuple[Window, ...] | None = None
-    last: Annotated[
-        float | None, Unit("s", "length of the window before the end of the general flight", low=0.0, strict=True)
-    ] = None
+    last: Annotated[float | None, positive("s", "length of the window before the end of the general flight")] = None
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
         """Complete the requested windows by the scenario's windows and defaults, for a flight of given duration.

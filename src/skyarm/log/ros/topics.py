@@ -36,7 +36,7 @@ from skyarm.log.team_log import SHARED, WITHIN
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
 FAST, SLOW = 200.0, 50.0
@@ -53,7 +53,7 @@ FRAMES, STAMPED = ("frame_id", "child_frame_id"), ("transforms", "markers")
 """Fields of a message with the name of a frame, and those with lists of messages that have a header."""
 
 
-@immutable(kw_only=False)
+@positional
 class Topic:
     """ROS topic of a log: name, message type, rate, and the function that fills the messages.
 

@@ -30,7 +30,7 @@ from skyarm.records.files.user_code import (
     is_beside,
     number_duplicates,
 )
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.registry.class_signatures import refuse_mistake, thing_mistake
 from skyarm.records.registry.registrations import (
     API,
@@ -50,7 +50,7 @@ FILE_MODULE = "skyarm_plugin_"
 """Prefix of the module name of a plugin file; its stem and eight digits of its SHA-256 follow."""
 
 
-@immutable(kw_only=False)
+@positional
 class Plugin:
     """Loaded plugin: its name, digest and imported modules.
 

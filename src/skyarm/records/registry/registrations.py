@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.user_code import place_of
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.registry.shipped import OPTIONS, reserved_for
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
 
@@ -54,7 +54,7 @@ class RegistryError(ValueError):
     """Error: a registered name is unknown, already taken, or cannot be loaded."""
 
 
-@immutable(kw_only=False)
+@positional
 class Registration:
     """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
 

@@ -13,7 +13,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.estimate.error_state import ATTITUDE, Aid, Covariance, Navigated, diagonal, level_attitude
 from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.estimate.filter_models import FilteredJoints
@@ -158,82 +158,71 @@ class FilterNumbers(Estimator):
     force: str = "measured"
     gyro: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad/s/sqrt(Hz)",
             "assumed noise density of the gyroscope",
-            low=0.0,
             effect="higher values trust the aiding readings more for the attitude",
         ),
     ] = 0.005
     gyro_walk: Annotated[
-        Scalar, Unit("rad/s^2/sqrt(Hz)", "assumed random walk of the gyroscope's bias", low=0.0, effect=_DRIFT)
+        Scalar, nonnegative("rad/s^2/sqrt(Hz)", "assumed random walk of the gyroscope's bias", effect=_DRIFT)
     ] = 1e-4
     accelerometer: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "m/s^2/sqrt(Hz)",
             "assumed noise density of the accelerometer",
-            low=0.0,
             effect="higher values trust the aiding readings more for velocity and position",
         ),
     ] = 0.02
     accelerometer_walk: Annotated[
-        Scalar, Unit("m/s^3/sqrt(Hz)", "assumed random walk of the accelerometer's bias", low=0.0, effect=_DRIFT)
+        Scalar, nonnegative("m/s^3/sqrt(Hz)", "assumed random walk of the accelerometer's bias", effect=_DRIFT)
     ] = 1e-3
     push_walk: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "m/s^3/sqrt(Hz)",
             "assumed random walk of the specific force beyond the model",
-            low=0.0,
             effect="higher values follow changing forces faster and pass more noise",
         ),
     ] = 0.02
     push_turn: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s",
             "correlation time of an unmodelled force that turns with the base",
-            low=0.0,
             effect="higher values follow forces fixed to the base better in fast turns",
         ),
     ] = 0.2
     position: Annotated[
         Scalar,
-        Unit(
+        positive(
             "m",
             "assumed standard deviation of a position reading",
-            low=0.0,
-            strict=True,
             effect="higher values smooth the position more and follow it later",
         ),
     ] = 0.005
     attitude: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad",
             "assumed standard deviation of an attitude reading",
-            low=0.0,
-            strict=True,
             effect="higher values smooth the attitude more and follow it later",
         ),
     ] = 0.005
     heading: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad",
             "assumed standard deviation of a heading reading",
-            low=0.0,
-            strict=True,
             effect="higher values smooth the heading more and follow it later",
         ),
     ] = 0.02
     gate: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "innovation gate in standard deviations; 0: no gate",
-            low=0.0,
             effect="lower values refuse more outliers and more true readings after a jump",
         ),
     ] = 4.5
@@ -246,35 +235,34 @@ class FilterNumbers(Estimator):
             effect="higher values accept readings again sooner after a wrong start",
         ),
     ] = 1.5
-    first_velocity: Annotated[Scalar, Unit("m/s", "initial standard deviation of the velocity", low=0.0)] = 0.1
+    first_velocity: Annotated[Scalar, nonnegative("m/s", "initial standard deviation of the velocity")] = 0.1
     first_tilt: Annotated[
-        Scalar, Unit("rad", "initial standard deviation of the tilt, without a pose reading", low=0.0)
+        Scalar, nonnegative("rad", "initial standard deviation of the tilt, without a pose reading")
     ] = 0.05
     first_heading: Annotated[
-        Scalar, Unit("rad", "initial standard deviation of the heading, without a heading reading", low=0.0)
+        Scalar, nonnegative("rad", "initial standard deviation of the heading, without a heading reading")
     ] = 0.5
-    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "initial standard deviation of the gyroscope's bias", low=0.0)] = (
+    first_gyro_bias: Annotated[Scalar, nonnegative("rad/s", "initial standard deviation of the gyroscope's bias")] = (
         0.01
     )
     first_accelerometer_bias: Annotated[
-        Scalar, Unit("m/s^2", "initial standard deviation of the accelerometer's bias", low=0.0)
+        Scalar, nonnegative("m/s^2", "initial standard deviation of the accelerometer's bias")
     ] = 0.1
     first_push: Annotated[
-        Scalar, Unit("m/s^2", "initial standard deviation of the specific force beyond the model", low=0.0)
+        Scalar, nonnegative("m/s^2", "initial standard deviation of the specific force beyond the model")
     ] = 2.0
     start_heading: Annotated[Scalar, Unit("rad", "initial heading, without a heading reading")] = 0.0
     joint_bandwidth: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "rad/s",
             "bandwidth of the encoders' filter; 0: readings unfiltered",
-            low=0.0,
             effect="lower values smooth noisy encoders and add lag",
         ),
     ] = 300.0
     gravity: Annotated[
         Scalar | None,
-        Unit("m/s^2", "gravitational acceleration of the filter; None: that of the controller's model", low=0.0),
+        nonnegative("m/s^2", "gravitational acceleration of the filter; None: that of the controller's model"),
     ] = None
     vehicle: Vehicle | None = None
 

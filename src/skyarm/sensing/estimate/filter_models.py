@@ -110,4 +110,4 @@ def modelled_force(
         for link, effort, q, qd in zip(vehicle.links, efforts, joints, joint_rates, strict=True)
     ]
     base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
-    return Vec3(*(data(c) for c in base.linear))
+    return Vec3(*map(data, base.linear))

@@ -13,7 +13,7 @@ from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.hover import ROUNDING
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
 from skyarm.records.arrays import Array, Mask, stack_values
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
 from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
@@ -40,7 +40,7 @@ LEFT = 1e-3
 """Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 
-@immutable(kw_only=False)
+@positional
 class Followed:
     """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
 

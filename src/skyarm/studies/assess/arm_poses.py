@@ -14,7 +14,7 @@ from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.records.arrays import Array, stack_values
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
@@ -37,7 +37,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     return stack_values(len(joints), (*force.torque, force.force.z, *efforts))
 
 
-@immutable(kw_only=False)
+@positional
 class Allocation:
     """Control allocation as arrays: wrench to squared rotor speeds, with their limits.
 

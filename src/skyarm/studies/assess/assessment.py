@@ -11,7 +11,7 @@ from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
 from skyarm.records.field_rules import rules
 from skyarm.records.files import PathLike, number
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.notebook import notebook_html
 from skyarm.scenario.scenario_file import is_scenario, load_scenario
 from skyarm.scenario.scenario_record import Scenario, with_words
@@ -85,7 +85,7 @@ def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
     ]
 
 
-@immutable(kw_only=False)
+@positional
 class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 

@@ -57,9 +57,8 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
         "notes": list(vehicle.notes),
     }
     if vehicle.links:
-        names = [link.joint.name for link in vehicle.links]
         efforts = map(float, static_torques(vehicle, gravity))
-        facts["static_efforts"] = dict(zip(names, efforts, strict=True))
+        facts["static_efforts"] = dict(zip(vehicle.joint_names, efforts, strict=True))
         facts["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
         if vehicle.end_effector and vehicle.frame().link != BASE:
             facts["reach_m"] = float(reach(vehicle))

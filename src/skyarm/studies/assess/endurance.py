@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.assess.finding import FAULT, NOTE, Finding, at_least
 from skyarm.vehicle import Vehicle, VehicleError
 
@@ -61,7 +61,7 @@ STEPS = 2000
 """Number of charge levels between full and empty."""
 
 
-@immutable(kw_only=False)
+@positional
 class HoverTime:
     """Hover endurance on the battery: time, power, and remaining charge and voltage.
 

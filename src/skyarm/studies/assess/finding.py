@@ -10,7 +10,7 @@ from typing import TypedDict, Unpack
 
 from skyarm.algebra import Scalar
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.pages import Facts
 
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
@@ -23,7 +23,7 @@ UNITS = "units"
 """Name of the question about numbers that are probably in other units."""
 
 
-@immutable(kw_only=False)
+@positional
 class Finding:
     """Result of one feasibility check, with a severity.
 

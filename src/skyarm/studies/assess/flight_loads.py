@@ -13,7 +13,7 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array, Mask, stack_values
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
@@ -27,7 +27,7 @@ OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
 """Prefixes of the paths of changes that do not alter plant, surroundings or reference."""
 
 
-@immutable(kw_only=False)
+@positional
 class Load:
     """Payload carried for part of a flight; one on a sling counts as a point mass at its attachment frame.
 
@@ -42,7 +42,7 @@ class Load:
     body: Callable[[Vehicle], tuple[int, Body]]
 
 
-@immutable(kw_only=False)
+@positional
 class FlightPart:
     """Time interval of a flight during which payloads and scheduled parameters are constant.
 

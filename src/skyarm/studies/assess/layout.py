@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.studies.assess.arm_poses import Allocation, hover_efforts
 from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.vehicle import Rotor, Vehicle
@@ -45,7 +45,7 @@ def disc_radius(vehicle: Vehicle) -> float:
 
 def _hub_distances(vehicle: Vehicle) -> Array:
     """Horizontal distances (rotors, rotors) between rotor hubs, m; infinite for coaxial or staggered pairs."""
-    hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
+    hubs = np.array([float_array(rotor.position) for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
     beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)

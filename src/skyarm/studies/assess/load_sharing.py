@@ -17,8 +17,8 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
-from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.arrays import Array, float_array
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
 from skyarm.studies.assess.causes import ALARMS
@@ -39,7 +39,7 @@ ROUNDING = 1e-9
 """Stiffness over the largest, and force over the weight, that count as zero."""
 
 
-@immutable(kw_only=False)
+@positional
 class Balance:
     """Static equilibrium of one body in its grasps.
 
@@ -81,15 +81,11 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         pulls = [row for row in contact.pulls(memory, motion, 0.0) if float(row[0].release) > 0.0]
         for index, thing in enumerate(contact.objects):
             rows = [(grasp, pull.place, frame.position) for grasp, of, pull, frame in pulls if of == index]
-            weight, middle = float(thing.mass * motion.gravity), _array(memory.carried[index].position)
+            weight, middle = float(thing.mass * motion.gravity), float_array(memory.carried[index].position)
             if rows and weight > 0.0:
                 left, remarks = [r for r in rows if not lost or r[0].agent != lost], _remarks(contact, index, motion)
                 solved.append(_balance(thing.name, weight, middle, left, motion, remarks))
     return solved
-
-
-def _array(vector: Vec3) -> Array:
-    return np.array([float(each) for each in vector])
 
 
 def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
@@ -116,8 +112,8 @@ def _balance(
         motion: motions of the vehicles at the start.
         remarks: remarks about the body.
     """
-    grasps, places = [row[0] for row in rows], np.array([_array(row[1]) for row in rows]).reshape(-1, 3)
-    lines = np.array([_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
+    grasps, places = [row[0] for row in rows], np.array([float_array(row[1]) for row in rows]).reshape(-1, 3)
+    lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
     stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
         k, turning, far = float(grasp.stiffness), float(grasp.radius) ** 2, float(np.linalg.norm(lines[i]))

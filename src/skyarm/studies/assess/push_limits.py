@@ -12,7 +12,7 @@ from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import part_of, presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
@@ -86,7 +86,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
     """
     vehicle = scenario.agent.plant.vehicle
     still = hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))[WRENCH:, 0]
-    columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
+    columns = np.array([float_array(each.linear) for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
     return still - columns @ force
 
 

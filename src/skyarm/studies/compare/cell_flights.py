@@ -17,7 +17,7 @@ from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, catalogue_names
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import names as registered
 from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
@@ -59,7 +59,7 @@ FEW = 16
 """Number of episodes up to which full compiler optimisation takes longer than it saves."""
 
 
-@immutable(kw_only=False)
+@positional
 class Cell:
     """Metrics of all episodes of one controller in one case under one condition.
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from skyarm.records.files import versions
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
@@ -92,7 +92,7 @@ def _share(summary: Record | None) -> Share | None:
     return Share(summary["success_rate"], *summary["success_interval"])
 
 
-@immutable(kw_only=False)
+@positional
 class ReportColumn:
     """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
 

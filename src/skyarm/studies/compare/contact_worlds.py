@@ -83,7 +83,7 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
         scenario: scenario of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
-    joints = tuple(float(q) for q in scenario.agent.reference.at(0.0).joints)
+    joints = tuple(map(float, scenario.agent.reference.at(0.0).joints))
     feasible = np.ones(len(drawn["wind"]), dtype=bool)
     push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
     limits = effort_limits(scenario.agent.plant.vehicle)

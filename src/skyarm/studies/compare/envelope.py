@@ -213,7 +213,7 @@ class Envelope(Suite[AxisFlights]):
 
     def pictures(self, found: Record) -> dict[str, bytes]:
         """Pictures of the envelope report by file name: errors along all difficulty axes."""
-        return {"envelope.png": envelope_picture(found)}
+        return {"envelope.png": image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Envelope report: a summary, and a table for each difficulty axis."""
@@ -334,11 +334,6 @@ HOW = (
     "Another vehicle than the paper's is given forces and loads by its weight, accelerations by its thrust margin "
     "where that is smaller, and swings of the arm by its joints' limits."
 )
-
-
-def envelope_picture(found: Record) -> bytes:
-    """PNG picture of the errors along all difficulty axes."""
-    return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
 
 
 def envelope_report(found: Record, picture: bytes | None = None) -> Report:

@@ -80,7 +80,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     _require_arm(vehicle, truth)
     middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
-    reference = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
+    reference = Trajectory(z=Constant(_height(truth)), joints=tuple(map(Constant, middle)))
     return Setting(
         vehicle=vehicle,
         hover=hover.with_reference(reference),

@@ -16,7 +16,7 @@ from skyarm.algebra.frames import to_our_attitude, turn_vectors
 from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
@@ -246,7 +246,7 @@ def _axes_words(mapping: Array) -> str:
 def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelChange]:
     """Yield candidate corrections of the order and range of rotor commands."""
     plain = tuple(range(len(rotors)))
-    places = np.array([[float(c) for c in each.position] for each in rotors])
+    places = np.array([float_array(each.position) for each in rotors])
     # one above the other are told apart by their height
     mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
     mirrored = mirrored if sorted(mirrored) == [*plain] else plain

@@ -116,7 +116,7 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     if facts["unused"]:
         more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
         lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
-    yield "\n".join(printable(each) for each in lines)
+    yield "\n".join(map(printable, lines))
 
 
 def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:

@@ -45,7 +45,7 @@ def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], k
     comments, sources = dict[str, str](), dict(start.sources)
     at = f"identified from {', '.join(flights)} ({found.seconds:.3g} s)"
     for field, numbers in _by_field(found).items():
-        comments[field] = "\n".join(_words(each) for each in numbers)
+        comments[field] = "\n".join(map(_words, numbers))
         if any(each.is_known for each in numbers):
             shared = field.startswith("rotors.") and field != POSITION
             sources[field.replace("rotors.", "rotor_defaults.", 1) if shared else field] = at

@@ -19,7 +19,7 @@ import numpy as np
 
 from skyarm.flight_data.clocks import POSE, align_poses
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.identify.channel_changes import (
     CLOCK,
     JOINTS,
@@ -55,7 +55,7 @@ PUSHES = ("unexplained force", "unexplained torque")
 """Rows of the window-dependent wrench, over its prior size."""
 
 
-@immutable(kw_only=False)
+@positional
 class Left:
     """Residuals of each sensor after a fit to windows of a flight, relative to the sensor's noise.
 

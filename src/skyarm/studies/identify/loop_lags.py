@@ -162,7 +162,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
     start = dataclasses.replace(without_tilts(vehicle), drives=tuple(drives.values()))
-    names = [link.joint.name for link in vehicle.links]
+    names = vehicle.joint_names
     searched = {
         name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
         for name, efforts in zip(names, log.efforts.T, strict=True)

@@ -16,7 +16,7 @@ JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
 
 def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
     """Flight with joints reordered as in a vehicle, if its file names all of the vehicle's joints."""
-    order = [link.joint.name for link in vehicle.links]
+    order = vehicle.joint_names
     changed = {}
     for name in JOINTS:
         if name in flight and order and set(order) <= set(flight[name].names):

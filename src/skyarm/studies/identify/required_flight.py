@@ -24,7 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import columns_at
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, float_array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -180,8 +180,8 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     points = [poses[link].p for link, each in enumerate(vehicle.moving) if each.parent != BASE]
     points += [poses[each.link].apply(each.position) for each in vehicle.frames if each.link != BASE]
     distance, height = np.full(size, math.inf), np.zeros(size)
-    hubs = np.array([[float(c) for c in each.position] for each in vehicle.rotors])
-    axes = np.array([[float(c) for c in each.axis] for each in vehicle.rotors])
+    hubs = np.array([float_array(each.position) for each in vehicle.rotors])
+    axes = np.array([float_array(each.axis) for each in vehicle.rotors])
     radius = _radius(hubs)
     for each in points:
         at = stack_values(size, each).T

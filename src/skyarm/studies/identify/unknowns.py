@@ -132,7 +132,7 @@ def unknowns_of(
     """
     if not vehicle.rotors:
         raise ValueError(f"vehicle '{vehicle.name}': rotors: must be one or more")
-    arm = max(math.hypot(*(float(c) for c in each.position)) for each in vehicle.rotors)
+    arm = max(math.hypot(*map(float, each.position)) for each in vehicle.rotors)
     unknowns = _of_rotors(vehicle, curve)
     if velocity:
         unknowns += _of_drag(vehicle, arm)
@@ -203,7 +203,7 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
 
 def _of_link(link: Link, moves: bool) -> list[Unknown]:
     name, body, joint = f"links.{link.name}", link.body, link.joint
-    reach = max(math.hypot(*(float(c) for c in body.com)), 0.01)
+    reach = max(math.hypot(*map(float, body.com)), 0.01)
     unknowns = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
     unknowns += [_any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach) for axis in "xyz"]
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):

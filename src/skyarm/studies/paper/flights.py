@@ -13,7 +13,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS, Scenario
 from skyarm.studies.flights import Work
@@ -42,7 +42,7 @@ WIND_CASE = ("position_min", "position_max", "position_ripple", "pitch_mean", "p
 Metrics = dict[str, float | None]
 
 
-@immutable(kw_only=False)
+@positional
 class PaperFlight:
     """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
 

@@ -83,10 +83,10 @@ def rivals_table(evidence: Record) -> Table:
         row = [rival["words"]]
         for group in study["rival_cells"]:
             alone = stage["alone"][group]
-            values = ", ".join(number(value) for value in alone["numbers"].values())
+            values = ", ".join(map(number, alone["numbers"].values()))
             row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
         top = stage.get("on_top")
-        row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_loss_cells(top)] if top else ["-"] * 5
+        row += [", ".join(map(number, top["numbers"].values())) or "-", *_loss_cells(top)] if top else ["-"] * 5
         rows.append(row)
     head = ["alternative"]
     for group in study["rival_cells"]:

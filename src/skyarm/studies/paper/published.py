@@ -9,7 +9,7 @@ from dataclasses import replace
 from importlib import resources
 from typing import Any
 
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 Cells = Mapping[str, float]
 Record = Mapping[str, Any]
@@ -58,7 +58,7 @@ def published_number(case: str, controller: str, metric: str) -> str:
     return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
 
 
-@immutable(kw_only=False)
+@positional
 class PublishedMetric:
     """Metric of the published tables: label, unit and definition.
 

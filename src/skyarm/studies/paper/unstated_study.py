@@ -16,7 +16,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import read_toml
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_file import LIBRARY
 
 Tables = Mapping[str, Any]
@@ -27,7 +27,7 @@ WORST = 1e6
 """Error |u| of a cell that is missing or has another sign: the loss at its upper bound."""
 
 
-@immutable(kw_only=False)
+@positional
 class PublishedNumber:
     """Published number of one metric of one flight.
 

@@ -144,7 +144,7 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
     """
 
     def with_one_lag(vehicle: Vehicle) -> Vehicle:
-        return dataclasses.replace(vehicle, rotors=tuple(one_lag(rotor) for rotor in vehicle.rotors))
+        return dataclasses.replace(vehicle, rotors=tuple(map(one_lag, vehicle.rotors)))
 
     def one_lag(rotor: Rotor) -> Rotor:
         up, down = rotor.time_constant_up, rotor.time_constant_down

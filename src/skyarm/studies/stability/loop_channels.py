@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import Quaternion
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Rotor, Vehicle
 
@@ -66,7 +66,7 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
         speeds: rotor commands at the instant, rad/s: thrust grows with their square.
         attitude: base to world at the instant: the attitude is cut in rotations about the base's axes.
     """
-    rotors, joints = len(vehicle.rotors), [link.joint.name for link in vehicle.links]
+    rotors, joints = len(vehicle.rotors), vehicle.joint_names
     size = rotors + len(joints)
     channels = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
     channels += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
@@ -78,7 +78,7 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
     """Allocation matrix (6, rotors) per squared speed; rows: torque xyz about the base origin, then force z, x, y."""
     columns = []
     for rotor in rotors:
-        force = np.array([float(c) for c in rotor.axis]) * float(rotor.thrust_coefficient)
+        force = float_array(rotor.axis) * float(rotor.thrust_coefficient)
         drag = -float(rotor.direction) * float(rotor.moment_coefficient) * force
         torque = np.cross([float(c) for c in rotor.position], force) + drag
         columns.append([*torque, force[2], force[0], force[1]])

@@ -59,7 +59,7 @@ def _row(each: LinearisedInstant) -> Row:
         f"{max((s.real for s in rates), default=-math.inf):.3g}",
         f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}",
         _number(1e3 * each.delay),
-        *("-".join(_factor(k) for k in each.gain(field)) for field in GAINS),
+        *("-".join(map(_factor, each.gain(field))) for field in GAINS),
     )
 
 

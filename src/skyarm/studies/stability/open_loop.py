@@ -31,7 +31,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Memories, Together
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
@@ -101,7 +101,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
     """Rotate quaternion q by a small rotation vector, twice ``half``; first order, normalised."""
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
-    return Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
+    return Quaternion(*map(float, q)) * Quaternion(w, x, y, z)
 
 
 def _tangent(states: Array, still: Array) -> Array:
@@ -208,7 +208,7 @@ class Differentiator:
         air = stages.surroundings(self._first.with_agent(agent), row.time)
         ((force, _),) = accelerate(stages.worlds, (point.state,), (point.old,), air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
-        proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
+        proper = Vec3(*map(data, force.linear))  # without drag nothing pushes along x and y
         now = measure(scenario.agent.noise, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.agent.controller)(
             point.memory, point.seen, stages.agent.law_reference(row), self._period, par=scenario.agent.controller.par
@@ -223,7 +223,7 @@ class Differentiator:
         air = air.with_drives([drives])
         after = self._advance(scenario, point.state, point.old, air, late)
         after = self._advance(scenario, after, point.new, air, self._period - late)
-        return tuple(data(leaf) for leaf in leaves((after, drives, now, memory, command)))
+        return tuple(map(data, leaves((after, drives, now, memory, command))))
 
     def _advance(self, scenario: Scenario, state: State, command: Command, air: Together, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
@@ -283,7 +283,7 @@ class Differentiator:
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
         """Scalars of the operating point, with measurement and command computed where they have no delay."""
-        base = np.array([float(leaf) for leaf in leaves(point)])
+        base = float_array(leaves(point))
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.agent.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]

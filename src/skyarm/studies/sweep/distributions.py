@@ -14,13 +14,13 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, number, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 MOST_VALUES = 100_000
 """Largest number of points of a grid or list."""
 
 
-@immutable(kw_only=False)
+@positional
 class Uniform:
     """Uniform distribution on [low, high]."""
 
@@ -32,7 +32,7 @@ class Uniform:
         return self.low + (self.high - self.low) * u
 
 
-@immutable(kw_only=False)
+@positional
 class LogUniform:
     """Log-uniform distribution on [low, high], both positive."""
 
@@ -44,7 +44,7 @@ class LogUniform:
         return self.low * np.exp(math.log(self.high / self.low) * u)
 
 
-@immutable(kw_only=False)
+@positional
 class Normal:
     """Normal distribution."""
 
@@ -60,7 +60,7 @@ class Normal:
         return self.mean + self.std * flat.reshape(u.shape)
 
 
-@immutable(kw_only=False)
+@positional
 class Values:
     """Discrete uniform distribution over a list or an evenly spaced grid."""
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, did_you_mean, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 LONGEST = 400
 """Largest number of characters of an expression."""
@@ -60,7 +60,7 @@ class ExpressionError(ValueError):
     """Error of an arithmetic expression that is invalid or has no finite value."""
 
 
-@immutable(kw_only=False)
+@positional
 class Expression:
     """Parsed arithmetic expression of a study's parameters.
 

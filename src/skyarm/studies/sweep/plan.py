@@ -16,7 +16,7 @@ from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.records.files import Fields, PathLike, errors_as, must_be_one_of, shown
 from skyarm.records.identity import all_files, identity
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.path_names import word_of
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import registrations
@@ -37,7 +37,7 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 """Prefixes of the paths that affect the plant's joint friction."""
 
 
-@immutable(kw_only=False)
+@positional
 class SweepPlan:
     """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 
@@ -72,7 +72,7 @@ class SweepPlan:
             )
 
 
-@immutable(kw_only=False)
+@positional
 class _Setting:
     """Extreme parameter values of a sweep to be checked, with their description for error messages."""
 
@@ -113,7 +113,7 @@ def prepare(study: Study) -> SweepPlan:
         title=study.title,
         success=dict(study.success),
         units={path: unit for path in study.paths if (unit := _unit(first, path))},
-        noise=any(draws_needed(scenario) for scenario in study.scenarios.values()),
+        noise=any(map(draws_needed, study.scenarios.values())),
     )
     return SweepPlan(study, _stiffest(study.source, first, singles, together), manifest)
 

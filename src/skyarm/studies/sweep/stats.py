@@ -285,7 +285,7 @@ def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
         study={"derived": None, **manifest.study},
         levels=SHARES,
         notes=not_counted(found["files_not_counted"]),
-        metric=metric_label,
+        metric=lambda name: axis_label(*metric_words(name)),
         label=lambda path: axis_label(words_of(path), manifest.units.get(path, "")),
         image=image,
         **vars(pictures),
@@ -319,8 +319,3 @@ def _rows_there(facts: Facts) -> str:
     if facts["complete"]:
         return f"{facts['rows']} rows of {facts['episodes']} episodes"
     return f"incomplete: {facts['rows']} of {facts['rows_planned']} rows, {facts['episodes']} episodes so far"
-
-
-def metric_label(metric: str) -> str:
-    """Label of a metric, with its unit."""
-    return axis_label(*metric_words(metric))

@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray, Array, IntArray, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -257,7 +257,7 @@ SMALLEST = 1e-5
 """Error (m) and jitter (rad/s) below which improvements no longer count."""
 
 
-@immutable(kw_only=False)
+@positional
 class Scores:
     """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort, crashes, missing margin.
 

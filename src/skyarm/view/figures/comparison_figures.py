@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.figures.style import PAGE, Style, plain_numbers
 
 ROW, MARGIN = 0.27, 1.2
@@ -62,7 +62,7 @@ class EnvelopePanel(TypedDict):
     laws: Mapping[str, Sequence[EnvelopePoint]]
 
 
-@immutable(kw_only=False)
+@positional
 class Share:
     """Success rate of a control law with its confidence interval, as fractions from 0 to 1."""
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from skyarm.records.arrays import Array, Pixels
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.figures.style import PAGE, plain_numbers
 
 DPI = 100.0
@@ -30,7 +30,7 @@ POINTS = 1500
 """Number of points of a curve; each is the largest error of its interval."""
 
 
-@immutable(kw_only=False)
+@positional
 class Curve:
     """Curve of one flight in a film's plot, with its colour: tip error (m) or force (N) over time (s)."""
 
@@ -39,7 +39,7 @@ class Curve:
     color: tuple[float, float, float]
 
 
-@immutable(kw_only=False)
+@positional
 class Strip:
     """Rendered plot of a film: pixels (height, width, 3), and the pixel positions of its time axis.
 

@@ -14,7 +14,7 @@ from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_PATHS = 3
@@ -31,7 +31,7 @@ Span = tuple[float, float]
 """First and last instant (s) of an interval."""
 
 
-@immutable(kw_only=False)
+@positional
 class Event:
     """Event in a flight, such as a gust or fault: label, start and stop time (s), which are equal for an instant."""
 

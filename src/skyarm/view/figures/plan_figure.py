@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,33 +11,33 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.dynamics.kinematics import link_poses
 from skyarm.planning.plan_file import plan_arrays
 from skyarm.planning.plan_report import tilts
 from skyarm.planning.planner import Plan, states_at
 from skyarm.records.arrays import Array, Pixels
-from skyarm.vehicle import BASE
+from skyarm.view.figures.projection import SIDE, TOP, outline
 from skyarm.view.figures.style import PAGE, Picture
-from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.contact_scene import surface_shape
+from skyarm.world.scene.scene import Instants
+from skyarm.world.scene.vehicle_shapes import matrices, vectors
 
 STILLS = 13
 """Number of positions of the vehicle that the picture of the motion shows."""
 
-SIDES = (("x", 0, "z", 2), ("x", 0, "y", 1))
-"""Projections of the motion: from the side and from above."""
+SIDES = ((SIDE, "z"), (TOP, "y"))
+"""Projections of the motion, from the side and from above, and their upward axes; x is to the right in both."""
 
 
 def motion_figure(plan: Plan) -> Figure:
     """Draw the vehicle along its plan, projected from the side and from above, with the obstacles."""
     figure, axes = _paths(plan)
-    for ax, (_, i, _, j) in zip(axes, SIDES, strict=True):
-        for k, x in enumerate(_stills(plan)):
+    for ax, (view, _) in zip(axes, SIDES, strict=True):
+        for k, lines in enumerate(_stills(plan)):
             shade = 0.75 * (1.0 - k / (STILLS - 1))
-            for line in outline_of(plan, x):
-                ax.plot(line[:, i], line[:, j], color=(shade, shade, shade), linewidth=1.4, solid_capstyle="round")
+            for line in lines:
+                ax.plot(*view.flat(line).T, color=(shade, shade, shade), linewidth=1.4, solid_capstyle="round")
     return figure
 
 
@@ -52,12 +52,12 @@ def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
     clock = axes[0].text(0.01, 0.95, "", transform=axes[0].transAxes, va="top", **PAGE.words)
     for ax, each in zip(axes, drawn, strict=True):
         ax.add_collection(each, autolim=False)
-    for t in np.arange(0.0, float(plan.t[-1]), 1.0 / fps):
+    times = np.arange(0.0, float(plan.t[-1]), 1.0 / fps)
+    for t, lines in zip(times, _lines_at(plan, times), strict=True):
         canvas.restore_region(still)
         clock.set_text(f"{t:.1f} s")
-        lines = outline_of(plan, states_at(plan, np.array([t]))[0])
-        for ax, each, (_, i, _, j) in zip(axes, drawn, SIDES, strict=True):
-            each.set_segments([line[:, [i, j]] for line in lines])
+        for ax, each, (view, _) in zip(axes, drawn, SIDES, strict=True):
+            each.set_segments([*view.flat(lines)])
             ax.draw_artist(each)
         axes[0].draw_artist(clock)
         yield np.array(canvas.buffer_rgba())[..., :3]
@@ -69,87 +69,46 @@ def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
     Both projections have one scale and show all of the motion; they stand beside each other where it is not long in x.
     """
     arrays = plan_arrays(plan)
-    points = np.vstack([line for x in _stills(plan) for line in outline_of(plan, x)] + [arrays["position"]])
+    points = np.vstack([_stills(plan).reshape(-1, 3), arrays["position"]])
     middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.525 * np.ptp(points, axis=0)
     stacked = half[0] > 1.5 * max(half[1:])
     ratio = 3.6 if stacked else 1.05
     width = max(half[0], ratio * max(half[1:]))
     figure = PAGE.blank(11.0, 6.4 if stacked else 5.6)
     axes = [PAGE.dress(ax) for ax in (figure.subplots(2, 1) if stacked else figure.subplots(1, 2))]
-    for ax, (across, i, up, j) in zip(axes, SIDES, strict=True):
+    for ax, (view, up) in zip(axes, SIDES, strict=True):
         for each in plan.task.obstacles:
-            _draw_obstacle(ax, each, i, j)
-        ax.plot(arrays["position"][:, i], arrays["position"][:, j], color=PAGE.looks[0].color, linewidth=0.8)
+            if each.shape != "plane":
+                at = matrices(each.rotation, 1)[0], vectors(each.position, 1)[0]
+                look = {"facecolor": "#c9c9c9", "edgecolor": PAGE.frame, "alpha": 0.6, "zorder": 1.0}
+                ax.add_patch(Polygon(outline(surface_shape(each), *at, view), closed=True, **look))
+        ax.plot(*view.flat(arrays["position"]).T, color=PAGE.looks[0].color, linewidth=0.8)
         if arrays["tip"].size:
-            ax.plot(arrays["tip"][:, i], arrays["tip"][:, j], **PAGE.looks[1].line)
-        ax.set(xlim=(middle[i] - width, middle[i] + width))
-        ax.set(ylim=(middle[j] - width / ratio, middle[j] + width / ratio))
+            ax.plot(*view.flat(arrays["tip"]).T, **PAGE.looks[1].line)
+        x, y = view.flat(middle)
+        ax.set(xlim=(x - width, x + width), ylim=(y - width / ratio, y + width / ratio))
         ax.set_aspect("equal")
-        ax.set_xlabel(f"{across} [m]", **PAGE.words)
+        ax.set_xlabel("x [m]", **PAGE.words)
         ax.set_ylabel(f"{up} [m]", **PAGE.words)
     return figure, axes
 
 
 def _stills(plan: Plan) -> Array:
-    """States of the plan at equal steps of time."""
-    return states_at(plan, np.linspace(0.0, float(plan.t[-1]), STILLS))
+    """Lines of the vehicle at equal steps of time."""
+    return _lines_at(plan, np.linspace(0.0, float(plan.t[-1]), STILLS))
 
 
-def outline_of(plan: Plan, x: Array) -> list[Array]:
-    """Lines (points, 3) of a vehicle in one state, m, world axes: booms and arm."""
-    vehicle = plan.task.vehicle
-    n = vehicle.n
-    R = Quaternion(*x[3:7].tolist()).rotation()
-    base = Vec3(*x[:3].tolist())
-    poses = link_poses(vehicle, tuple(x[13 : 13 + n].tolist()))
-
-    def at(body: int, point: Vec3) -> list[float]:
-        own = point if body == BASE else poses[body].apply(point)
-        return [float(c) for c in base + R.apply(own)]
-
-    origin = Vec3(0.0, 0.0, 0.0)
-    lines = [[at(BASE, origin), at(BASE, rotor.position)] for rotor in vehicle.rotors]
-    lines += [[at(link.parent, origin), at(k, origin)] for k, link in enumerate(vehicle.links)]
+def _lines_at(plan: Plan, times: Array) -> Array:
+    """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m, world axes."""
+    vehicle, x = plan.task.vehicle, states_at(plan, times)
+    position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, 13 : 13 + vehicle.n]
+    seen = Instants(vehicle=vehicle, times=times, position=position, quaternion=quaternion, joints=joints)
+    ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
+    ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
     if vehicle.end_effector:
         frame = vehicle.frame(vehicle.end_effector)
-        lines.append([at(frame.link, origin), at(frame.link, frame.position)])
-    return [np.array(line) for line in lines]
-
-
-def _draw_obstacle(ax: Axes, surface: Surface, i: int, j: int) -> None:
-    """Draw the outline of a surface in one projection; a plane is not drawn."""
-    middle = np.array([*map(float, surface.position)])
-    look = {"facecolor": "#c9c9c9", "edgecolor": PAGE.frame, "alpha": 0.6, "zorder": 1.0}
-    if surface.shape == "sphere":
-        ax.add_patch(Circle((middle[i], middle[j]), float(surface.size[0]), **look))
-    elif surface.shape in ("box", "cylinder"):
-        radius = surface.size[0]
-        half = surface.size if surface.shape == "box" else (2.0 * radius, 2.0 * radius, surface.size[1])
-        corners = np.array([[0.5 * s * float(h) for s, h in zip(signs, half, strict=True)] for signs in _CORNERS])
-        R = np.array([[float(c) for c in row] for row in surface.rotation.rows])
-        flat = (corners @ R.T + middle)[:, [i, j]]
-        ax.add_patch(Polygon(_hull(flat), closed=True, **look))
-
-
-_CORNERS = [(a, b, c) for a in (-1.0, 1.0) for b in (-1.0, 1.0) for c in (-1.0, 1.0)]
-
-
-def _hull(points: Array) -> Array:
-    """Convex hull of points in the plane, counter-clockwise (Andrew 1979)."""
-    rows = sorted(map(tuple, np.round(points, 9).tolist()))
-
-    def half(ordered: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
-        chain: list[tuple[float, ...]] = []
-        for p in ordered:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 0.0:
-                    break
-                chain.pop()
-            chain.append(p)
-        return chain[:-1]
-
-    return np.array([*half(rows), *half(rows[::-1])])
+        ends.append((seen.place(body=frame.link), seen.place(frame.position, frame.link)))
+    return np.array(ends).transpose(2, 0, 1, 3)
 
 
 def limits_figure(plan: Plan) -> Figure:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.lines import Line2D
 
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.figures.style import PAPER, Picture, logarithmic
 
 PANEL, LEGEND = (3.58, 2.35), 0.3
@@ -16,7 +16,7 @@ MARKERS = ("o", "^", "s", "D")
 """Markers of the predictors in their order, except the last, which needs no model."""
 
 
-@immutable(kw_only=False)
+@positional
 class PredictionCurve:
     """Root mean square errors of a predictor for several prediction horizons.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.world.scene.shapes import Shape, mesh_of
 
 AROUND = 48
@@ -17,7 +17,7 @@ DIRECTIONS = 720
 """Number of directions in which the outline of a solid is computed."""
 
 
-@immutable(kw_only=False)
+@positional
 class Projection:
     """Parallel projection of world points onto a drawing plane, given by its right and up directions.
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import SupportsFloat
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
@@ -108,11 +107,11 @@ class Posed:
         self.frames = {"base": self.poses[BASE]}
         for frame in vehicle.frames:
             R, p = self.poses[frame.link]
-            local = np.array([_vector(row) for row in frame.rotation.rows])
-            self.frames[frame.name] = R @ local, p + R @ _vector(frame.position)
-        self.axes = [self.poses[i][0] @ _vector(link.joint.axis) for i, link in enumerate(vehicle.links)]
+            local = np.array([float_array(row) for row in frame.rotation.rows])
+            self.frames[frame.name] = R @ local, p + R @ float_array(frame.position)
+        self.axes = [self.poses[i][0] @ float_array(link.joint.axis) for i, link in enumerate(vehicle.links)]
         named = [p for _, p in (*self.frames.values(), *self.poses.values())]
-        named += [_vector(rotor.position) for rotor in vehicle.rotors]
+        named += [float_array(rotor.position) for rotor in vehicle.rotors]
         self.reach = max(float(np.linalg.norm(each)) for each in named) or 0.1
 
 
@@ -121,7 +120,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     angles = []
     for i, link in enumerate(vehicle.links):
-        bent = link.joint.turns and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
+        bent = link.joint.turns and abs((level[i][0] @ float_array(link.joint.axis))[1]) > 0.9
         angles.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
     return tuple(angles)
 
@@ -131,10 +130,6 @@ def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
     poses = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
     return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
-
-
-def _vector(v: Iterable[SupportsFloat]) -> Array:
-    return np.array([float(c) for c in v])
 
 
 class Sheet:
@@ -240,8 +235,8 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
     """Add lengths between joints, and joint angles, to the side view."""
     posed, vehicle = sheet.posed, sheet.posed.vehicle
     sheet.triad("base", *posed.frames["base"])
-    ends = [(link.parent, _vector(link.joint.position)) for link in vehicle.moving]
-    ends += [(frame.link, _vector(frame.position)) for frame in vehicle.frames]
+    ends = [(link.parent, float_array(link.joint.position)) for link in vehicle.moving]
+    ends += [(frame.link, float_array(frame.position)) for frame in vehicle.frames]
     written: list[tuple[str, Array]] = []
     for i, (link, axis, angle) in enumerate(zip(vehicle.links, posed.axes, posed.angles, strict=True)):
         R, at = posed.poses[i]
@@ -276,7 +271,7 @@ def _mark_rotors(sheet: Sheet) -> None:
 
 def _rotor_bow(sheet: Sheet, rotor: Rotor) -> tuple[Array, Array]:
     """Draw a rotor's sense of rotation as an arc with an arrowhead; returns the rotor's hub and axis."""
-    hub, axis = _vector(rotor.position), _vector(rotor.axis)
+    hub, axis = float_array(rotor.position), float_array(rotor.axis)
     axis = axis / np.linalg.norm(axis)
     start = 0.72 * rotor_radius(sheet.posed.vehicle) * perpendicular(axis)
     sheet.arrow(arc(hub, axis, start, rotor.direction * 1.35 * math.pi))

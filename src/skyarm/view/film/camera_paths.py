@@ -11,7 +11,7 @@ import numpy as np
 from numpy.linalg import norm
 
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.film.filmed_flight import FilmedFlight, Flights, by_flight
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
@@ -49,7 +49,7 @@ LEAVES = 6.0
 """Distance from the desired position, in reaches of a vehicle, beyond which a following camera stops following it."""
 
 
-@immutable(kw_only=False)
+@positional
 class CameraPath:
     """Target, distance and direction of a film's camera in each of F frames.
 
@@ -132,11 +132,6 @@ def _corners_of_grasped(flight: FilmedFlight) -> Iterator[Array]:
             yield body.position + body.rotation @ np.multiply(signs, half)
 
 
-def _vehicle_radius(flights: Flights) -> float:
-    """Radius (m) around the base within which the largest vehicle is drawn."""
-    return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
-
-
 def _limit_lengths(offset: Array, length: float) -> Array:
     """Shorten vectors (F, 3) that are longer than a given length."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
@@ -154,7 +149,7 @@ def _distance_for_positions(places: Array, flights: Flights, aspect: float, azim
     """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
-    margin = _vehicle_radius(flights)
+    margin = 1.6 * max(longest_boom(flight.vehicle) for flight in flights)  # the largest vehicle is drawn within it
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
         for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, HEIGHT))

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from skyarm.records.arrays import Array, Pixels
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
 from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
@@ -39,7 +39,7 @@ LEAST_TEXT = 6
 """Least text size (pixels)."""
 
 
-@immutable(kw_only=False)
+@positional
 class Box:
     """Rectangle in a film frame, in pixels from the upper left corner."""
 
@@ -58,7 +58,7 @@ class Box:
         return replace(self, width=width), replace(self, left=self.left + width, width=self.width - width)
 
 
-@immutable(kw_only=False)
+@positional
 class FrameLayout:
     """Layout of a film frame: rectangles of 3D panels, captions and plot.
 

@@ -27,7 +27,6 @@ from skyarm.view.film.filmed_flight import (
     THICK,
     THIN,
     FilmedFlight,
-    FilmMark,
     desired_path,
     film_flight,
     ghost_solids,
@@ -161,11 +160,8 @@ class EpisodePictures:
             *wind_arrow(flight, 0, reach),
         ]
         camera = self._camera(whole, flight, time)
-
-        def all_marks(_: int) -> list[FilmMark]:
-            return marks
-
-        return FramePanel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
+        at, ground = (0, 0, settings.width, settings.height), flight.scene.ground or 0.0
+        return FramePanel(*at, camera, solids, lambda _: marks, ground)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
         """Make the film data of an ideal flight that follows its reference exactly."""

@@ -11,7 +11,7 @@ import numpy as np
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle import Vehicle
@@ -271,7 +271,7 @@ LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
 """Least force (N) and air speed (m/s) that are drawn."""
 
 
-@immutable(kw_only=False)
+@positional
 class FilmMark:
     """Line or arrow between two world points, drawn in one frame of a film.
 

@@ -14,7 +14,7 @@ from skyarm.records.arrays import Array, Pixels
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit, units
+from skyarm.records.units import Unit, nonnegative, units
 from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
@@ -174,8 +174,8 @@ class FilmSettings:
             effect="above 1 plays faster than the flight",
         ),
     ] = 1.0
-    start: Annotated[float, Unit("s", "first instant of the flight in the film", low=0.0)] = 0.0
-    stop: Annotated[float | None, Unit("s", "last instant of the flight in the film; None: its end", low=0.0)] = None
+    start: Annotated[float, nonnegative("s", "first instant of the flight in the film")] = 0.0
+    stop: Annotated[float | None, nonnegative("s", "last instant of the flight in the film; None: its end")] = None
     ghost: bool = True
     plot: bool = True
     fine: bool = False

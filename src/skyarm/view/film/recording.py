@@ -17,7 +17,7 @@ import numpy as np
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, needs_extra, write_atomically
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.film.camera_paths import (
     CAMERAS,
     FIELD_OF_VIEW,
@@ -64,7 +64,7 @@ COARSE = 3
 """Decimals (m) of recorded force ends: 1 mm."""
 
 
-@immutable(kw_only=False)
+@positional
 class Recording:
     """Recorded 3D scene of flights.
 
@@ -297,7 +297,7 @@ def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
     turn = np.radians(free_azimuth(flights))
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
     along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
-    apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
+    apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(map(vehicle_reach, flights))
     middle = 0.5 * (len(teams) - 1)
     return [apart * (i - middle) * right for i, team in enumerate(teams) for _ in team]
 

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from skyarm.records.arrays import Array, IntArray, Pixels
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import FilmMark
 from skyarm.view.film.offscreen import offscreen
@@ -64,7 +64,7 @@ THIN = 2e-4
 """Half the thickness (m) of a plane's patch."""
 
 
-@immutable(kw_only=False)
+@positional
 class FramePanel:
     """Rectangle of a film frame with its camera, solids, lines and arrows.
 

@@ -67,17 +67,13 @@ def page(
         title=title,
         facts=facts,
         body=body,
-        styles=style or {"": _plain_style()},
+        styles=style or {"": (resources.files("skyarm.view.pages") / "plain.css").read_text("utf-8")},
         script=script,
         script_hash=digest,
         pages=pages,
         sections=named,
         **{**empty, **parts},
     )
-
-
-def _plain_style() -> str:
-    return (resources.files("skyarm.view.pages") / "plain.css").read_text("utf-8")
 
 
 def section(title: str, content: str) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 
 from skyarm.records.files import number
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Place, is_record, part, parts
 from skyarm.records.path_names import path_names, word_of
 from skyarm.records.units import Unit, declared_fields
@@ -35,7 +35,7 @@ LONGEST_DELAY = 0.03
 """Longest command delay (s) on its slider."""
 
 
-@immutable(kw_only=False)
+@positional
 class AdjustableNumber:
     """Adjustable parameter of a running simulation, with its slider's range.
 

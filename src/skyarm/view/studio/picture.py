@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics import State
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
@@ -112,7 +112,7 @@ class AgentNodes:
     def draw(self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool) -> Array:
         """Draw a vehicle in a state with its surroundings; returns the position (m) of its base."""
         placed, flight = poses_of(self._vehicle, state), agent.flight
-        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _rotor_rotations(self._vehicle, state)
+        speeds, turns = float_array(state.rotor_speeds), _rotor_rotations(self._vehicle, state)
         self.vehicle.place(placed.rotations, placed.positions, turns if flight.session.running else {})
         self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
         self._forces.point(force_arrows(self._vehicle, agent.last, placed, speeds, turns))

@@ -8,7 +8,7 @@ import numpy as np
 
 from skyarm.log.motion import PoseSeries, PredictedMotion, distance_between
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.scene_nodes import segments
@@ -26,7 +26,7 @@ Predict = Callable[[float], PredictedMotion]
 """Function from a horizon (s) to the predicted motion, which restarts at the measured state after each horizon."""
 
 
-@immutable(kw_only=False)
+@positional
 class PredictionError:
     """Error of a predicted motion against the measured flight at one instant.
 
@@ -40,7 +40,7 @@ class PredictionError:
     attitude: float
 
 
-@immutable(kw_only=False)
+@positional
 class ErrorCurves:
     """Errors of one prediction of a replay, for its live plots.
 

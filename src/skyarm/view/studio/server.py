@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
 from skyarm.records.files import needs_extra
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
     import viser
@@ -283,7 +283,7 @@ MOST_BYTES = 1 << 20
 """Largest size (bytes) of a frame; a slider's value or a camera takes some hundred."""
 
 
-@immutable(kw_only=False)
+@positional
 class AccessGuard:
     """Access rules of the studio's server: allowed host, origin and secret token.
 

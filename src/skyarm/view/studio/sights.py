@@ -14,7 +14,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Surroundings, motions_of
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.scenario.scenario_record import Agent, Scenario
 from skyarm.simulate.loop_state import LoopState
@@ -28,7 +28,7 @@ from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
 
-@immutable(kw_only=False)
+@positional
 class PlottedInstant:
     """Plotted quantities of a running simulation at one instant: tip error, tilt, efforts, rotor speeds, forces.
 

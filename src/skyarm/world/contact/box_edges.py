@@ -24,7 +24,7 @@ from itertools import product
 
 from skyarm.algebra import Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import absolute, clip, divide, maximum, minimum, sqrt, where
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame
 from skyarm.world.contact.surface import Surface
 
@@ -47,7 +47,7 @@ _PARALLEL = 1e-12
 """Square of a sine added in a quotient: parallel edges have a zero normal instead of NaN."""
 
 
-@immutable(kw_only=False)
+@positional
 class PlacedBox:
     """Oriented box in the world: centre (m), rotation matrix from box to world axes, and half lengths (m)."""
 
@@ -127,7 +127,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
         yield each.place, minimum(each.inside, behind), each.normal
 
 
-@immutable(kw_only=False)
+@positional
 class _Crossing:
     """Possible contact of two box edges: point (m), penetration (m) without and with limits at the ends, and normal."""
 

@@ -24,7 +24,7 @@ from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
@@ -120,7 +120,7 @@ class Contact(Force[ContactMemory]):
     grippers: tuple[Gripper, ...] = ()
     grasps: tuple[Grasp, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     rotor_radius: Annotated[
-        Scalar, Unit("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only", low=0.0)
+        Scalar, nonnegative("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only")
     ] = 0
     hit_steps: Annotated[
         int,
@@ -408,7 +408,7 @@ class Contact(Force[ContactMemory]):
         return ContactMemory(
             finer=tuple(0.0 for _ in memory.finer),
             clock=tuple(1.0 for _ in memory.clock),
-            bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
+            bristles=tuple(Vec3(*map(data, each.touch.bristle_rate)) for each in meetings),
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
             turns=tuple(UNCHANGED.turn for _ in memory.turns),

@@ -16,7 +16,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Wrench
 from skyarm.world.contact.material import LIGHTEST, Material
@@ -37,7 +37,7 @@ class Ring:
         count: number of places, the first on the x axis.
     """
 
-    radius: Annotated[Scalar, Unit("m", "radius of the circle of contact points", low=0.0, strict=True)]
+    radius: Annotated[Scalar, positive("m", "radius of the circle of contact points")]
     count: Annotated[int, Unit("", "number of contact points on the circle", low=3, high=MOST)]
 
     def offsets(self) -> list[Vec3]:
@@ -62,7 +62,7 @@ class ContactPoint:
     frame: str = ""
     body: str = ""
     position: Annotated[Vec3, Unit("m", "position of the contact point, axes of its frame or body")] = ZERO3
-    radius: Annotated[Scalar, Unit("m", "radius of the contact ball; 0 for a point", low=0.0)] = 0
+    radius: Annotated[Scalar, nonnegative("m", "radius of the contact ball; 0 for a point")] = 0
     ring: Ring | None = None
     agent: str = field(default="", metadata=WRITTEN_IF_ANY)
 

@@ -76,7 +76,7 @@ def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
 
 def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     """Drawn shape of a contact surface in its own axes; a plane becomes a square of half width ``patch`` (m)."""
-    size = tuple(float(each) for each in surface.size)
+    size = tuple(map(float, surface.size))
     if surface.shape == "plane":
         return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
     halves = tuple(0.5 * each for each in size) if surface.shape == "box" else size

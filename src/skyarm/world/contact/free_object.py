@@ -20,7 +20,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
 from skyarm.world.contact.material import Material
@@ -80,14 +80,12 @@ class FreeObject(Carrier[ObjectMotion]):
     """
 
     name: Annotated[str, Unit("", "name of the object, for messages, logs and paths", rule=coerce.name)]
-    mass: Annotated[Scalar, Unit("kg", "mass of the object", low=0.0, strict=True)]
+    mass: Annotated[Scalar, positive("kg", "mass of the object")]
     shape: Annotated[str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))] = "box"
-    size: Annotated[Scalars, Unit("m", "lengths of the shape, as of a surface", low=0.0, strict=True)]
+    size: Annotated[Scalars, positive("m", "lengths of the shape, as of a surface")]
     inertia: Annotated[
         Vec3,
-        Unit(
-            "kg m^2", "principal moments of inertia about the centre of mass, object axes; 0: uniform density", low=0.0
-        ),
+        nonnegative("kg m^2", "principal moments of inertia about the centre of mass, object axes; 0: uniform density"),
     ] = ZERO3
     com: Annotated[Vec3, Unit("m", "centre of mass from the middle of the shape, object axes", folds=True)] = ZERO3
     position: Annotated[Vec3, Unit("m", "initial position of the middle of the shape, world axes")] = REST
@@ -171,7 +169,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Half the largest dimension (m) of the free object: largest offset of a grasp from the object's centre."""
         if self.shape == "cylinder":
             return max(float(self.size[0]), 0.5 * float(self.size[1]))
-        return max(float(each) for each in self.size) * (0.5 if self.shape == "box" else 1.0)
+        return max(map(float, self.size)) * (0.5 if self.shape == "box" else 1.0)
 
     @property
     def gyration(self) -> Scalar:
@@ -265,7 +263,7 @@ class FreeObject(Carrier[ObjectMotion]):
 
 def _data(vector: Vec3) -> Vec3:
     """Convert integer zeros of a vector to floats, which compiled code keeps as variables, not as constants."""
-    return Vec3(*(data(c) for c in vector))
+    return Vec3(*map(data, vector))
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:

@@ -25,7 +25,7 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
@@ -67,29 +67,24 @@ class Grasp:
     kind: Annotated[str, Unit("", "kind of the grasp", rule=coerce.word_of(KINDS))] = "ball"
     stiffness: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N/m",
             "stiffness of the grasp",
-            low=0.0,
-            strict=True,
             effect="higher values hold the body more rigidly and need smaller integration steps",
         ),
     ] = 5000.0
     damping: Annotated[
         Scalar,
-        Unit("N s/m", "damping of the grasp", low=0.0, effect="higher values let the body swing less in the grasp"),
+        nonnegative("N s/m", "damping of the grasp", effect="higher values let the body swing less in the grasp"),
     ] = 20.0
     radius: Annotated[
         Scalar,
-        Unit(
-            "m",
-            "radius of the patch over which a fixed grasp holds: attitude stiffness is stiffness times its square",
-            low=0.0,
-            strict=True,
+        positive(
+            "m", "radius of the patch over which a fixed grasp holds: attitude stiffness is stiffness times its square"
         ),
     ] = 0.02
-    length: Annotated[Scalar, Unit("m", "length of a cable without load", low=0.0)] = 0
-    release: Annotated[Scalar, Unit("s", "time at which the grasp opens", low=0.0, infinite=True)] = math.inf
+    length: Annotated[Scalar, nonnegative("m", "length of a cable without load")] = 0
+    release: Annotated[Scalar, nonnegative("s", "time at which the grasp opens", infinite=True)] = math.inf
     name: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:

@@ -30,10 +30,10 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
@@ -52,7 +52,7 @@ ADHESIVE = ("magnet", "suction")
 """Kinds of grippers that adhere and open under a pull along the normal."""
 
 
-@immutable(kw_only=False)
+@positional
 @checked("command")
 class Command:
     """Command of a gripper over time: closed while its signal is above one half."""
@@ -120,52 +120,39 @@ class Gripper:
     kind: Annotated[str, Unit("", "kind of the gripper", rule=coerce.word_of(KINDS))] = "magnet"
     frame: str = ""
     closed: Command = field(default_factory=Command)
-    reach: Annotated[
-        Scalar, Unit("m", "largest distance from the gripper's frame to a body that it can take", low=0.0, strict=True)
-    ] = 0.01
+    reach: Annotated[Scalar, positive("m", "largest distance from the gripper's frame to a body that it can take")] = (
+        0.01
+    )
     force: Annotated[
         Scalar,
-        Unit("N", "force at which the grasp opens", low=0.0, strict=True, effect="higher values hold heavier loads"),
+        positive("N", "force at which the grasp opens", effect="higher values hold heavier loads"),
     ] = 10.0
     torque: Annotated[
         Scalar,
-        Unit(
-            "N m",
-            "torque at which the grasp opens",
-            low=0.0,
-            strict=True,
-            effect="higher values hold loads farther off their centre",
-        ),
+        positive("N m", "torque at which the grasp opens", effect="higher values hold loads farther off their centre"),
     ] = 0.5
     friction: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "friction coefficient of a magnet or cup against shear, or of a ball in its socket",
-            low=0.0,
             high=ROUGHEST,
             effect="higher values slip later",
         ),
     ] = 0.5
-    radius: Annotated[Scalar, Unit("m", "radius of a ball in its socket; 0 turns without friction", low=0.0)] = 0.005
+    radius: Annotated[Scalar, nonnegative("m", "radius of a ball in its socket; 0 turns without friction")] = 0.005
     stiffness: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N/m",
             "stiffness of the grasp",
-            low=0.0,
-            strict=True,
             effect="higher values hold the body more rigidly and need smaller integration steps",
         ),
     ] = 5000.0
     damping_ratio: Annotated[
         Scalar,
-        Unit(
-            "",
-            "damping ratio of the grasp",
-            low=0.0,
-            high=2.0,
-            effect="higher values let the held body swing less in the grasp",
+        nonnegative(
+            "", "damping ratio of the grasp", high=2.0, effect="higher values let the held body swing less in the grasp"
         ),
     ] = 0.5
     agent: str = field(default="", metadata=WRITTEN_IF_ANY)

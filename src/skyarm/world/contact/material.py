@@ -24,7 +24,7 @@ from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import absolute, divide, exp, maximum, minimum, same, sqrt, where
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 
 BRISTLE_DAMPING = 5.0
 """Damping of a friction bristle, N s/m at one newton and more, 1/m times the force below; it damps the vibration of
@@ -80,37 +80,30 @@ class Material:
 
     stiffness: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N/m",
             "stiffness of the contact, normal force per penetration",
-            low=0.0,
-            strict=True,
             effect="higher values penetrate less and need smaller integration steps",
         ),
     ] = 5000.0
     dissipation: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s/m",
             "relative increase of the normal force per speed of penetration",
-            low=0.0,
             high=DULLEST,
             effect="higher values bounce less",
         ),
     ] = 1.0
     friction: Annotated[
         Scalar,
-        Unit(
-            "", "friction coefficient, sticking and sliding", low=0.0, high=ROUGHEST, effect="higher values slip later"
-        ),
+        nonnegative("", "friction coefficient, sticking and sliding", high=ROUGHEST, effect="higher values slip later"),
     ] = 0.3
     bristle_length: Annotated[
         Scalar,
-        Unit(
+        positive(
             "m",
             "displacement at which friction reaches its full value",
-            low=0.0,
-            strict=True,
             effect="lower values stick more rigidly and need smaller integration steps",
         ),
     ] = 2e-4

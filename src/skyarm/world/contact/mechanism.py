@@ -17,7 +17,7 @@ from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import BRISTLE_STEP, DULLEST, LONGEST, Material, euler_step_of
@@ -47,53 +47,49 @@ class Mechanism(Carrier[MechanismMotion]):
 
     name: Annotated[str, Unit("", "name of the mechanism, for messages, logs and paths", rule=coerce.name)]
     kind: Annotated[str, Unit("", "kind of the mechanism", rule=coerce.word_of(KINDS))]
-    size: Annotated[Scalars, Unit("m", "lengths of the kind's body", low=0.0, strict=True)] = ()
+    size: Annotated[Scalars, positive("m", "lengths of the kind's body")] = ()
     axis: Annotated[Vec3, Unit("", "axis of a hinge or slide, mechanism axes, of any length", folds=True)] = ZERO3
     position: Annotated[Vec3, Unit("m", "origin of the mechanism's axes, world axes", folds=True)] = ZERO3
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     parts: tuple[Surface, ...] = ()
     material: Material = field(default_factory=Material)
-    mass: Annotated[Scalar, Unit("kg", "mass of the moving body, at its centre of mass", low=0.0)] = 0
+    mass: Annotated[Scalar, nonnegative("kg", "mass of the moving body, at its centre of mass")] = 0
     com: Annotated[
         Vec3, Unit("m", "centre of mass, mechanism axes; 0 without inertia: that of the body", folds=True)
     ] = ZERO3
-    inertia: Annotated[Scalar, Unit("kg m^2", "inertia about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
+    inertia: Annotated[Scalar, nonnegative("kg m^2", "inertia about the axis of a hinge; 0 for a uniform body")] = 0
     initial: Annotated[Scalar, Unit("rad or m", "initial coordinate of the motion")] = 0.0
     lower: Annotated[Scalar, Unit("rad or m", "coordinate of the lower stop", infinite=True)] = -math.inf
     upper: Annotated[Scalar, Unit("rad or m", "coordinate of the upper stop", infinite=True)] = math.inf
     stiffness: Annotated[
         Scalar,
-        Unit(
-            "N m/rad or N/m", "stiffness of a closer or spring", low=0.0, effect="higher values need more force to open"
+        nonnegative(
+            "N m/rad or N/m", "stiffness of a closer or spring", effect="higher values need more force to open"
         ),
     ] = 0.0
     rest: Annotated[Scalar, Unit("rad or m", "coordinate at which the spring is slack")] = 0.0
     damping: Annotated[
         Scalar,
-        Unit(
-            "N m s/rad or N s/m",
-            "viscous damping of the motion",
-            low=0.0,
-            effect="higher values resist fast motions more",
+        nonnegative(
+            "N m s/rad or N s/m", "viscous damping of the motion", effect="higher values resist fast motions more"
         ),
     ] = 0.0
     friction: Annotated[
-        Scalar, Unit("N m or N", "dry friction of the motion", low=0.0, effect="higher values need more force to start")
+        Scalar, nonnegative("N m or N", "dry friction of the motion", effect="higher values need more force to start")
     ] = 0
     bristle: Annotated[
         Scalar,
-        Unit(
-            "rad or m", "displacement at which dry friction reaches its full value; 0: by the mechanism's size", low=0.0
+        nonnegative(
+            "rad or m", "displacement at which dry friction reaches its full value; 0: by the mechanism's size"
         ),
     ] = 0
     detent: Detent | None = None
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "stiffness of the stops; 0: by the inertia", low=0.0)] = 0
+    stop_stiffness: Annotated[Scalar, nonnegative("N m/rad or N/m", "stiffness of the stops; 0: by the inertia")] = 0
     stop_damping: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s/rad or s/m",
             "the stop's force is multiplied by 1 + `stop_damping` * speed into the stop",
-            low=0.0,
             high=DULLEST,
             effect="higher values bounce less off a stop",
         ),
@@ -293,8 +289,8 @@ class Detent:
         place: coordinate at which it begins. width: way to its end; it is highest in the middle.
     """
 
-    force: Annotated[Scalar, Unit("N m or N", "largest resistance of the detent, against growing coordinates", low=0.0)]
-    width: Annotated[Scalar, Unit("rad or m", "length of the detent along the coordinate", low=0.0, strict=True)]
+    force: Annotated[Scalar, nonnegative("N m or N", "largest resistance of the detent, against growing coordinates")]
+    width: Annotated[Scalar, positive("rad or m", "length of the detent along the coordinate")]
     place: Annotated[Scalar, Unit("rad or m", "coordinate at which the detent begins")] = 0.0
 
     def at(self, coordinate: Scalar) -> Scalar:

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import maximum, neg, sqrt
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
@@ -63,7 +63,7 @@ class Meeting:
     place: Vec3
 
 
-@immutable(kw_only=False)
+@positional
 class _Place:
     """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
 

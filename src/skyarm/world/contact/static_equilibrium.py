@@ -273,8 +273,8 @@ def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
     frame = of.frame(memory)
     (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
     angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
-    position = Vec3(*(float(c) for c in frame.position))
-    return replace(of, position=position, angles=Vec3(*(float(c) for c in angles)))
+    position = Vec3(*map(float, frame.position))
+    return replace(of, position=position, angles=Vec3(*map(float, angles)))
 
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:

@@ -30,7 +30,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
@@ -71,12 +71,7 @@ class Surface:
     shape: Annotated[str, Unit("", "shape of the surface", rule=coerce.word_of(SHAPES))] = "plane"
     size: Annotated[
         Scalars,
-        Unit(
-            "m",
-            "lengths of the shape: edges of a box, radius and length of a cylinder, radius of a ball",
-            low=0.0,
-            strict=True,
-        ),
+        positive("m", "lengths of the shape: edges of a box, radius and length of a cylinder, radius of a ball"),
     ] = ()
     position: Annotated[
         Vec3, Unit("m", "position of the middle, of a point of a plane, or of a hole's mouth, world axes", folds=True)

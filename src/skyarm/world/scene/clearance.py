@@ -19,7 +19,7 @@ from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.kinematics import IDENTITY, Pose, link_poses
 from skyarm.records.coerce import absent, concrete
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.vehicle_shapes import HULL, boom_and_disc, disc_name, rod_ends
@@ -34,7 +34,7 @@ ROUNDS = 5
 """Secant and bisection steps to the nearest point of a cylinder, between the points where its faces change."""
 
 
-@immutable(kw_only=False)
+@positional
 class Volume:
     """Segment, flat disc or cylinder, enlarged by a radius: a capsule, or a disc with a round rim.
 
@@ -58,7 +58,7 @@ class Volume:
         return replace(self, start=pose.apply(self.start), end=pose.apply(self.end), axis=pose.R.apply(self.axis))
 
 
-@immutable(kw_only=False)
+@positional
 class Pair:
     """Volume of a vehicle and what it may meet.
 
@@ -73,7 +73,7 @@ class Pair:
     rest: Scalar = 0.0
 
 
-@immutable(kw_only=False)
+@positional
 class Clearances:
     """Pairs of bodies whose distances count, and these as a function of the state; fewer pairs are as good."""
 

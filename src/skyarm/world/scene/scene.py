@@ -14,8 +14,8 @@ import numpy as np
 
 from skyarm.algebra import Scalar
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.arrays import Array, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.arrays import Array, Mask, float_array
+from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
@@ -32,7 +32,7 @@ WAY = np.linspace(0.03, 3.0, 100)
 """Distances (m) from a point towards the camera at which an obstacle may hide it."""
 
 
-@immutable(kw_only=False)
+@positional
 class Line:
     """Polyline in the world at N instants, such as a rope, a cable or a path.
 
@@ -45,7 +45,7 @@ class Line:
     rgba: RGBA = LINE
 
 
-@immutable(kw_only=False)
+@positional
 class Arrow:
     """Drawn arrow of a force on the vehicle at N instants.
 
@@ -120,7 +120,7 @@ class Instants:
     def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
         """World positions (N, 3), in m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
-        return np.asarray(p + R @ np.array([float(c) for c in point]))
+        return np.asarray(p + R @ float_array(point))
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:

@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.algebra import Scalar
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 Vector = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "s
 """Roles of drawn shapes, by which their colour is chosen."""
 
 
-@immutable(kw_only=False)
+@positional
 class Shape:
     """Geometric shape to draw, fixed to a body of the vehicle or to the world.
 
@@ -59,7 +59,7 @@ SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
 OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
 
 
-@immutable(kw_only=False)
+@positional
 class Solid:
     """Shape placed in the world at N instants.
 

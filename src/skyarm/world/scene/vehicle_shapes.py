@@ -18,7 +18,7 @@ from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.vehicle_records import Look
@@ -141,7 +141,7 @@ Poses = dict[int, tuple[Array, Array]]
 """Index of a body -> its rotations (N, 3, 3) and positions (N, 3)."""
 
 
-@immutable(kw_only=False)
+@positional
 class Placed:
     """World poses of all bodies of the vehicle at one instant: first the base, then the links.
 

@@ -24,7 +24,7 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.filters import low_pass
@@ -37,7 +37,7 @@ from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
@@ -107,7 +107,7 @@ def read_network(text: str) -> tuple[Network, Training]:
         if table["schema"] != SCHEMA:
             raise ValueError(f"schema = {shown(table['schema'])}: must be {SCHEMA}")
         layers = tuple(
-            Layer(weights=tuple(_numbers(row) for row in each["weights"]), offsets=_numbers(each["offsets"]))
+            Layer(weights=tuple(map(_numbers, each["weights"])), offsets=_numbers(each["offsets"]))
             for each in table["layers"]
         )
         parts = {name: _numbers(table[name]) for name in ("means", "factors", "scales", "limits")}
@@ -145,7 +145,7 @@ def shipped_network() -> tuple[Network, Training]:
 
 
 def _numbers(values: Iterable[float]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
+    return tuple(map(float, values))
 
 
 HISTORY = 15.0
@@ -209,8 +209,8 @@ def features(measurement: Measurement, reference: Reference, history: History) -
         *rises[3:],
         *R.apply_T(m.position - reference.position),
         *R.apply_T(m.velocity - reference.velocity),
-        *(sub(a, b) for a, b in zip(m.joints, reference.joints, strict=True)),
-        *(sub(a, b) for a, b in zip(m.joint_rates, reference.joint_rates, strict=True)),
+        *differences(m.joints, reference.joints),
+        *differences(m.joint_rates, reference.joint_rates),
         *history.commands,
     )
 
@@ -252,12 +252,10 @@ class LearnedParameters(Parameters):
     network: Network
     answer: Annotated[
         float,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the filter of the network's output",
-            low=0.0,
             high=1e4,
-            strict=True,
             effect="lower values pass less noise and learn slow disturbances only",
         ),
     ] = 10.0
@@ -300,7 +298,7 @@ def compensate(measurement: Measurement, reference: Reference, unknown: Scalars,
     base = Motion(alpha, R.apply_T(specific))
     qdd = joint_accelerations(par, measurement, reference)
     force, torques = coupled_forces(par, measurement, base, qdd)
-    efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
+    efforts = differences(torques, unknown[6:])
     return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]
 
 

@@ -40,7 +40,7 @@ from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -60,11 +60,9 @@ class IndiParameters(Parameters):
 
     cutoff: Annotated[
         float,
-        Unit(
+        positive(
             "Hz",
             "cut-off frequency of every filter of the law",
-            low=0.0,
-            strict=True,
             effect="lower values pass less noise, add lag and reject disturbances later",
         ),
     ] = 15.0

@@ -31,7 +31,7 @@ from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -53,33 +53,29 @@ class SlidingParameters(Parameters):
 
     switching: Annotated[
         Triple,
-        Unit(
+        nonnegative(
             ACCELERATION,
             "switching gain of position, attitude and joints",
-            low=0.0,
             effect="higher values reject larger disturbances and chatter more",
         ),
     ] = (0.5, 2.0, 2.0)
     boundary: Annotated[
         Triple,
-        Unit(
+        positive(
             "m/s, rad/s, rad/s",
             "width of the boundary layer of position, attitude and joints",
-            low=0.0,
-            strict=True,
             effect="wider layers chatter less and track less exactly",
         ),
     ] = (0.1, 0.5, 0.5)
     adaptation: Annotated[
         Triple,
-        Unit(
+        nonnegative(
             "1/s^2",
             "adaptation rate of position, attitude and joints",
-            low=0.0,
             effect="higher values find disturbances faster and oscillate more with delay",
         ),
     ] = (2.0, 20.0, 50.0)
-    limit: Annotated[Triple, Unit(ACCELERATION, "largest adapted acceleration", low=0.0, strict=True, bound=True)] = (
+    limit: Annotated[Triple, positive(ACCELERATION, "largest adapted acceleration", bound=True)] = (
         5.0,
         40.0,
         60.0,

@@ -49,7 +49,7 @@ from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -65,7 +65,7 @@ def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Scalar:
 
 _FASTER = "higher values reject disturbances faster, amplify noise and tolerate less delay"
 
-_bandwidth = partial(Unit, "rad/s", low=0.0, strict=True)
+_bandwidth = partial(positive, "rad/s")
 
 
 @immutable
@@ -83,11 +83,9 @@ class L1Parameters(Parameters):
 
     predictor: Annotated[
         tuple[float, float, float],
-        Unit(
+        positive(
             "1/s",
             "error gain of the state predictor for velocity, body rate and joint rates",
-            low=0.0,
-            strict=True,
             effect="higher values make the predictor follow the measurement more closely",
         ),
     ] = (5.0, 10.0, 10.0)
@@ -98,10 +96,7 @@ class L1Parameters(Parameters):
         float, _bandwidth("bandwidth of the first filter of the compensated torque", effect=_FASTER)
     ] = 10.0
     second_filter: Annotated[
-        float,
-        Unit(
-            "rad/s", "bandwidth of the second filter of torques and joint efforts", low=0.0, strict=True, effect=_FASTER
-        ),
+        float, _bandwidth("bandwidth of the second filter of torques and joint efforts", effect=_FASTER)
     ] = 20.0
     joint_filter: Annotated[
         float, _bandwidth("bandwidth of the first filter of the compensated joint efforts", effect=_FASTER)
