@@ -268,7 +268,8 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
     allowed = text.allowed or choices(row.entry) or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
     return (
         f"`{name}`",
-        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit),
+        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit)
+        .replace("list of signal,", "list of signals,"),
         coded(row.default, whole=True),
         coded(allowed),
         row.meaning,
@@ -330,7 +331,7 @@ def kinds_of_keys(kind: str, at: str) -> str:
 
 
 def _short_entry(cells: Sequence[str]) -> Sequence[str]:
-    entry = re.sub("number, list or table: a signal|list of signal", "signal", cells[1])
+    entry = re.sub("number, list or table: a signal|list of signals?", "signal", cells[1])
     quoted = '"' in entry
     return (cells[0], "text" if quoted else entry, cells[2], coded(entry) if quoted else cells[3], *cells[4:])
 
