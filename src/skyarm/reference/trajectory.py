@@ -37,7 +37,8 @@ class Reference:
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
     0.5 while the tip has to hold a load. ``center`` is empty but in a
-    plan. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
+    plan. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`). ``carry`` is empty but under a team's law
+    (:class:`skyarm.reference.carry.Carry`).
     """
 
     position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
@@ -64,6 +65,7 @@ class Reference:
         Scalars, Unit("", "planned centre of mass, m, world axes, with four derivatives; empty: that of a level base")
     ] = ()
     ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
+    carry: Annotated[Scalars, Unit("", "part of a load that the tip takes over; empty: none")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -72,6 +74,7 @@ class Reference:
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
         tuples = tuples and type(self.push) is type(self.load) is type(self.center) is type(self.ahead) is tuple
+        tuples = tuples and type(self.carry) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")

@@ -16,6 +16,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
+from skyarm.records.files.toml import Entry
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
@@ -129,6 +130,19 @@ class Document:
     def members(self) -> Mapping[str, Document]:
         """Reader of each agent's words, by the agent's name; of a file without names it is this one."""
         return self._members
+
+    @property
+    def name(self) -> str:
+        """Name of the agent whose words are read; empty for the only one and for what all share."""
+        return self._prefix.rpartition(".")[2]
+
+    def stated(self, path: str) -> Entry:
+        """Entry of the file at a path from its top, as it stands there; an empty table if the file has none."""
+        first, *rest = path.split(".")
+        entry: Any = self.table("").take(first, {})
+        for step in rest:
+            entry = entry.get(step, {}) if isinstance(entry, dict) else {}
+        return entry
 
     def at(self, path: str) -> str:
         """Path of a word in the file: below the agent's own table if that has it."""

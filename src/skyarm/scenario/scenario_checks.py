@@ -379,6 +379,17 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             component.require_vehicles(scenario.vehicles, period, gravities[first])
 
 
+@rule("team", "controller", numbers=False, shared=True)
+def laws_carry(scenario: Scenario) -> None:
+    """Check that the laws of members take what the law of their team says to them."""
+    team = scenario.team
+    for each in team.members if team is not None and team.steers else ():
+        controller = scenario.agents[each.agent].controller if each.agent in scenario.agents else None
+        if controller is not None and part_of(controller.par, "carrying") is None:
+            at = f"agents.{each.agent}.controller.carrying"
+            raise ValueError(f"{at}: must be above 0 with this law of [team], as 0.7, in mode 'tip' of the centroidal law")
+
+
 @contextmanager
 def _at_its_place(where: str) -> Iterator[None]:
     """Context manager that puts the path of an environment model before the messages about its fields."""

@@ -9,13 +9,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from typing import cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
-from skyarm.control.controller import learns_load
+from skyarm.control.controller import learns_load, part_of
 from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -24,7 +25,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings, Together, motions_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
+from skyarm.records.leaves import Tree, blend, is_leaf, is_record, leaves, parts, rebuild
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
 from skyarm.scenario.scenario_checks import tip_sensor
@@ -128,6 +129,7 @@ class Stages:
             for each, motion, models, memories in zip(self.agents, motions, self.own, own, strict=True):
                 self._act(models, memories, time, motion, each.waits.loads)
             self._act(self.shared, shared, time, motions[0], self.agents[0].waits.loads)
+            self._direct(shared, now, time, motions[0])
         around = self.together(own, shared, [loop.drives for loop in now.agents], time)
         return [tuple(each) for each in own], tuple(shared), around
 
@@ -157,6 +159,25 @@ class Stages:
                 # of a reference that waits, its own time
                 of_task = model.coupled or getattr(model, "name", None) in loads
                 memories[i] = model.act(memories[i], motion.task_time if of_task else time, self.period, motion)
+
+    def _direct(self, shared: list[Tree], now: LoopState, time: Scalar, motion: PointMotion) -> None:
+        """Let the law of a team speak to its members, by the forces that they estimated one period before."""
+        team, contact = self.scenario.team, self.shared[-1]
+        for i, each in enumerate(self.shared):
+            if each is team:
+                parts_of = {n: part_of(own.memory, "carrying") for n, own in zip(motion.agents, now.agents, strict=True)}
+                felt = {name: each.force for name, each in parts_of.items() if is_record(each)}
+                shared[i] = team.direct(shared[i], time, self.period, motion, contact, shared[-1], felt)
+
+    def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
+        """Reference that each law receives, with what a team's law says to its members."""
+        given = [each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)]
+        for model, memory in zip(self.shared, shared, strict=True):
+            if model is self.scenario.team:
+                said = model.said(memory)
+                rows_of = zip(self.scenario.agents, given, strict=True)
+                given = [replace(own, carry=said[name]) if name in said else own for name, own in rows_of]
+        return given
 
     def together(
         self, own: Sequence[Sequence[Tree]], shared: Sequence[Tree], drives: Sequence[Memories], time: Scalar

@@ -1,0 +1,184 @@
+"""Team law ``object_wrench``: the body's wrench shared in advance, and its pose and internal force controlled.
+
+The members bear the wrench of the body's desired motion by shares without internal forces, and beside it a stated pull
+T_d along the lines of the grasps; each compensates its part in advance. Slow integrals of the body's measured position
+and attitude shift and turn all tip references together:
+
+    xi' = k (x_d - x),   zeta' = k (rotation R -> R_d)   while the body is off its support.
+
+Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
+by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
+the internal part of the members' forces at the rate w. For two equal members of mass m, damping c, stiffness k with
+observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
+
+    m p^3 + (c + m W) p^2 + (k + c W + K) p + k W + K w,   W = w_o + w,
+
+and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the places of the tips, in the axes
+of the body, removes the rest. All shifts pass (p + filter)^2, of which the members get value, rate and acceleration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, logical_and, sqrt, where
+from skyarm.records.coerce import RecordError
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+from skyarm.reference.carry import Carry
+from skyarm.world.team.team import SMALL, Heard, Team, divided, limited, loaded, rotation_error, weight_of
+
+FARTHEST, MOST = 0.3, 0.1
+"""Largest shift (m, and rad) of all tips together, and of each against the others."""
+
+LIFTED = 0.01
+"""Desired height (m) above the start from which the pose of the body is corrected."""
+
+
+@immutable
+class TipShift:
+    """Filtered shift of a tip's reference: value and rate, world axes."""
+
+    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = ZERO3_DATA
+    rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
+
+
+@immutable
+class WrenchMemory:
+    """State of the law: integrals of pose and internal forces, filters, and forces under way from member to member.
+
+    Attributes:
+        inner: integral of each member's internal force, as a shift (m) in the axes of the body.
+        late: forces of all members, newest first, as many as messages are late by.
+    """
+
+    place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
+    turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
+    inner: tuple[Vec3, ...]
+    shifts: tuple[TipShift, ...]
+    late: tuple[tuple[Vec3, ...], ...] = ()
+
+
+@immutable
+class ObjectWrench(Team):
+    """Law that shares the wrench of a body and controls its pose and the internal forces of the members."""
+
+    steers = True
+
+    internal_force: Annotated[
+        Scalar, Unit("N", "wanted pull along the lines of the grasps, positive in tension")
+    ] = 0.0
+    pose_gain: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "rate at which the error of the body's pose shifts all tips",
+            low=0.0,
+            effect="higher values remove a misplaced grasp sooner and swing with the members' loops",
+        ),
+    ] = 0.3
+    blind: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "rate at which observers forget internal forces",
+            low=0.0,
+            effect="higher values leave less internal force and tolerate less delay of messages",
+        ),
+    ] = 10.0
+    pull_gain: Annotated[
+        Scalar,
+        Unit(
+            "m/(N s)",
+            "rate at which an internal force moves the tips apart",
+            low=0.0,
+            effect="higher values remove an internal force sooner and oscillate without blind observers",
+        ),
+    ] = 0.02
+    filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
+    rise: Annotated[Scalar, Unit("s", "time before the lift in which members take the load", low=0.0, strict=True)] = 1.3
+    delay: Annotated[
+        float, Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, fixed=True)
+    ] = 0.0
+
+    def first(self, period: float) -> WrenchMemory:
+        """Initial state of the law: nothing shifted.
+
+        Raises:
+            RecordError: messages that are late by no whole number of control periods.
+        """
+        count = round(self.delay / period)
+        if abs(count * period - self.delay) > 1e-9:
+            words = f"must be a whole number of control periods of {period:g} s"
+            raise RecordError(f"team.delay = {self.delay:g}: {words}")
+        still = (ZERO3_DATA,) * len(self.members)
+        return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=(still,) * count)
+
+    def lead(self, own: Any, heard: Heard, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
+        """Next state of the law, and to each member its part of the load and the shift of its tip."""
+        assert self.motion is not None
+        wanted, R = heard.wanted, heard.wanted.R
+        share = loaded(self.motion, heard.time, self.rise)
+        arms = self.arms(R)
+        forces = [f * share for f in self._load(heard, arms)]
+        set_point = self.internal(forces, arms)
+        late = (tuple(Vec3(*map(data, f)) for f in heard.forces), *own.late)
+        excess = self._excess(late, set_point, arms, heard.held)
+        flies = wanted.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
+        rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
+        place = limited(own.place + (wanted.position - heard.body.position) * rate, FARTHEST)
+        turn = rotation_error(heard.body.rotation, R)
+        if len(self.members) == 2:  # two places do not turn a body about their line
+            line = arms[1] - arms[0]
+            line = divided(line, sqrt(line.dot(line) + SMALL))
+            turn = turn - line * line.dot(turn)
+        turn = limited(own.turn + turn * rate, FARTHEST)
+        step = 0.5 * self.pull_gain * dt
+        inner = [limited(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
+        shifts, carries = [], []
+        for force, arm, q, e, shift in zip(forces, arms, inner, excess, own.shifts, strict=True):
+            target = place + turn.cross(arm) + R.apply(q)
+            w = self.filter
+            bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
+            speed = shift.rate + bend * dt
+            moved = TipShift(offset=_data(shift.offset + speed * dt), rate=_data(speed))
+            shifts.append(moved)
+            carry = Carry(
+                held=data(heard.held),
+                share=data(share),
+                force=_data(-force),
+                moment=ZERO3_DATA,
+                forgotten_force=_data(e * self.blind),
+                forgotten_moment=ZERO3_DATA,
+                offset=moved.offset,
+                offset_rate=moved.rate,
+                offset_acceleration=_data(bend),
+            )
+            carries.append(carry.numbers)
+        following = WrenchMemory(
+            place=_data(place),
+            turn=_data(turn),
+            inner=tuple(map(_data, inner)),
+            shifts=tuple(shifts),
+            late=late[: len(own.late)],
+        )
+        return following, tuple(carries)
+
+    def _load(self, heard: Heard, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Force (N) of each member on the body in its desired motion, with the wanted internal force."""
+        shared = self.shares(*weight_of(self, heard.wanted, heard.gravity), arms)
+        pulling = [divided(arm, sqrt(arm.dot(arm) + SMALL)) * self.internal_force for arm in self.from_middle(arms)]
+        return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
+
+    def _excess(
+        self, late: Sequence[Sequence[Vec3]], set_point: Sequence[Vec3], arms: Sequence[Vec3], held: Scalar
+    ) -> list[Vec3]:
+        """Wanted internal force of each member (N) less its estimated one; zero before the body is held."""
+        rows = zip(set_point, self.internal(late[-1], arms), strict=True)
+        return [(wanted - f) * held for wanted, f in rows]
+
+
+def _data(v: Vec3) -> Vec3:
+    return Vec3(*map(data, v))

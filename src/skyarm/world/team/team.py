@@ -1,0 +1,285 @@
+"""Team of vehicles whose tips hold one body: members, desired motion of the body, what a log has of them.
+
+A team's law says to the law of every member what its tip is about to bear and how its reference is shifted
+(:class:`skyarm.reference.carry.Carry`), once in a control period, from the motion of the body and the forces that the
+members estimate at their tips. This base class says nothing: every member flies its own path.
+
+h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. The
+members' forces of a wanted force F and moment N, with virtual masses m_i whose middle is c and whose second moment about
+it is J, are
+
+    h_i = m_i (F / sum m + J^-1 (N - c x F) x (r_i - c)),
+
+which are free of internal forces: what is left of any forces without those of their own sum is internal. Sources:
+Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual masses).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from typing import Annotated, Any
+
+from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, sqrt, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.reference.carry import Carry
+from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
+from skyarm.reference.signals import Constant, Ramp, Signal, Sum
+from skyarm.reference.trajectory import Trajectory
+from skyarm.vehicle import Vehicle
+from skyarm.world.component import Column, Component
+from skyarm.world.contact.carrier import CarriedFrame
+from skyarm.world.contact.contact import Contact, ContactMemory
+
+SMALL = 1e-9
+"""Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
+
+LEAST = 1e-3
+"""Force (N) of all grasps below which their shares are not told apart."""
+
+
+@immutable
+class Member:
+    """Member of a team: a vehicle whose tip holds the body.
+
+    Attributes:
+        agent: name of the vehicle.
+    """
+
+    agent: str
+    place: Annotated[Vec3, Unit("m", "place of the grasp as the team knows it, axes of the body from its middle")]
+    taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
+    mass: Annotated[
+        Scalar,
+        Unit("", "virtual mass; a member bears the body's force in proportion to it", low=0.0, strict=True),
+    ] = 1.0
+
+
+    def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
+        """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
+        signals: list[Signal] = [Constant(c) for c in self.place]
+        if self.taken is not None:
+            rows = zip(self.taken, self.place, strict=True)
+            signals = [
+                Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows
+            ]
+        x, y, z = motion.path_of(signals)
+        return Trajectory(x=x, y=y, z=z, yaw=motion.yaw)
+
+
+@immutable
+class Heard:
+    """What a team's law receives in a control period, world axes.
+
+    Attributes:
+        time: s. wanted: desired motion of the body. body: its measured pose and velocity.
+        gravity: m/s^2.
+        held: 1 while the members hold the body, else 0.
+        forces: force (N) of each member on the body, as that member estimates it.
+    """
+
+    time: Scalar
+    held: Scalar
+    wanted: BodyMotion
+    body: CarriedFrame
+    gravity: Scalar
+    forces: Sequence[Vec3]
+
+
+@immutable
+class TeamMemory:
+    """Internal state of a team: that of its law, instructions to the members, and numbers for the log."""
+
+    own: Any = ()
+    carries: tuple[Scalars, ...] = ()
+    logged: Scalars = ()
+
+
+@immutable
+class Team(Component[TeamMemory]):
+    """Team whose members fly their own paths to carry a body (``own_paths``), and base class of the team's laws.
+
+    Attributes:
+        object: name of the body. members: vehicles that hold it; left out, those of its grasps.
+        motion: desired motion of the body.
+    """
+
+    registered_as = "team"
+
+    shared = True
+
+    object: Annotated[str, Unit("", "object that the team carries", rule=coerce.name)]
+    members: tuple[Member, ...] = ()
+    motion: PoseTrajectory | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    take: Annotated[Scalar, Unit("s", "time from which the members hold the body", low=0.0)] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "mass of the body as the team knows it; 0: that of the object", low=0.0)] = 0
+    inertia: Annotated[Vec3, Unit("kg m^2", "moments of inertia of the body as the team knows them", low=0.0)] = ZERO3
+
+    steers = False
+    """True of a law that says something to the members, whose laws must then have the option ``carrying``."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "team")
+
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse members that are no vehicles, twice one vehicle, and a team of less than two."""
+        names = [each.agent for each in self.members]
+        if len(names) < 2:
+            raise RecordError(f"members = {len(names)} members: must be two or more that hold the object by a grasp")
+        for i, name in enumerate(names):
+            if name not in vehicles:
+                raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(vehicles, name)}")
+            if name in names[:i]:
+                raise RecordError(f"members[{i}].agent = {shown(name)}: must be of one member only")
+
+    def first(self, period: float) -> Tree:
+        """Initial state of the team's law."""
+        return ()
+
+    def lead(self, own: Any, heard: Heard, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
+        """Next state of the team's law, and what it says to each member; () for nothing."""
+        return own, ()
+
+    def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
+        """Initial internal state of the team."""
+        carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
+        return TeamMemory(own=self.first(period), carries=carries, logged=(0.0,) * len(self.columns))
+
+    def said(self, memory: TeamMemory) -> dict[str, Scalars]:
+        """What the law has said to each member, by its name."""
+        return dict(zip((each.agent for each in self.members), memory.carries, strict=False))
+
+    def direct(
+        self,
+        memory: TeamMemory,
+        t: Scalar,
+        dt: float,
+        motion: PointMotion,
+        contact: Contact,
+        touching: ContactMemory,
+        felt: Mapping[str, Vec3],
+    ) -> TeamMemory:
+        """Internal state of the team after its law has spoken to the members, at the start of a control period.
+
+        Args:
+            memory: internal state before.
+            t: s.
+            dt: control period, s.
+            motion: motion of all vehicles.
+            contact: contact model, with its internal state ``touching``, in which the body moves.
+            felt: force (N, world axes) of the body on a member's tip as its law estimates it, by the member's name.
+        """
+        assert self.motion is not None
+        index = [each.name for each in contact.carriers].index(self.object)
+        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(felt, ZERO3)
+        for grasp, of, pull, _ in contact.pulls(touching, motion, t):
+            by_agent |= {grasp.agent: pull.force} if of == index else {}
+        pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
+        wanted = self.motion.at(t)
+        forces = [-felt.get(each.agent, ZERO3) for each in self.members]
+        held = where(t < self.take, 0.0, 1.0)
+        heard = Heard(time=t, held=held, wanted=wanted, body=body, gravity=motion.gravity, forces=forces)
+        own, carries = self.lead(memory.own, heard, dt)
+        arms = self.arms(body.rotation)
+        outward = [divided(arm, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
+        inner = self.internal(pulls, arms)
+        pull = sum((f.dot(u) for f, u in zip(inner, outward, strict=True)), 0.0) * (1.0 / len(arms))
+        whole = sum((f.z for f in pulls), 0.0)
+        whole = where(absolute(whole) > LEAST, whole, 1e12)
+        off, turn = body.position - wanted.position, rotation_error(body.rotation, wanted.R)
+        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, *(divide(f.z, whole) for f in pulls))
+        return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
+
+    def arms(self, R: Mat3) -> list[Vec3]:
+        """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
+        return [R.apply(each.place) for each in self.members]
+
+    def from_middle(self, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Places of the grasps from the middle of the virtual masses."""
+        whole = divide(1.0, sum((each.mass for each in self.members), 0.0))
+        middle = sum((arm * (each.mass * whole) for arm, each in zip(arms, self.members, strict=True)), ZERO3)
+        return [arm - middle for arm in arms]
+
+    def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Force of each member for a force (N) and a moment (N m, about the middle of the body), without internal ones."""
+        masses, relative = [each.mass for each in self.members], self.from_middle(arms)
+        whole = divide(1.0, sum(masses, 0.0))
+        J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        for m, r in zip(masses, relative, strict=True):
+            square, c = r.dot(r), tuple(r)
+            for i in range(3):
+                for k in range(3):
+                    J[i][k] = J[i][k] + m * ((square if i == k else 0.0) - c[i] * c[k])
+        eased = (J[0][0] + J[1][1] + J[2][2]) * SMALL
+        for i in range(3):
+            J[i][i] = J[i][i] + eased
+        turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
+        rows = zip(masses, relative, strict=True)
+        return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+
+    def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
+        """Internal part of the members' forces: without what accelerates the body."""
+        force = sum(forces, ZERO3)
+        moment = sum((arm.cross(f) for arm, f in zip(arms, forces, strict=True)), ZERO3)
+        return [f - share for f, share in zip(forces, self.shares(force, moment, arms), strict=True)]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Log columns: error of the body's pose, internal pull, and the share of the load of each member."""
+        return (
+            Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
+            Column("team_attitude_error", self.object, "rad", "angle of the body from its desired attitude"),
+            Column("team_pull", self.object, "N", "internal force along the lines of the grasps, positive in tension"),
+            *(Column("load_share", each.agent, "", "vertical force of a member over that of all") for each in self.members),
+        )
+
+    def logged(self, memory: TeamMemory, motion: object) -> Scalars:
+        """Numbers of the log, as of the start of the period."""
+        return memory.logged
+
+
+def divided(v: Vec3, by: Scalar) -> Vec3:
+    """Vector over a number."""
+    return v * divide(1.0, by)
+
+
+def rotation_error(R: Mat3, wanted: Mat3) -> Vec3:
+    """Rotation (rad, world axes) from an attitude to a wanted one that is near, to second order of the angle."""
+    turn = ZERO3
+    for i in range(3):
+        turn = turn + R.column(i).cross(wanted.column(i)) * 0.5
+    return turn
+
+
+def loaded(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
+    """Share of the load that the members bear at a time (s): 1 from lift to place, risen and fallen in ``rise`` (s)."""
+    up, down = (clip(divide(t - begin, rise), 0.0, 1.0) for begin in (motion.lift - rise, motion.stop))
+    return _smooth(up) * (1.0 - _smooth(down))
+
+
+def _smooth(u: Scalar) -> Scalar:
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def weight_of(team: Team, wanted: BodyMotion, gravity: Scalar) -> tuple[Vec3, Vec3]:
+    """Force (N) and moment (N m) about its middle that the body's desired motion takes, world axes."""
+    force = (wanted.acceleration + E_Z * gravity) * team.mass
+
+    def times_inertia(v: Vec3) -> Vec3:
+        return wanted.R.apply(team.inertia.hadamard(wanted.R.apply_T(v)))
+
+    return force, times_inertia(wanted.turning) + wanted.rate.cross(times_inertia(wanted.rate))
+
+
+def limited(v: Vec3, most: Scalar) -> Vec3:
+    """Vector shortened to a length, along its direction."""
+    return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
