@@ -99,7 +99,8 @@ class PoseTrajectory:
         """World coordinates of a place on the body (m, its axes from its middle) over time."""
         turns = {name: getattr(self, name) for name in POSE[3:]}
         x, y, z = (
-            CarriedPlace(middle=getattr(self, axis), place=tuple(place), axis=i, **turns) for i, axis in enumerate("xyz")
+            CarriedPlace(middle=getattr(self, axis), place=tuple(place), axis=i, **turns)
+            for i, axis in enumerate("xyz")
         )
         return x, y, z
 
@@ -169,6 +170,8 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
         stop = time if kind == "place" else stop
     fields.done()
     if not lift:
-        raise ValueError(f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold")
+        raise ValueError(
+            f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold"
+        )
     signals = {name: Sum(tuple(each)) if len(each) > 1 else each[0] for name, each in moves.items()}
     return PoseTrajectory(**signals, lift=lift, stop=max(stop, lift) if stop else time + 1e6)

@@ -36,9 +36,8 @@ class Reference:
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
-    0.5 while the tip has to hold a load. ``center`` is empty but in a
-    plan. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`). ``carry`` is empty but under a team's law
-    (:class:`skyarm.reference.carry.Carry`).
+    0.5 while the tip has to hold a load. ``center`` is empty but in a plan. ``ahead`` is empty without a preview
+    (:mod:`skyarm.reference.preview`). ``carry`` is empty without a team's law (:class:`skyarm.reference.carry.Carry`).
     """
 
     position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3

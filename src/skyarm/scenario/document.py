@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number, shown
-from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.files.toml import Entry
+from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
@@ -139,10 +139,11 @@ class Document:
     def stated(self, path: str) -> Entry:
         """Entry of the file at a path from its top, as it stands there; an empty table if the file has none."""
         first, *rest = path.split(".")
-        entry: Any = self.table("").take(first, {})
-        for step in rest:
-            entry = entry.get(step, {}) if isinstance(entry, dict) else {}
-        return entry
+        fields = self.table("")
+        fields.take(first, {})
+        for step in (first, *rest[:-1]) if rest else ():
+            fields = fields.inner(step)
+        return fields.table.get(path.rpartition(".")[2], {})
 
     def at(self, path: str) -> str:
         """Path of a word in the file: below the agent's own table if that has it."""

@@ -213,9 +213,7 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
-        yield GrammarRow(
-            f"{at}.{NAMED_BY.get(slot.path, 'kind')}", "", f"{_one_of(kinds)}{usual}"
-        )
+        yield GrammarRow(f"{at}.{NAMED_BY.get(slot.path, 'kind')}", "", f"{_one_of(kinds)}{usual}")
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)

@@ -46,6 +46,7 @@ from skyarm.world import Component, Payload, TimedPayload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
+    from skyarm.world.team import Team
 
 LAW = "controller.law"
 
@@ -312,10 +313,10 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     return reference_from(with_files(entry, path, reading.folder), joints, path, setting)
 
 
-def team(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
+def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     """Read [team]; what it leaves out of members and body is that of [world], the motion is [reference.object]."""
     from skyarm.world.contact.contact import Contact
-    from skyarm.world.team.team import Member, Team
+    from skyarm.world.team import Member, Team
 
     record = registered_from("team", Team, entry, path, word="law")
     world = copy.deepcopy(reading.stated("world"))

@@ -387,7 +387,9 @@ def laws_carry(scenario: Scenario) -> None:
         controller = scenario.agents[each.agent].controller if each.agent in scenario.agents else None
         if controller is not None and part_of(controller.par, "carrying") is None:
             at = f"agents.{each.agent}.controller.carrying"
-            raise ValueError(f"{at}: must be above 0 with this law of [team], as 0.7, in mode 'tip' of the centroidal law")
+            raise ValueError(
+                f"{at}: must be above 0 with this law of [team], as 0.7, in mode 'tip' of the centroidal law"
+            )
 
 
 @contextmanager

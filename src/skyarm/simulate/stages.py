@@ -11,7 +11,7 @@ import functools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import zip_longest
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
@@ -47,6 +47,10 @@ from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle import BASE, Frame, Vehicle
 from skyarm.world import Component, effectiveness_at
+
+if TYPE_CHECKING:
+    from skyarm.world.contact import Contact, ContactMemory
+    from skyarm.world.team import TeamMemory
 
 Given = tuple[Tree, Measurement, Reference, Command | None, Scalar | None]
 """Inputs of a decision: state of the law, measurement, reference; command from outside and what it replaces."""
@@ -162,21 +166,24 @@ class Stages:
 
     def _direct(self, shared: list[Tree], now: LoopState, time: Scalar, motion: PointMotion) -> None:
         """Let the law of a team speak to its members, by the forces that they estimated one period before."""
-        team, contact = self.scenario.team, self.shared[-1]
+        team = self.scenario.team
         for i, each in enumerate(self.shared):
             if each is team:
-                parts_of = {n: part_of(own.memory, "carrying") for n, own in zip(motion.agents, now.agents, strict=True)}
-                felt = {name: each.force for name, each in parts_of.items() if is_record(each)}
-                shared[i] = team.direct(shared[i], time, self.period, motion, contact, shared[-1], felt)
+                contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
+                rows = zip(motion.agents, now.agents, strict=True)
+                borne = {name: part_of(own.memory, "carrying") for name, own in rows}
+                felt = {name: memory.force for name, memory in borne.items() if is_record(memory)}
+                memory = cast("TeamMemory", shared[i])
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, felt)
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
         """Reference that each law receives, with what a team's law says to its members."""
-        given = [each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)]
+        given, team = [each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)], self.scenario.team
         for model, memory in zip(self.shared, shared, strict=True):
-            if model is self.scenario.team:
-                said = model.said(memory)
-                rows_of = zip(self.scenario.agents, given, strict=True)
-                given = [replace(own, carry=said[name]) if name in said else own for name, own in rows_of]
+            if model is team:
+                said = team.said(cast("TeamMemory", memory))
+                own = zip(self.scenario.agents, given, strict=True)
+                given = [replace(each, carry=said[name]) if name in said else each for name, each in own]
         return given
 
     def together(

@@ -22,13 +22,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, logical_and, sqrt, where
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
-from skyarm.world.team.team import SMALL, Heard, Team, divided, limited, loaded, rotation_error, weight_of
+from skyarm.world.team.team import SMALL, Heard, Team, divided, limited, loaded, weight_of
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -67,9 +67,7 @@ class ObjectWrench(Team):
 
     steers = True
 
-    internal_force: Annotated[
-        Scalar, Unit("N", "wanted pull along the lines of the grasps, positive in tension")
-    ] = 0.0
+    internal_force: Annotated[Scalar, Unit("N", "wanted pull along the lines of the grasps, positive in tension")] = 0.0
     pose_gain: Annotated[
         Scalar,
         Unit(
@@ -98,10 +96,17 @@ class ObjectWrench(Team):
         ),
     ] = 0.02
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
-    rise: Annotated[Scalar, Unit("s", "time before the lift in which members take the load", low=0.0, strict=True)] = 1.3
+    rise: Annotated[Scalar, Unit("s", "time before the lift in which members take the load", low=0.0, strict=True)] = (
+        1.3
+    )
     delay: Annotated[
         float, Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, fixed=True)
     ] = 0.0
+
+    def wanted_pull(self, t: Scalar) -> Scalar:
+        """Wanted pull (N) along the lines of the grasps at a time (s)."""
+        assert self.motion is not None
+        return self.internal_force * loaded(self.motion, t, self.rise)
 
     def first(self, period: float) -> WrenchMemory:
         """Initial state of the law: nothing shifted.
@@ -129,12 +134,7 @@ class ObjectWrench(Team):
         flies = wanted.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
         rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
         place = limited(own.place + (wanted.position - heard.body.position) * rate, FARTHEST)
-        turn = rotation_error(heard.body.rotation, R)
-        if len(self.members) == 2:  # two places do not turn a body about their line
-            line = arms[1] - arms[0]
-            line = divided(line, sqrt(line.dot(line) + SMALL))
-            turn = turn - line * line.dot(turn)
-        turn = limited(own.turn + turn * rate, FARTHEST)
+        turn = limited(own.turn + self.turn_error(heard.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
         inner = [limited(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []

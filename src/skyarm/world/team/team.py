@@ -4,9 +4,8 @@ A team's law says to the law of every member what its tip is about to bear and h
 (:class:`skyarm.reference.carry.Carry`), once in a control period, from the motion of the body and the forces that the
 members estimate at their tips. This base class says nothing: every member flies its own path.
 
-h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. The
-members' forces of a wanted force F and moment N, with virtual masses m_i whose middle is c and whose second moment about
-it is J, are
+h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. With
+virtual masses m_i, whose middle is c and whose second moment about it is J, a force F and a moment N take
 
     h_i = m_i (F / sum m + J^-1 (N - c x F) x (r_i - c)),
 
@@ -63,15 +62,12 @@ class Member:
         Unit("", "virtual mass; a member bears the body's force in proportion to it", low=0.0, strict=True),
     ] = 1.0
 
-
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
         """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
         signals: list[Signal] = [Constant(c) for c in self.place]
         if self.taken is not None:
             rows = zip(self.taken, self.place, strict=True)
-            signals = [
-                Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows
-            ]
+            signals = [Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows]
         x, y, z = motion.path_of(signals)
         return Trajectory(x=x, y=y, z=z, yaw=motion.yaw)
 
@@ -175,14 +171,15 @@ class Team(Component[TeamMemory]):
             t: s.
             dt: control period, s.
             motion: motion of all vehicles.
-            contact: contact model, with its internal state ``touching``, in which the body moves.
+            contact: contact model in which the body moves.
+            touching: its internal state.
             felt: force (N, world axes) of the body on a member's tip as its law estimates it, by the member's name.
         """
         assert self.motion is not None
         index = [each.name for each in contact.carriers].index(self.object)
         body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(felt, ZERO3)
-        for grasp, of, pull, _ in contact.pulls(touching, motion, t):
-            by_agent |= {grasp.agent: pull.force} if of == index else {}
+        for grasp, of, by, _ in contact.pulls(touching, motion, t):
+            by_agent |= {grasp.agent: by.force} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         wanted = self.motion.at(t)
         forces = [-felt.get(each.agent, ZERO3) for each in self.members]
@@ -195,9 +192,28 @@ class Team(Component[TeamMemory]):
         pull = sum((f.dot(u) for f, u in zip(inner, outward, strict=True)), 0.0) * (1.0 / len(arms))
         whole = sum((f.z for f in pulls), 0.0)
         whole = where(absolute(whole) > LEAST, whole, 1e12)
-        off, turn = body.position - wanted.position, rotation_error(body.rotation, wanted.R)
-        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, *(divide(f.z, whole) for f in pulls))
+        off, turn = body.position - wanted.position, self.turn_error(body.rotation, wanted.R)
+        shares = (divide(f.z, whole) for f in pulls)
+        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, self.wanted_pull(t), *shares)
         return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
+
+    def wanted_pull(self, t: Scalar) -> Scalar:
+        """Wanted pull (N) along the lines of the grasps at a time (s)."""
+        return 0.0
+
+    def turn_error(self, R: Mat3, wanted: Mat3) -> Vec3:
+        """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
+
+        Two members do not turn the body about the line of their grasps: it is left out.
+        """
+        turn = ZERO3
+        for i in range(3):
+            turn = turn + R.column(i).cross(wanted.column(i)) * 0.5
+        if len(self.members) == 2:
+            first, second = self.arms(wanted)
+            line = second - first
+            turn = turn - line * divide(line.dot(turn), line.dot(line))
+        return turn
 
     def arms(self, R: Mat3) -> list[Vec3]:
         """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
@@ -210,7 +226,7 @@ class Team(Component[TeamMemory]):
         return [arm - middle for arm in arms]
 
     def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force of each member for a force (N) and a moment (N m, about the middle of the body), without internal ones."""
+        """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
         masses, relative = [each.mass for each in self.members], self.from_middle(arms)
         whole = divide(1.0, sum(masses, 0.0))
         J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
@@ -237,12 +253,16 @@ class Team(Component[TeamMemory]):
         """Log columns: error of the body's pose, internal pull, and the share of the load of each member."""
         return (
             Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
-            Column("team_attitude_error", self.object, "rad", "angle of the body from its desired attitude"),
+            Column("team_turn_error", self.object, "rad", "angle of the body from its desired attitude"),
             Column("team_pull", self.object, "N", "internal force along the lines of the grasps, positive in tension"),
-            *(Column("load_share", each.agent, "", "vertical force of a member over that of all") for each in self.members),
+            Column("team_pull_reference", self.object, "N", "wanted internal force along the lines of the grasps"),
+            *(
+                Column("load_share", each.agent, "", "vertical force of a member over that of all")
+                for each in self.members
+            ),
         )
 
-    def logged(self, memory: TeamMemory, motion: object) -> Scalars:
+    def logged(self, memory: TeamMemory, motion: PointMotion) -> Scalars:
         """Numbers of the log, as of the start of the period."""
         return memory.logged
 
@@ -250,14 +270,6 @@ class Team(Component[TeamMemory]):
 def divided(v: Vec3, by: Scalar) -> Vec3:
     """Vector over a number."""
     return v * divide(1.0, by)
-
-
-def rotation_error(R: Mat3, wanted: Mat3) -> Vec3:
-    """Rotation (rad, world axes) from an attitude to a wanted one that is near, to second order of the angle."""
-    turn = ZERO3
-    for i in range(3):
-        turn = turn + R.column(i).cross(wanted.column(i)) * 0.5
-    return turn
 
 
 def loaded(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:

@@ -108,7 +108,12 @@ class CarryingGains(OptionalPart):
         given = self.feedforward(memory, step.par, step.reference)
         if given is None:
             return memory, effect
-        carry, observed, vehicle, dt = Carry.of(step.reference.carry), step.seen.observed, step.par.model.vehicle, step.dt
+        carry, observed, vehicle, dt = (
+            Carry.of(step.reference.carry),
+            step.seen.observed,
+            step.par.model.vehicle,
+            step.dt,
+        )
         borne, held = disturbance(observed) + given[0], carry.held > 0.5
         share = where(held, 0.0, low_pass_share(self.settling, dt))
         bias = memory.bias.blend_towards(borne, share, share)
@@ -117,7 +122,9 @@ class CarryingGains(OptionalPart):
         forgets = planned_effect(vehicle, step.reference, carry.forgotten_force * dt, carry.forgotten_moment * dt)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
         moved = (s + Taylor((p, v, mul(0.5, a), 0, 0)) for s, (p, v, a) in zip(effect.signals[:3], shift, strict=True))
-        effect = dataclasses.replace(effect, signals=[*moved, *effect.signals[3:]], forgets=forgets)
+        rate = (given[1].force - memory.known.force) * divide(1.0, dt)
+        signals = [*moved, *effect.signals[3:]]
+        effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
             share=data(carry.share),
             known=given[1],
@@ -165,4 +172,3 @@ def tip_wrench(
         squares.require((*row, *axis), torque, divide(1.0, errors.base * errors.base))
     solution = squares.solve()
     return R.apply(Vec3(*solution[:3])), R.apply(Vec3(*solution[3:]))
-
