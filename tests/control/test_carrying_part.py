@@ -106,8 +106,8 @@ def test_the_estimated_wrench_is_the_least_squares_solution_of_numpy(moment):
         np.hstack([np.eye(3), none]),
         np.hstack([none, np.eye(3)]) / moment,
     ])  # fmt: skip
-    wanted = [*efforts / errors.turning, *torque / errors.base, *turn.inv().apply(force), 0.0, 0.0, 0.0]
-    solved = np.linalg.lstsq(rows, np.array(wanted), rcond=None)[0]
+    target = [*efforts / errors.turning, *torque / errors.base, *turn.inv().apply(force), 0.0, 0.0, 0.0]
+    solved = np.linalg.lstsq(rows, np.array(target), rcond=None)[0]
     assert np.allclose([*f], turn.apply(solved[:3]), atol=1e-6)
     assert np.allclose([*n], turn.apply(solved[3:]), atol=1e-6)
 

@@ -327,6 +327,9 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     body, grasps = objects[record.object], [each for each in contact.grasps if each.body == record.object]
     places = {each.agent: each.place for each in grasps}
     members = record.members or tuple(Member(agent=agent, place=place) for agent, place in places.items())
+    if len(members) < 2:
+        words = f"{len(members)} members: must be two or more, each with a grasp of {shown(record.object)}"
+        raise ValueError(f"{path}.members = {words}")
     taken = ((each, places.get(each.agent, each.place)) for each in members)
     members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
     motion = motion_of_object(Fields(reading.stated("reference.object"), "reference.object"), body.position)

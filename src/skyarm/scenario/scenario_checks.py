@@ -359,7 +359,7 @@ def surroundings_fit(scenario: Scenario) -> None:
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
 
-@rule("environment", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
+@rule("environment", "team", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
 def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
     period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
@@ -380,16 +380,14 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
 
 
 @rule("team", "controller", numbers=False, shared=True)
-def laws_carry(scenario: Scenario) -> None:
-    """Check that the laws of members take what the law of their team says to them."""
-    team = scenario.team
+def laws_take_instructions(scenario: Scenario) -> None:
+    """Check that the laws of a team's members take what the law of the team says to them."""
+    team, agents = scenario.team, scenario.agents.items()
+    deaf = [name for name, each in agents if part_of(each.controller.par, "carrying") is None]
     for each in team.members if team is not None and team.steers else ():
-        controller = scenario.agents[each.agent].controller if each.agent in scenario.agents else None
-        if controller is not None and part_of(controller.par, "carrying") is None:
-            at = f"agents.{each.agent}.controller.carrying"
-            raise ValueError(
-                f"{at}: must be above 0 with this law of [team], as 0.7, in mode 'tip' of the centroidal law"
-            )
+        if each.agent in deaf:
+            allowed = "must be above 0, as 0.7, under this law of [team]; the centroidal law has it in mode 'tip'"
+            raise ValueError(f"agents.{each.agent}.controller.carrying: {allowed}")
 
 
 @contextmanager

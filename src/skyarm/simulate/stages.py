@@ -165,25 +165,27 @@ class Stages:
                 memories[i] = model.act(memories[i], motion.task_time if of_task else time, self.period, motion)
 
     def _direct(self, shared: list[Tree], now: LoopState, time: Scalar, motion: PointMotion) -> None:
-        """Let the law of a team speak to its members, by the forces that they estimated one period before."""
+        """Evaluate the law of a team, by the forces that they estimated one period before."""
         team = self.scenario.team
         for i, each in enumerate(self.shared):
             if each is team:
                 contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
                 borne = {name: part_of(own.memory, "carrying") for name, own in rows}
-                felt = {name: memory.force for name, memory in borne.items() if is_record(memory)}
+                forces = {name: memory.force for name, memory in borne.items() if is_record(memory)}
                 memory = cast("TeamMemory", shared[i])
-                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, felt)
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, forces)
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
-        """Reference that each law receives, with what a team's law says to its members."""
+        """Reference that each law receives, with the instructions of a team's law."""
         given, team = [each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)], self.scenario.team
         for model, memory in zip(self.shared, shared, strict=True):
             if model is team:
-                said = team.said(cast("TeamMemory", memory))
+                instructions = team.instructions(cast("TeamMemory", memory))
                 own = zip(self.scenario.agents, given, strict=True)
-                given = [replace(each, carry=said[name]) if name in said else each for name, each in own]
+                given = [
+                    replace(each, carry=instructions[name]) if name in instructions else each for name, each in own
+                ]
         return given
 
     def together(

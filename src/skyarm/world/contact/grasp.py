@@ -91,7 +91,7 @@ class Grasp:
     length: Annotated[Scalar, Unit("m", "length of a cable without load", low=0.0)] = 0
     close: Annotated[
         Scalar, Unit("s", "time at which the grasp closes, where the frame then is; 0: closed at its place", low=0.0)
-    ] = 0
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
     release: Annotated[Scalar, Unit("s", "time at which the grasp opens", low=0.0, infinite=True)] = math.inf
     name: str = field(default="", metadata=WRITTEN_IF_ANY)
 

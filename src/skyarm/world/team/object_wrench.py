@@ -28,7 +28,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
-from skyarm.world.team.team import SMALL, Heard, Team, divided, limited, loaded, weight_of
+from skyarm.world.team.team import SMALL, Team, TeamInputs, divided, limited, loaded, weight_of
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -67,7 +67,9 @@ class ObjectWrench(Team):
 
     steers = True
 
-    internal_force: Annotated[Scalar, Unit("N", "wanted pull along the lines of the grasps, positive in tension")] = 0.0
+    internal_force: Annotated[Scalar, Unit("N", "desired pull along the lines of the grasps, positive in tension")] = (
+        0.0
+    )
     pose_gain: Annotated[
         Scalar,
         Unit(
@@ -103,7 +105,7 @@ class ObjectWrench(Team):
         float, Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, fixed=True)
     ] = 0.0
 
-    def wanted_pull(self, t: Scalar) -> Scalar:
+    def desired_pull(self, t: Scalar) -> Scalar:
         """Wanted pull (N) along the lines of the grasps at a time (s)."""
         assert self.motion is not None
         return self.internal_force * loaded(self.motion, t, self.rise)
@@ -121,20 +123,20 @@ class ObjectWrench(Team):
         still = (ZERO3_DATA,) * len(self.members)
         return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=(still,) * count)
 
-    def lead(self, own: Any, heard: Heard, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
+    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         assert self.motion is not None
-        wanted, R = heard.wanted, heard.wanted.R
-        share = loaded(self.motion, heard.time, self.rise)
+        desired, R = inputs.desired, inputs.desired.R
+        share = loaded(self.motion, inputs.time, self.rise)
         arms = self.arms(R)
-        forces = [f * share for f in self._load(heard, arms)]
+        forces = [f * share for f in self._load(inputs, arms)]
         set_point = self.internal(forces, arms)
-        late = (tuple(Vec3(*map(data, f)) for f in heard.forces), *own.late)
-        excess = self._excess(late, set_point, arms, heard.held)
-        flies = wanted.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
+        late = (tuple(Vec3(*map(data, f)) for f in inputs.forces), *own.late)
+        excess = self._excess(late, set_point, arms, inputs.holding)
+        flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
         rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
-        place = limited(own.place + (wanted.position - heard.body.position) * rate, FARTHEST)
-        turn = limited(own.turn + self.turn_error(heard.body.rotation, R) * rate, FARTHEST)
+        place = limited(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
+        turn = limited(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
         inner = [limited(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []
@@ -146,7 +148,7 @@ class ObjectWrench(Team):
             moved = TipShift(offset=_data(shift.offset + speed * dt), rate=_data(speed))
             shifts.append(moved)
             carry = Carry(
-                held=data(heard.held),
+                held=data(inputs.holding),
                 share=data(share),
                 force=_data(-force),
                 moment=ZERO3_DATA,
@@ -166,18 +168,18 @@ class ObjectWrench(Team):
         )
         return following, tuple(carries)
 
-    def _load(self, heard: Heard, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force (N) of each member on the body in its desired motion, with the wanted internal force."""
-        shared = self.shares(*weight_of(self, heard.wanted, heard.gravity), arms)
+    def _load(self, inputs: TeamInputs, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Force (N) of each member on the body in its desired motion, with the desired internal force."""
+        shared = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
         pulling = [divided(arm, sqrt(arm.dot(arm) + SMALL)) * self.internal_force for arm in self.from_middle(arms)]
         return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
 
     def _excess(
-        self, late: Sequence[Sequence[Vec3]], set_point: Sequence[Vec3], arms: Sequence[Vec3], held: Scalar
+        self, late: Sequence[Sequence[Vec3]], set_point: Sequence[Vec3], arms: Sequence[Vec3], holding: Scalar
     ) -> list[Vec3]:
-        """Wanted internal force of each member (N) less its estimated one; zero before the body is held."""
+        """Desired internal force of each member (N) less its estimated one; zero before the body is held."""
         rows = zip(set_point, self.internal(late[-1], arms), strict=True)
-        return [(wanted - f) * held for wanted, f in rows]
+        return [(desired - f) * holding for desired, f in rows]
 
 
 def _data(v: Vec3) -> Vec3:

@@ -55,7 +55,7 @@ class Member:
     """
 
     agent: str
-    place: Annotated[Vec3, Unit("m", "place of the grasp as the team knows it, axes of the body from its middle")]
+    place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
@@ -73,19 +73,19 @@ class Member:
 
 
 @immutable
-class Heard:
+class TeamInputs:
     """What a team's law receives in a control period, world axes.
 
     Attributes:
-        time: s. wanted: desired motion of the body. body: its measured pose and velocity.
+        time: s. desired: desired motion of the body. body: its measured pose and velocity.
         gravity: m/s^2.
-        held: 1 while the members hold the body, else 0.
+        holding: 1 while the members hold the body, else 0.
         forces: force (N) of each member on the body, as that member estimates it.
     """
 
     time: Scalar
-    held: Scalar
-    wanted: BodyMotion
+    holding: Scalar
+    desired: BodyMotion
     body: CarriedFrame
     gravity: Scalar
     forces: Sequence[Vec3]
@@ -117,8 +117,8 @@ class Team(Component[TeamMemory]):
     members: tuple[Member, ...] = ()
     motion: PoseTrajectory | None = field(default=None, metadata=WRITTEN_IF_ANY)
     take: Annotated[Scalar, Unit("s", "time from which the members hold the body", low=0.0)] = 0.0
-    mass: Annotated[Scalar, Unit("kg", "mass of the body as the team knows it; 0: that of the object", low=0.0)] = 0
-    inertia: Annotated[Vec3, Unit("kg m^2", "moments of inertia of the body as the team knows them", low=0.0)] = ZERO3
+    mass: Annotated[Scalar, Unit("kg", "supposed mass of the body; 0: that of the object", low=0.0)] = 0
+    inertia: Annotated[Vec3, Unit("kg m^2", "supposed moments of inertia of the body", low=0.0)] = ZERO3
 
     steers = False
     """True of a law that says something to the members, whose laws must then have the option ``carrying``."""
@@ -127,10 +127,8 @@ class Team(Component[TeamMemory]):
         accept_fields(self, "team")
 
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
-        """Refuse members that are no vehicles, twice one vehicle, and a team of less than two."""
+        """Refuse members that are no vehicles, or twice one vehicle."""
         names = [each.agent for each in self.members]
-        if len(names) < 2:
-            raise RecordError(f"members = {len(names)} members: must be two or more that hold the object by a grasp")
         for i, name in enumerate(names):
             if name not in vehicles:
                 raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(vehicles, name)}")
@@ -141,7 +139,7 @@ class Team(Component[TeamMemory]):
         """Initial state of the team's law."""
         return ()
 
-    def lead(self, own: Any, heard: Heard, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
+    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
         """Next state of the team's law, and what it says to each member; () for nothing."""
         return own, ()
 
@@ -150,8 +148,8 @@ class Team(Component[TeamMemory]):
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
         return TeamMemory(own=self.first(period), carries=carries, logged=(0.0,) * len(self.columns))
 
-    def said(self, memory: TeamMemory) -> dict[str, Scalars]:
-        """What the law has said to each member, by its name."""
+    def instructions(self, memory: TeamMemory) -> dict[str, Scalars]:
+        """Instructions of the law to each member, by its name."""
         return dict(zip((each.agent for each in self.members), memory.carries, strict=False))
 
     def direct(
@@ -162,7 +160,7 @@ class Team(Component[TeamMemory]):
         motion: PointMotion,
         contact: Contact,
         touching: ContactMemory,
-        felt: Mapping[str, Vec3],
+        tip_forces: Mapping[str, Vec3],
     ) -> TeamMemory:
         """Internal state of the team after its law has spoken to the members, at the start of a control period.
 
@@ -173,44 +171,45 @@ class Team(Component[TeamMemory]):
             motion: motion of all vehicles.
             contact: contact model in which the body moves.
             touching: its internal state.
-            felt: force (N, world axes) of the body on a member's tip as its law estimates it, by the member's name.
+            tip_forces: force (N, world axes) of the body on a tip by the estimate of its law, by the member's name.
         """
-        assert self.motion is not None
+        if self.motion is None:
+            return memory
         index = [each.name for each in contact.carriers].index(self.object)
-        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(felt, ZERO3)
+        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_forces, ZERO3)
         for grasp, of, by, _ in contact.pulls(touching, motion, t):
             by_agent |= {grasp.agent: by.force} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
-        wanted = self.motion.at(t)
-        forces = [-felt.get(each.agent, ZERO3) for each in self.members]
-        held = where(t < self.take, 0.0, 1.0)
-        heard = Heard(time=t, held=held, wanted=wanted, body=body, gravity=motion.gravity, forces=forces)
-        own, carries = self.lead(memory.own, heard, dt)
+        desired = self.motion.at(t)
+        forces = [-tip_forces.get(each.agent, ZERO3) for each in self.members]
+        holding = where(t < self.take, 0.0, 1.0)
+        inputs = TeamInputs(time=t, holding=holding, desired=desired, body=body, gravity=motion.gravity, forces=forces)
+        own, carries = self.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
         outward = [divided(arm, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
         inner = self.internal(pulls, arms)
         pull = sum((f.dot(u) for f, u in zip(inner, outward, strict=True)), 0.0) * (1.0 / len(arms))
         whole = sum((f.z for f in pulls), 0.0)
         whole = where(absolute(whole) > LEAST, whole, 1e12)
-        off, turn = body.position - wanted.position, self.turn_error(body.rotation, wanted.R)
+        off, turn = body.position - desired.position, self.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, whole) for f in pulls)
-        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, self.wanted_pull(t), *shares)
+        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, self.desired_pull(t), *shares)
         return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
 
-    def wanted_pull(self, t: Scalar) -> Scalar:
+    def desired_pull(self, t: Scalar) -> Scalar:
         """Wanted pull (N) along the lines of the grasps at a time (s)."""
         return 0.0
 
-    def turn_error(self, R: Mat3, wanted: Mat3) -> Vec3:
+    def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
         """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
 
         Two members do not turn the body about the line of their grasps: it is left out.
         """
         turn = ZERO3
         for i in range(3):
-            turn = turn + R.column(i).cross(wanted.column(i)) * 0.5
+            turn = turn + R.column(i).cross(desired.column(i)) * 0.5
         if len(self.members) == 2:
-            first, second = self.arms(wanted)
+            first, second = self.arms(desired)
             line = second - first
             turn = turn - line * divide(line.dot(turn), line.dot(line))
         return turn
@@ -255,7 +254,7 @@ class Team(Component[TeamMemory]):
             Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
             Column("team_turn_error", self.object, "rad", "angle of the body from its desired attitude"),
             Column("team_pull", self.object, "N", "internal force along the lines of the grasps, positive in tension"),
-            Column("team_pull_reference", self.object, "N", "wanted internal force along the lines of the grasps"),
+            Column("team_pull_reference", self.object, "N", "desired internal force along the lines of the grasps"),
             *(
                 Column("load_share", each.agent, "", "vertical force of a member over that of all")
                 for each in self.members
@@ -282,14 +281,14 @@ def _smooth(u: Scalar) -> Scalar:
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
-def weight_of(team: Team, wanted: BodyMotion, gravity: Scalar) -> tuple[Vec3, Vec3]:
+def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, Vec3]:
     """Force (N) and moment (N m) about its middle that the body's desired motion takes, world axes."""
-    force = (wanted.acceleration + E_Z * gravity) * team.mass
+    force = (desired.acceleration + E_Z * gravity) * team.mass
 
     def times_inertia(v: Vec3) -> Vec3:
-        return wanted.R.apply(team.inertia.hadamard(wanted.R.apply_T(v)))
+        return desired.R.apply(team.inertia.hadamard(desired.R.apply_T(v)))
 
-    return force, times_inertia(wanted.turning) + wanted.rate.cross(times_inertia(wanted.rate))
+    return force, times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
 
 
 def limited(v: Vec3, most: Scalar) -> Vec3:

@@ -166,8 +166,8 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     unknown = dataclasses.replace(unknown, force=unknown.force + near * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
-    known = effect.force_rate
-    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate + known, near_rate=near + known)
+    ahead = effect.force_rate
+    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate + ahead, near_rate=near + ahead)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

@@ -41,6 +41,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -56,7 +57,7 @@ class PartMemories:
     interaction: Tree = ()
     admittance: Tree = ()
     load: Tree = ()
-    carrying: Tree = ()
+    carrying: Tree = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     trend: Any = ()
     adaptation: Any = ()
 

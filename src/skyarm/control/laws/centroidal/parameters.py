@@ -29,6 +29,7 @@ from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, parts
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -160,7 +161,7 @@ class Parts:
     interaction: OptionalPart | None = None
     admittance: OptionalPart | None = None
     load: OptionalPart | None = None
-    carrying: OptionalPart | None = None
+    carrying: OptionalPart | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     trend: OptionalPart | None = None
     adaptation: OptionalPart | None = None
 

@@ -39,12 +39,12 @@ class CarryingMemory:
     """State of the carrying part: the compensated wrench, the bias of the estimate, and the estimate.
 
     Attributes:
-        known: disturbance that is compensated in advance. earlier: the same of the periods before, newest first.
+        ahead: disturbance that is compensated in advance. earlier: the same of the periods before, newest first.
         bias: what the observer has without a load.
     """
 
     share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried")] = 0.0
-    known: Disturbance
+    ahead: Disturbance
     earlier: tuple[Disturbance, ...]
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "estimated force of the load on the tip, world axes")] = ZERO3_DATA
@@ -86,7 +86,7 @@ class CarryingGains(OptionalPart):
     def start(self, joints: int) -> CarryingMemory:
         """Initial state of the carrying part: no load, no bias."""
         none = no_disturbance(joints)
-        return CarryingMemory(known=none, earlier=(none,) * self.delay_periods, bias=none)
+        return CarryingMemory(ahead=none, earlier=(none,) * self.delay_periods, bias=none)
 
     def adjust_gains(self, memory: CarryingMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Gains between those of free flight and those of carrying."""
@@ -100,7 +100,7 @@ class CarryingGains(OptionalPart):
         if not reference.carry:
             return None
         carry = Carry.of(reference.carry)
-        before = memory.earlier[-1] if memory.earlier else memory.known
+        before = memory.earlier[-1] if memory.earlier else memory.ahead
         return before, planned_effect(par.model.vehicle, reference, carry.force, carry.moment)
 
     def affect(self, memory: CarryingMemory, step: Step, effect: Effect) -> tuple[CarryingMemory, Effect]:
@@ -114,26 +114,26 @@ class CarryingGains(OptionalPart):
             step.par.model.vehicle,
             step.dt,
         )
-        borne, held = disturbance(observed) + given[0], carry.held > 0.5
-        share = where(held, 0.0, low_pass_share(self.settling, dt))
+        borne, holding = disturbance(observed) + given[0], carry.held > 0.5
+        share = where(holding, 0.0, low_pass_share(self.settling, dt))
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
         forgets = planned_effect(vehicle, step.reference, carry.forgotten_force * dt, carry.forgotten_moment * dt)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
         moved = (s + Taylor((p, v, mul(0.5, a), 0, 0)) for s, (p, v, a) in zip(effect.signals[:3], shift, strict=True))
-        rate = (given[1].force - memory.known.force) * divide(1.0, dt)
+        rate = (given[1].force - memory.ahead.force) * divide(1.0, dt)
         signals = [*moved, *effect.signals[3:]]
         effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
             share=data(carry.share),
-            known=given[1],
-            earlier=(memory.known, *memory.earlier)[: len(memory.earlier)],
+            ahead=given[1],
+            earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
             bias=bias,
             force=vector_data(force),
             moment=vector_data(moment),
         )
-        return memory, effect.isolating(where(held, 0.0, 1.0))
+        return memory, effect.isolating(where(holding, 0.0, 1.0))
 
 
 def planned_effect(vehicle: Vehicle, reference: Reference, force: Vec3, moment: Vec3) -> Disturbance:
