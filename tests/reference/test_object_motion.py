@@ -113,7 +113,7 @@ def test_it_says_when_the_body_leaves_its_support_and_stands_again():
     ],
 )
 def test_a_wrong_table_is_refused_in_one_line(table, words):
-    with pytest.raises(ValueError, match="reference.object") as refused:
+    with pytest.raises(ValueError, match=r"reference\.object") as refused:
         motion_of_object(Fields(table, "reference.object"), Vec3(0.0, 0.0, 0.0))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)

@@ -330,6 +330,9 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     if len(members) < 2:
         words = f"{len(members)} members: must be two or more, each with a grasp of {shown(record.object)}"
         raise ValueError(f"{path}.members = {words}")
+    with errors_as(ValueError, f"{path}."):
+        named = dataclasses.replace(record, members=members)
+        named.require_members(reading.stated(AGENTS), 1.0 / reading.word("rates").control)
     taken = ((each, places.get(each.agent, each.place)) for each in members)
     members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
     motion = motion_of_object(Fields(reading.stated("reference.object"), "reference.object"), body.position)

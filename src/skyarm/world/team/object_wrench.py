@@ -19,7 +19,7 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -110,18 +110,17 @@ class ObjectWrench(Team):
         assert self.motion is not None
         return self.internal_force * loaded(self.motion, t, self.rise)
 
-    def first(self, period: float) -> WrenchMemory:
-        """Initial state of the law: nothing shifted.
+    def require_members(self, names: Collection[str], period: float) -> None:
+        """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
+        Team.require_members(self, names, period)
+        if abs(round(self.delay / period) * period - self.delay) > 1e-9:
+            raise RecordError(f"delay = {self.delay:g}: must be a whole number of control periods of {period:g} s")
 
-        Raises:
-            RecordError: messages that are late by no whole number of control periods.
-        """
-        count = round(self.delay / period)
-        if abs(count * period - self.delay) > 1e-9:
-            words = f"must be a whole number of control periods of {period:g} s"
-            raise RecordError(f"team.delay = {self.delay:g}: {words}")
+    def first(self, period: float) -> WrenchMemory:
+        """Initial state of the law: nothing shifted."""
         still = (ZERO3_DATA,) * len(self.members)
-        return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=(still,) * count)
+        late = (still,) * round(self.delay / period)
+        return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=late)
 
     def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""

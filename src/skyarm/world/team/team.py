@@ -15,7 +15,7 @@ Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Any
 
@@ -127,12 +127,20 @@ class Team(Component[TeamMemory]):
         accept_fields(self, "team")
 
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
-        """Refuse members that are no vehicles, or twice one vehicle."""
-        names = [each.agent for each in self.members]
-        for i, name in enumerate(names):
-            if name not in vehicles:
-                raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(vehicles, name)}")
-            if name in names[:i]:
+        """Refuse members that are not among the vehicles, and a law that does not fit the control period (s)."""
+        self.require_members(vehicles, period)
+
+    def require_members(self, names: Collection[str], period: float) -> None:
+        """Refuse members that are not among the names of vehicles, or twice one of them.
+
+        Raises:
+            RecordError: one line that begins with a field of the team.
+        """
+        agents = [each.agent for each in self.members]
+        for i, name in enumerate(agents):
+            if name not in names:
+                raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(names, name)}")
+            if name in agents[:i]:
                 raise RecordError(f"members[{i}].agent = {shown(name)}: must be of one member only")
 
     def first(self, period: float) -> Tree:
