@@ -51,7 +51,7 @@ def pose(t, phases=PHASES):
 TIMES = [0.5, 1.7, 2.9, 5.2, 7.1, 8.3, 9.4, 11.0]
 
 
-def test_a_nonic_ramp_has_the_derivatives_of_its_polynomial_and_is_smooth_to_the_fourth():
+def test_a_nonic_ramp_has_its_derivatives_and_is_smooth_to_the_fourth():
     ramp, h = Ramp(start=1.0, duration=2.0, height=3.0, shape="nonic"), 1e-4
     assert np.allclose([*ramp.derivatives(1.0)], 0.0, atol=1e-12)
     assert np.allclose([*ramp.derivatives(3.0 - 1e-12)], [3.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)

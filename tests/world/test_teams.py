@@ -14,7 +14,7 @@ from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import motion_of_object
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.object_wrench import ObjectWrench
-from skyarm.world.team.team import Member, Team, TeamInputs, loaded, weight_of
+from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
 
 DT = 0.005
 BAR = [(-0.55, 0.0, 0.02), (0.55, 0.0, 0.02)]
@@ -100,7 +100,7 @@ def test_the_weight_of_the_body_is_the_rate_of_its_momentum(t):
 
 def test_members_take_the_load_before_the_lift_and_give_it_back_after_the_place():
     motion = team().motion
-    shares = [loaded(motion, t, 1.3) for t in (1.6, 1.7, 2.35, 3.0, 9.9, 10.65, 11.3)]
+    shares = [load_fraction(motion, t, 1.3) for t in (1.6, 1.7, 2.35, 3.0, 9.9, 10.65, 11.3)]
     assert np.allclose(shares, [0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0], atol=1e-9)
 
 

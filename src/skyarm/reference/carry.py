@@ -1,4 +1,4 @@
-"""What a law shares a load by: the wrench that its tip is about to bear, and how its tip reference is shifted.
+"""Instructions by which a law shares a load: wrench of the load on the tip, and shift of the tip's reference.
 
 A reference holds it as a tuple of numbers, empty where nothing is carried (:attr:`skyarm.reference.Reference.carry`).
 """

@@ -136,8 +136,8 @@ class Document:
         """Name of the agent whose words are read; empty for the only one and for what all share."""
         return self._prefix.rpartition(".")[2]
 
-    def stated(self, path: str) -> Entry:
-        """Entry of the file at a path from its top, as it stands there; an empty table if the file has none."""
+    def entry_at(self, path: str) -> Entry:
+        """Unread entry of the file at a path from its top; an empty table if the file has none."""
         first, *rest = path.split(".")
         fields = self.table("")
         fields.take(first, {})

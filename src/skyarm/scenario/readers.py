@@ -77,8 +77,8 @@ class ScenarioWords(Protocol):
         """Name of the agent whose words are read; empty for the only one and for what all share."""
         ...
 
-    def stated(self, path: str) -> Entry:
-        """Entry of the file at a path from its top, as it stands there; an empty table if the file has none."""
+    def entry_at(self, path: str) -> Entry:
+        """Unread entry of the file at a path from its top; an empty table if the file has none."""
         ...
 
     def word(self, path: str) -> Any:
@@ -319,7 +319,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     from skyarm.world.team import Member, Team
 
     record = registered_from("team", Team, entry, path, word="law")
-    world = copy.deepcopy(reading.stated("world"))
+    world = copy.deepcopy(reading.entry_at("world"))
     contact = registered_from("world", Contact, with_files(world, "world", reading.folder), "world", "contact")
     objects = {each.name: each for each in contact.objects}
     if record.object not in objects:
@@ -332,10 +332,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         raise ValueError(f"{path}.members = {words}")
     with errors_as(ValueError, f"{path}."):
         named = dataclasses.replace(record, members=members)
-        named.require_members(reading.stated(AGENTS), 1.0 / reading.word("rates").control)
+        named.require_members(reading.entry_at(AGENTS), 1.0 / reading.word("rates").control)
     taken = ((each, places.get(each.agent, each.place)) for each in members)
     members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
-    motion = motion_of_object(Fields(reading.stated("reference.object"), "reference.object"), body.position)
+    motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)
     return dataclasses.replace(
         record,
         members=members,

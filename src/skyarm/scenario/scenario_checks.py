@@ -381,7 +381,7 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
 
 @rule("team", "controller", numbers=False, shared=True)
 def laws_take_instructions(scenario: Scenario) -> None:
-    """Check that the laws of a team's members take what the law of the team says to them."""
+    """Check that the laws of a team's members accept instructions of the team's law."""
     team, agents = scenario.team, scenario.agents.items()
     deaf = [name for name, each in agents if part_of(each.controller.par, "carrying") is None]
     for each in team.members if team is not None and team.steers else ():

@@ -490,9 +490,9 @@ class Contact(Force[ContactMemory]):
         """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
         if self.grippers:
             memory = replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
-        return replace(memory, **self._closed(memory, t - dt, motion)) if memory.places else memory
+        return replace(memory, **self._closing_poses(memory, t - dt, motion)) if memory.places else memory
 
-    def _closed(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> dict[str, tuple[Any, ...]]:
+    def _closing_poses(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> dict[str, tuple[Any, ...]]:
         """Places and attitudes of grasps: those of the frames for grasps that were open at ``t`` (s)."""
         bodies = {each.name: each.frame(body) for each, body in zip(self.carriers, memory.carried, strict=True)}
         turned = iter(zip(memory.turns, self._turns(memory, motion), strict=True))

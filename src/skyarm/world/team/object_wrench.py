@@ -28,7 +28,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
-from skyarm.world.team.team import SMALL, Team, TeamInputs, divided, limited, loaded, weight_of
+from skyarm.world.team.team import SMALL, Team, TeamInputs, load_fraction, over, shorten, weight_of
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -106,9 +106,9 @@ class ObjectWrench(Team):
     ] = 0.0
 
     def desired_pull(self, t: Scalar) -> Scalar:
-        """Wanted pull (N) along the lines of the grasps at a time (s)."""
+        """Desired pull (N) along the lines of the grasps at a time (s)."""
         assert self.motion is not None
-        return self.internal_force * loaded(self.motion, t, self.rise)
+        return self.internal_force * load_fraction(self.motion, t, self.rise)
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
@@ -126,7 +126,7 @@ class ObjectWrench(Team):
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         assert self.motion is not None
         desired, R = inputs.desired, inputs.desired.R
-        share = loaded(self.motion, inputs.time, self.rise)
+        share = load_fraction(self.motion, inputs.time, self.rise)
         arms = self.arms(R)
         forces = [f * share for f in self._load(inputs, arms)]
         set_point = self.internal(forces, arms)
@@ -134,10 +134,10 @@ class ObjectWrench(Team):
         excess = self._excess(late, set_point, arms, inputs.holding)
         flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
         rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
-        place = limited(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
-        turn = limited(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
+        place = shorten(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
+        turn = shorten(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
-        inner = [limited(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
+        inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []
         for force, arm, q, e, shift in zip(forces, arms, inner, excess, own.shifts, strict=True):
             target = place + turn.cross(arm) + R.apply(q)
@@ -170,7 +170,7 @@ class ObjectWrench(Team):
     def _load(self, inputs: TeamInputs, arms: Sequence[Vec3]) -> list[Vec3]:
         """Force (N) of each member on the body in its desired motion, with the desired internal force."""
         shared = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
-        pulling = [divided(arm, sqrt(arm.dot(arm) + SMALL)) * self.internal_force for arm in self.from_middle(arms)]
+        pulling = [over(arm, sqrt(arm.dot(arm) + SMALL)) * self.internal_force for arm in self.from_middle(arms)]
         return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
 
     def _excess(

@@ -59,7 +59,7 @@ class Member:
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
-        Unit("", "virtual mass; a member bears the body's force in proportion to it", low=0.0, strict=True),
+        Unit("", "virtual mass, to which the member's share of the force is proportional", low=0.0, strict=True),
     ] = 1.0
 
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
@@ -74,7 +74,7 @@ class Member:
 
 @immutable
 class TeamInputs:
-    """What a team's law receives in a control period, world axes.
+    """Inputs of a team's law in a control period, world axes.
 
     Attributes:
         time: s. desired: desired motion of the body. body: its measured pose and velocity.
@@ -148,7 +148,7 @@ class Team(Component[TeamMemory]):
         return ()
 
     def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
-        """Next state of the team's law, and what it says to each member; () for nothing."""
+        """Next state of the team's law, and its instructions to each member; () for none."""
         return own, ()
 
     def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
@@ -194,7 +194,7 @@ class Team(Component[TeamMemory]):
         inputs = TeamInputs(time=t, holding=holding, desired=desired, body=body, gravity=motion.gravity, forces=forces)
         own, carries = self.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
-        outward = [divided(arm, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
+        outward = [over(arm, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
         inner = self.internal(pulls, arms)
         pull = sum((f.dot(u) for f, u in zip(inner, outward, strict=True)), 0.0) * (1.0 / len(arms))
         whole = sum((f.z for f in pulls), 0.0)
@@ -205,7 +205,7 @@ class Team(Component[TeamMemory]):
         return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
 
     def desired_pull(self, t: Scalar) -> Scalar:
-        """Wanted pull (N) along the lines of the grasps at a time (s)."""
+        """Desired pull (N) along the lines of the grasps at a time (s)."""
         return 0.0
 
     def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
@@ -274,12 +274,12 @@ class Team(Component[TeamMemory]):
         return memory.logged
 
 
-def divided(v: Vec3, by: Scalar) -> Vec3:
+def over(v: Vec3, by: Scalar) -> Vec3:
     """Vector over a number."""
     return v * divide(1.0, by)
 
 
-def loaded(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
+def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
     """Share of the load that the members bear at a time (s): 1 from lift to place, risen and fallen in ``rise`` (s)."""
     up, down = (clip(divide(t - begin, rise), 0.0, 1.0) for begin in (motion.lift - rise, motion.stop))
     return _smooth(up) * (1.0 - _smooth(down))
@@ -299,6 +299,6 @@ def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, V
     return force, times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
 
 
-def limited(v: Vec3, most: Scalar) -> Vec3:
+def shorten(v: Vec3, most: Scalar) -> Vec3:
     """Vector shortened to a length, along its direction."""
     return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))

@@ -1,4 +1,4 @@
-"""Part of a load at the tip: its wrench is compensated in advance, and the force that the tip bears is estimated.
+"""Part of a load at the tip: its wrench is compensated in advance, and the force on the tip is estimated.
 
 The reference says which wrench h the load is about to exert on the tip (:class:`skyarm.reference.carry.Carry`). Its
 effect J^T h on base and joints, at the pose of the reference, is a feed-forward beside the observer, which never sees
