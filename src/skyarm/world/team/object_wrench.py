@@ -23,12 +23,11 @@ from collections.abc import Collection, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, logical_and, sqrt, where
+from skyarm.algebra.scalars import logical_and, where
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.reference.carry import Carry
-from skyarm.world.team.team import SMALL, Team, TeamInputs, load_fraction, over, shorten, weight_of
+from skyarm.world.team.team import Sharing, Team, TeamInputs, as_data, carry_of, shorten, weight_of
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -62,14 +61,9 @@ class WrenchMemory:
 
 
 @immutable
-class ObjectWrench(Team):
+class ObjectWrench(Sharing):
     """Law that shares the wrench of a body and controls its pose and the internal forces of the members."""
 
-    steers = True
-
-    internal_force: Annotated[Scalar, Unit("N", "desired pull along the lines of the grasps, positive in tension")] = (
-        0.0
-    )
     pose_gain: Annotated[
         Scalar,
         Unit(
@@ -98,17 +92,9 @@ class ObjectWrench(Team):
         ),
     ] = 0.02
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
-    rise: Annotated[Scalar, Unit("s", "time before the lift in which members take the load", low=0.0, strict=True)] = (
-        1.3
-    )
     delay: Annotated[
         float, Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, fixed=True)
     ] = 0.0
-
-    def desired_pull(self, t: Scalar) -> Scalar:
-        """Desired pull (N) along the lines of the grasps at a time (s)."""
-        assert self.motion is not None
-        return self.internal_force * load_fraction(self.motion, t, self.rise)
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
@@ -126,11 +112,10 @@ class ObjectWrench(Team):
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         assert self.motion is not None
         desired, R = inputs.desired, inputs.desired.R
-        share = load_fraction(self.motion, inputs.time, self.rise)
-        arms = self.arms(R)
+        share, arms = self.fraction(inputs.time), self.arms(R)
         forces = [f * share for f in self._load(inputs, arms)]
         set_point = self.internal(forces, arms)
-        late = (tuple(Vec3(*map(data, f)) for f in inputs.forces), *own.late)
+        late = (tuple(map(as_data, inputs.forces)), *own.late)
         excess = self._excess(late, set_point, arms, inputs.holding)
         flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
         rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
@@ -144,24 +129,14 @@ class ObjectWrench(Team):
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
-            moved = TipShift(offset=_data(shift.offset + speed * dt), rate=_data(speed))
+            moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
-            carry = Carry(
-                held=data(inputs.holding),
-                share=data(share),
-                force=_data(-force),
-                moment=ZERO3_DATA,
-                forgotten_force=_data(e * self.blind),
-                forgotten_moment=ZERO3_DATA,
-                offset=moved.offset,
-                offset_rate=moved.rate,
-                offset_acceleration=_data(bend),
-            )
-            carries.append(carry.numbers)
+            moves = (moved.offset, moved.rate, bend)
+            carries.append(carry_of(inputs.holding, share, moves, -force, e * self.blind))
         following = WrenchMemory(
-            place=_data(place),
-            turn=_data(turn),
-            inner=tuple(map(_data, inner)),
+            place=as_data(place),
+            turn=as_data(turn),
+            inner=tuple(map(as_data, inner)),
             shifts=tuple(shifts),
             late=late[: len(own.late)],
         )
@@ -170,7 +145,7 @@ class ObjectWrench(Team):
     def _load(self, inputs: TeamInputs, arms: Sequence[Vec3]) -> list[Vec3]:
         """Force (N) of each member on the body in its desired motion, with the desired internal force."""
         shared = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
-        pulling = [over(arm, sqrt(arm.dot(arm) + SMALL)) * self.internal_force for arm in self.from_middle(arms)]
+        pulling = [line * self.internal_force for line in self.outward(arms)]
         return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
 
     def _excess(
@@ -179,7 +154,3 @@ class ObjectWrench(Team):
         """Desired internal force of each member (N) less its estimated one; zero before the body is held."""
         rows = zip(set_point, self.internal(late[-1], arms), strict=True)
         return [(desired - f) * holding for desired, f in rows]
-
-
-def _data(v: Vec3) -> Vec3:
-    return Vec3(*map(data, v))

@@ -19,7 +19,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
@@ -194,9 +194,8 @@ class Team(Component[TeamMemory]):
         inputs = TeamInputs(time=t, holding=holding, desired=desired, body=body, gravity=motion.gravity, forces=forces)
         own, carries = self.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
-        outward = [over(arm, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
-        inner = self.internal(pulls, arms)
-        pull = sum((f.dot(u) for f, u in zip(inner, outward, strict=True)), 0.0) * (1.0 / len(arms))
+        lines = zip(self.internal(pulls, arms), self.outward(arms), strict=True)
+        pull = sum((f.dot(line) for f, line in lines), 0.0) * (1.0 / len(arms))
         whole = sum((f.z for f in pulls), 0.0)
         whole = where(absolute(whole) > LEAST, whole, 1e12)
         off, turn = body.position - desired.position, self.turn_error(body.rotation, desired.R)
@@ -231,6 +230,10 @@ class Team(Component[TeamMemory]):
         whole = divide(1.0, sum((each.mass for each in self.members), 0.0))
         middle = sum((arm * (each.mass * whole) for arm, each in zip(arms, self.members, strict=True)), ZERO3)
         return [arm - middle for arm in arms]
+
+    def outward(self, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Unit vectors from the middle of the virtual masses to the grasps."""
+        return [arm * divide(1.0, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
 
     def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
         """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
@@ -274,9 +277,26 @@ class Team(Component[TeamMemory]):
         return memory.logged
 
 
-def over(v: Vec3, by: Scalar) -> Vec3:
-    """Vector over a number."""
-    return v * divide(1.0, by)
+@immutable
+class Sharing(Team):
+    """Base class of laws that instruct the members, with a desired pull and the time in which they take the load."""
+
+    steers = True
+
+    internal_force: Annotated[Scalar, Unit("N", "desired pull along the lines of the grasps, positive in tension")] = (
+        0.0
+    )
+    rise: Annotated[
+        Scalar, Unit("s", "time before the lift in which the members take the load", low=0.0, strict=True)
+    ] = 1.3
+
+    def fraction(self, t: Scalar) -> Scalar:
+        """Fraction of the load that the members bear at a time (s): 1 from lift to place."""
+        return 0.0 if self.motion is None else load_fraction(self.motion, t, self.rise)
+
+    def desired_pull(self, t: Scalar) -> Scalar:
+        """Desired pull (N) along the lines of the grasps at a time (s)."""
+        return self.internal_force * self.fraction(t)
 
 
 def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
@@ -302,3 +322,34 @@ def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, V
 def shorten(v: Vec3, most: Scalar) -> Vec3:
     """Vector shortened to a length, along its direction."""
     return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
+
+
+def as_data(v: Vec3) -> Vec3:
+    """Vector whose numbers are data."""
+    return Vec3(*map(data, v))
+
+
+def carry_of(
+    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Vec3 = ZERO3_DATA
+) -> Scalars:
+    """Instructions to one member as numbers.
+
+    Args:
+        holding: 1 while the members hold the body.
+        share: fraction of the load that they bear.
+        shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
+        force: known force of the body on the tip, N, world axes.
+        forgotten: rate at which the observer forgets a force on the tip, N/s, world axes.
+    """
+    offset, rate, acceleration = map(as_data, shift)
+    return Carry(
+        held=data(holding),
+        share=data(share),
+        force=as_data(force),
+        moment=ZERO3_DATA,
+        forgotten_force=as_data(forgotten),
+        forgotten_moment=ZERO3_DATA,
+        offset=offset,
+        offset_rate=rate,
+        offset_acceleration=acceleration,
+    ).numbers
