@@ -138,7 +138,7 @@ def test_mujoco_flies_the_same():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"law": "nobody"}, "team.law = 'nobody': must be one of own_paths, object_wrench"),
+        ({"law": "nobody"}, "team.law = 'nobody': must be one of own_paths, leader_follower"),
         ({"object": "plank"}, "team.object = 'plank': must be"),
         ({"members": [{"agent": "left", "place": [0.0, 0.0, 0.0]}]}, "team.members = 1 members: must be two or more"),
         ({"members": [{"agent": "left", "place": [0, 0, 0]}, {"agent": "up", "place": [0, 0, 0]}]}, "members[1].agent"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -136,14 +136,18 @@ class Document:
         """Name of the agent whose words are read; empty for the only one and for what all share."""
         return self._prefix.rpartition(".")[2]
 
+    @property
+    def agents(self) -> Collection[str]:
+        """Names of all agents."""
+        return (self._whole or self).members
+
     def entry_at(self, path: str) -> Entry:
         """Unread entry of the file at a path from its top; an empty table if the file has none."""
-        first, *rest = path.split(".")
-        fields = self.table("")
+        within, _, name = path.rpartition(".")
+        first, fields = path.split(".", maxsplit=1)[0], self.table("")
         fields.take(first, {})
-        for step in (first, *rest[:-1]) if rest else ():
-            fields = fields.inner(step)
-        return fields.table.get(path.rpartition(".")[2], {})
+        entry: Entry = (fields.inner(within) if within else fields).table.get(name, {})
+        return entry
 
     def at(self, path: str) -> str:
         """Path of a word in the file: below the agent's own table if that has it."""

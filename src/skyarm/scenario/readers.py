@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -75,6 +75,11 @@ class ScenarioWords(Protocol):
     @property
     def name(self) -> str:
         """Name of the agent whose words are read; empty for the only one and for what all share."""
+        ...
+
+    @property
+    def agents(self) -> Collection[str]:
+        """Names of all agents."""
         ...
 
     def entry_at(self, path: str) -> Entry:
@@ -332,7 +337,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         raise ValueError(f"{path}.members = {words}")
     with errors_as(ValueError, f"{path}."):
         named = dataclasses.replace(record, members=members)
-        named.require_members(reading.entry_at(AGENTS), 1.0 / reading.word("rates").control)
+        named.require_members(reading.agents, 1.0 / reading.word("rates").control)
     taken = ((each, places.get(each.agent, each.place)) for each in members)
     members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
     motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)

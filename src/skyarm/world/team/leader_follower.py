@@ -72,7 +72,8 @@ class LeaderFollower(Sharing):
         after, carries = [], []
         rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, strict=True)
         for member, body, line, force, load in rows:
-            bend, moved = 0.0, body
+            bend: Scalar = 0.0
+            moved = body
             if member.agent != leader:
                 expected = load.dot(line) + self.internal_force
                 excess = (force.dot(line) - expected * share) * inputs.holding
