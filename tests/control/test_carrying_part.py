@@ -14,7 +14,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.contact.carrying import planned_effect, tip_wrench
+from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, tip_wrench
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference, hover
@@ -153,6 +153,27 @@ def test_the_bias_stands_from_the_moment_at_which_the_tip_holds():
     follows = 1.0 - np.exp(-3.0 * DT)  # the bandwidth of the bias is 3 rad/s
     assert np.allclose([*free.bias.force], follows * np.array([*FORCE]), atol=1e-12)
     assert np.allclose([*free.force], (1.0 - follows) * np.array([*FORCE]), atol=1e-3)
+
+
+def test_a_held_load_stops_adaptation_and_its_force_turns_the_base_by_its_rate():
+    controller, seen = law(adaptation=2.0), []
+
+    class Watched(CarryingGains):
+        def affect(self, memory, step, effect):
+            following, effect = CarryingGains.affect(self, memory, step, effect)
+            seen.append(effect)
+            return following, effect
+
+    part = Watched(bandwidth=1.0)
+    par = dataclasses.replace(controller.par, parts=dataclasses.replace(controller.par.parts, carrying=part))
+    memory = controller.memory
+    for k in range(3):
+        row = carrying(held=float(k > 0), force=Vec3(0.2 * k, 0.0, -0.1 * k))
+        reference, measured = at_rest(controller, row)
+        memory, _ = controller.law(memory, measured, reference, DT, par=par)
+    assert [float(each.learns) for each in seen] == [1.0, 0.0, 0.0]
+    assert [float(each.isolated) for each in seen] == [1.0, 0.0, 0.0]
+    assert np.allclose([[*each.force_rate] for each in seen], [[0, 0, 0], *[[0.2 / DT, 0.0, -0.1 / DT]] * 2])
 
 
 def test_gains_are_those_of_carrying_only_while_a_load_is_carried():

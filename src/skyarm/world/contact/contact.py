@@ -490,7 +490,7 @@ class Contact(Force[ContactMemory]):
         """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
         if self.grippers:
             memory = replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
-        return replace(memory, **self._closing_poses(memory, t - dt, motion)) if memory.places else memory
+        return replace(memory, **self._closing_poses(memory, t - 0.5 * dt, motion)) if memory.places else memory
 
     def _closing_poses(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> dict[str, tuple[Any, ...]]:
         """Places and attitudes of grasps: those of the frames for grasps that were open at ``t`` (s)."""

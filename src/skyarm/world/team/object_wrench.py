@@ -23,7 +23,7 @@ from collections.abc import Collection, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import where
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -118,7 +118,7 @@ class ObjectWrench(Sharing):
         late = (tuple(map(as_data, inputs.forces)), *own.late)
         excess = self._excess(late, set_point, arms, inputs.holding)
         flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
-        rate = where(logical_and(share > 0.0, flies), self.pose_gain * dt, 0.0)
+        rate = where(flies, self.pose_gain * dt, 0.0)
         place = shorten(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
         turn = shorten(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
