@@ -115,7 +115,15 @@ def inputs(whole, t, forces=None, off=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)):
     )
     given = [still] * len(whole.members) if forces is None else [vec(f) for f in forces]
     holding = float(t >= whole.take)
-    return TeamInputs(time=t, holding=holding, desired=desired, body=body, gravity=9.81, forces=given)
+    return TeamInputs(
+        time=t,
+        holding=holding,
+        desired=desired,
+        body=body,
+        gravity=9.81,
+        forces=given,
+        moments=[still] * len(whole.members),
+    )
 
 
 def instructions(whole, t, count=1, **given):
@@ -147,6 +155,14 @@ def test_members_forget_a_pull_beyond_the_desired_one_and_part_less():
     assert np.allclose([[*q] for q in own.inner], [[0.5 * 0.05 * DT * 3.0, 0, 0], [-0.5 * 0.05 * DT * 3.0, 0, 0]])
     _, before = instructions(whole, 1.0, forces=[(-4.0, 0.0, 7.0), (4.0, 0.0, 7.0)])
     assert all([*row.forgotten_force] == [0.0, 0.0, 0.0] and row.held == 0.0 for row in before)
+
+
+def test_members_forget_the_moments_of_fixed_grasps():
+    whole = team(blind_moments=4.0)
+    given = dataclasses.replace(inputs(whole, 5.0), moments=[Vec3(0.1, 0.0, -0.2), Vec3(0.0, 0.3, 0.0)])
+    _, rows = whole.lead(whole.first(DT), given, DT)
+    found = [[*Carry.of(row).forgotten_moment] for row in rows]
+    assert np.allclose(found, [[-0.4, 0.0, 0.8], [0.0, -1.2, 0.0]], atol=1e-12)  # of what the body does to the tips
 
 
 def test_an_error_of_the_pose_shifts_and_turns_all_tips_but_not_about_their_line():

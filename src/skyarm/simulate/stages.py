@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, cast
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load, part_of
@@ -172,9 +172,9 @@ class Stages:
                 contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
                 borne = {name: part_of(own.memory, "carrying") for name, own in rows}
-                forces = {name: memory.force for name, memory in borne.items() if is_record(memory)}
+                wrenches = {n: Force(each.moment, each.force) for n, each in borne.items() if is_record(each)}
                 memory = cast("TeamMemory", shared[i])
-                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, forces)
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, wrenches)
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""

@@ -61,7 +61,7 @@ class LeaderFollower(Sharing):
             raise RecordError(f"leader = {shown(self.leader)}: {must_be_one_of(members, self.leader)}")
 
     def first(self, period: float) -> tuple[Yielding, ...]:
-        """Initial state of the law: nobody has yielded."""
+        """Initial state of the law: no follower has yielded."""
         return (Yielding(),) * len(self.members)
 
     def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:

@@ -82,6 +82,15 @@ class ObjectWrench(Sharing):
             effect="higher values leave less internal force and tolerate less delay of messages",
         ),
     ] = 10.0
+    blind_moments: Annotated[
+        Scalar,
+        Unit(
+            "1/s",
+            "rate at which observers forget moments between tip and body, of fixed grasps",
+            low=0.0,
+            effect="higher values leave less moment in a fixed grasp",
+        ),
+    ] = 0.0
     pull_gain: Annotated[
         Scalar,
         Unit(
@@ -124,7 +133,8 @@ class ObjectWrench(Sharing):
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []
-        for force, arm, q, e, shift in zip(forces, arms, inner, excess, own.shifts, strict=True):
+        rows = zip(forces, arms, inner, excess, own.shifts, inputs.moments, strict=True)
+        for force, arm, q, e, shift, moment in rows:
             target = place + turn.cross(arm) + R.apply(q)
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
@@ -132,7 +142,8 @@ class ObjectWrench(Sharing):
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
             moves = (moved.offset, moved.rate, bend)
-            carries.append(carry_of(inputs.holding, share, moves, -force, e * self.blind))
+            forgotten = e * self.blind, moment * (-self.blind_moments * inputs.holding)
+            carries.append(carry_of(inputs.holding, share, moves, -force, forgotten))
         following = WrenchMemory(
             place=as_data(place),
             turn=as_data(turn),

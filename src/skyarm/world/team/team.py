@@ -20,6 +20,7 @@ from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
@@ -44,6 +45,8 @@ SMALL = 1e-9
 
 LEAST = 1e-3
 """Force (N) of all grasps below which their shares are not told apart."""
+
+NO_WRENCH = Wrench6(ZERO3, ZERO3)
 
 
 @immutable
@@ -80,7 +83,7 @@ class TeamInputs:
         time: s. desired: desired motion of the body. body: its measured pose and velocity.
         gravity: m/s^2.
         holding: 1 while the members hold the body, else 0.
-        forces: force (N) of each member on the body, as that member estimates it.
+        forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
     """
 
     time: Scalar
@@ -89,6 +92,7 @@ class TeamInputs:
     body: CarriedFrame
     gravity: Scalar
     forces: Sequence[Vec3]
+    moments: Sequence[Vec3]
 
 
 @immutable
@@ -168,7 +172,7 @@ class Team(Component[TeamMemory]):
         motion: PointMotion,
         contact: Contact,
         touching: ContactMemory,
-        tip_forces: Mapping[str, Vec3],
+        tip_wrenches: Mapping[str, Wrench6],
     ) -> TeamMemory:
         """Internal state of the team after its law has spoken to the members, at the start of a control period.
 
@@ -179,19 +183,26 @@ class Team(Component[TeamMemory]):
             motion: motion of all vehicles.
             contact: contact model in which the body moves.
             touching: its internal state.
-            tip_forces: force (N, world axes) of the body on a tip by the estimate of its law, by the member's name.
+            tip_wrenches: wrench (N, N m, world axes) of the body on a tip by its law's estimate, by the member's name.
         """
         if self.motion is None:
             return memory
         index = [each.name for each in contact.carriers].index(self.object)
-        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_forces, ZERO3)
+        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_wrenches, ZERO3)
         for grasp, of, by, _ in contact.pulls(touching, motion, t):
             by_agent |= {grasp.agent: by.force} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         desired = self.motion.at(t)
-        forces = [-tip_forces.get(each.agent, ZERO3) for each in self.members]
-        holding = where(t < self.take, 0.0, 1.0)
-        inputs = TeamInputs(time=t, holding=holding, desired=desired, body=body, gravity=motion.gravity, forces=forces)
+        borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
+        inputs = TeamInputs(
+            time=t,
+            holding=where(t < self.take, 0.0, 1.0),
+            desired=desired,
+            body=body,
+            gravity=motion.gravity,
+            forces=[-each.force for each in borne],
+            moments=[-each.torque for each in borne],
+        )
         own, carries = self.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
         lines = zip(self.internal(pulls, arms), self.outward(arms), strict=True)
@@ -329,8 +340,11 @@ def as_data(v: Vec3) -> Vec3:
     return Vec3(*map(data, v))
 
 
+NOTHING = (ZERO3_DATA, ZERO3_DATA)
+
+
 def carry_of(
-    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Vec3 = ZERO3_DATA
+    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Sequence[Vec3] = NOTHING
 ) -> Scalars:
     """Instructions to one member as numbers.
 
@@ -339,7 +353,7 @@ def carry_of(
         share: fraction of the load that they bear.
         shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
         force: known force of the body on the tip, N, world axes.
-        forgotten: rate at which the observer forgets a force on the tip, N/s, world axes.
+        forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
     """
     offset, rate, acceleration = map(as_data, shift)
     return Carry(
@@ -347,8 +361,8 @@ def carry_of(
         share=data(share),
         force=as_data(force),
         moment=ZERO3_DATA,
-        forgotten_force=as_data(forgotten),
-        forgotten_moment=ZERO3_DATA,
+        forgotten_force=as_data(forgotten[0]),
+        forgotten_moment=as_data(forgotten[1]),
         offset=offset,
         offset_rate=rate,
         offset_acceleration=acceleration,
