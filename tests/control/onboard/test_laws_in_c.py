@@ -86,7 +86,7 @@ def test_instructions_of_a_team_and_the_force_at_the_tip_are_in_c(tmp_path):
     controller = make_controller("centroidal", Model(vehicle=vehicle), mode="tip", carrying=0.7)
     text = text_of(controller)
     assert re.search(r"double carry\[23\];", text)
-    assert "Memory, parts, carrying: estimated force (N) and moment (N m) on the" in text
+    assert "Memory, parts, carrying: estimated force (N) and moment (N m)" in text
     in_c, memory = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off")), controller.memory
     rows = inputs("hummingbird_arm2", count=12, preview=len(preview_leads(controller.par)))
     for k, (measurement, reference) in enumerate(rows):
