@@ -15,11 +15,12 @@ members are kinematic.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, maximum
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.world.team.team import Sharing, TeamInputs, as_data, carry_of
 
@@ -56,8 +57,9 @@ class Decentralised(Sharing):
         """Initial state of the law: nothing shifted, no mass."""
         return (MemberState(),) * len(self.members)
 
-    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
         """Next state of the law, and to each member its force and the shift of its tip."""
+        own = cast("tuple[MemberState, ...]", own)
         share = self.fraction(inputs.time)
         lines = self.outward(self.arms(inputs.desired.R))
         after, carries = [], []

@@ -13,13 +13,14 @@ Sources: Tagliabue, Kamel, Siegwart, Nieto 2017 (followers by admittance on an e
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import clip, data, divide
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.world.team.team import Sharing, Team, TeamInputs, carry_of, weight_of
 
@@ -64,8 +65,9 @@ class LeaderFollower(Sharing):
         """Initial state of the law: no follower has yielded."""
         return (Yielding(),) * len(self.members)
 
-    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
         """Next state of the law, and the shift of each follower's tip."""
+        own = cast("tuple[Yielding, ...]", own)
         leader, share = self.leader or self.members[0].agent, self.fraction(inputs.time)
         arms = self.arms(inputs.desired.R)
         loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)

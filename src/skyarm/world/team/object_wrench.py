@@ -20,12 +20,13 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import where
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.world.team.team import Sharing, Team, TeamInputs, as_data, carry_of, shorten, weight_of
 
@@ -117,8 +118,9 @@ class ObjectWrench(Sharing):
         late = (still,) * round(self.delay / period)
         return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=late)
 
-    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
+        own = cast("WrenchMemory", own)
         assert self.motion is not None
         desired, R = inputs.desired, inputs.desired.R
         share, arms = self.fraction(inputs.time), self.arms(R)

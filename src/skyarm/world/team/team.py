@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
@@ -99,7 +99,7 @@ class TeamInputs:
 class TeamMemory:
     """Internal state of a team: that of its law, instructions to the members, and numbers for the log."""
 
-    own: Any = ()
+    own: Tree = ()
     carries: tuple[Scalars, ...] = ()
     logged: Scalars = ()
 
@@ -151,7 +151,7 @@ class Team(Component[TeamMemory]):
         """Initial state of the team's law."""
         return ()
 
-    def lead(self, own: Any, inputs: TeamInputs, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
         """Next state of the team's law, and its instructions to each member; () for none."""
         return own, ()
 
