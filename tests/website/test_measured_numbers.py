@@ -54,6 +54,7 @@ UNMEASURED = {
     "command": "commands and minutes of the tables",
     "loop of PX4": "gains by a rule, computed",
     "property": "properties of the cache of machine code",
+    "question": "where a page answers it",
 }
 """First head of a table of a results page that is not measured -> what it is about."""
 
