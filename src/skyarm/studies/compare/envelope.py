@@ -338,7 +338,8 @@ HOW = (
 
 def envelope_picture(found: Record) -> bytes:
     """PNG picture of the errors along all difficulty axes."""
-    return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
+    panels = {axis_words(name): axis for name, axis in found["axes"].items()}
+    return image_bytes(envelope_figure(panels, found["laws"]), dpi=DPI)
 
 
 def envelope_report(found: Record, picture: bytes | None = None) -> Report:
