@@ -105,7 +105,7 @@ MODES = ("tool", "joints", "plan")
 
 @immutable
 class PlannedGoal:
-    """What a plan says of one stage beyond positions: attitude, rate (rad/s, body axes) and rotor accelerations."""
+    """Planned attitude of one stage and its motion: attitude, rate (rad/s, body axes) and rotor accelerations."""
 
     attitude: Quaternion
     rate: Vec3
