@@ -158,7 +158,7 @@ class Document:
 
     @contextmanager
     def errors_at(self) -> Iterator[None]:
-        """Context manager that puts the agent before an error about a word that stands in the agent's own table."""
+        """Context manager that puts the agent before an error about a word of the agent's own table."""
         try:
             yield
         except ValueError as error:
