@@ -6,6 +6,7 @@ import copy
 import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,15 @@ import pytest
 import skyarm
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.suite import NOISE
-from support.teams import TEAMS
 
-TABLES = tomllib.loads((TEAMS / "carry_bar.toml").read_text("utf-8"))
+TABLES = tomllib.loads((Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
 
 OFF = {"members": [{"agent": "left", "place": [-0.55, 0.0, 0.02]}, {"agent": "right", "place": [0.53, 0.0, 0.02]}]}
 """Right grasp 2 cm from where the team supposes it."""
 
 
 def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict[str, Any]:
-    """Tables of the shipped flight of the tests under a law, with grasps of a stiffness (N/m)."""
+    """Tables of the shipped flight under a law, with grasps of a stiffness (N/m)."""
     tables: dict[str, Any] = copy.deepcopy(TABLES)
     tables["team"] = {"law": law, "object": "bar", **team}
     for grasp in tables["world"]["grasps"]:

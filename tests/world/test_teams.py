@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -267,3 +269,18 @@ def test_thapas_law_on_kinematic_tips_has_his_internal_force_speed_and_mass():
     assert (path[-1] - path[-2]) / h == pytest.approx([0.2, 0.0, 0.0], abs=2e-3)
     assert masses.sum() == pytest.approx(0.4990, abs=4e-3)
     assert (masses - 0.1) / gains == pytest.approx(-9.81 * tips[:, 2], rel=0.02)
+
+
+def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
+    root = Path(__file__).resolve().parents[2]
+    page = (root / "docs" / "carry_together.md").read_text("utf-8")
+    shown = tomllib.loads(page.partition("```toml\n")[2].partition("```")[0])
+    shipped = tomllib.loads((root / "src/skyarm/scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
+    assert shown["controller"].items() <= shipped["controller"].items()
+    assert [shown[name] for name in ("team", "agents")] == [shipped[name] for name in ("team", "agents")]
+    assert shown["reference"]["tip"] == shipped["reference"]["tip"]
+    pairs = zip(shown["reference"]["object"]["phases"], shipped["reference"]["object"]["phases"], strict=True)
+    for one, other in pairs:
+        assert one.keys() == other.keys()
+        assert all(value == pytest.approx(other[word], abs=1e-3) for word, value in one.items() if word != "kind")
+        assert one["kind"] == other["kind"]
