@@ -34,7 +34,7 @@ def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict
 
 
 def flown(tables: dict[str, Any], edit: Callable[[Scenario], Scenario] = lambda scenario: scenario) -> Any:
-    return skyarm.run(edit(skyarm.scenario_from(tables, TEAMS)))
+    return skyarm.run(edit(skyarm.scenario_from(tables)))
 
 
 def scores(log: Any) -> Mapping[str, float]:
@@ -152,7 +152,7 @@ def test_a_wrong_team_is_refused_in_one_line(change, words):
     tables = bar()
     tables["team"] |= change
     with pytest.raises(ValueError, match="team") as refused:
-        skyarm.scenario_from(tables, TEAMS)
+        skyarm.scenario_from(tables)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -161,18 +161,18 @@ def test_a_law_that_takes_no_instructions_is_refused():
     tables = bar()
     del tables["controller"]["carrying"]
     with pytest.raises(skyarm.ScenarioError, match=r"agents\.left\.controller\.carrying: must be above 0, as 0\.7"):
-        skyarm.scenario_from(tables, TEAMS)
+        skyarm.scenario_from(tables)
 
 
 def test_a_team_without_a_desired_motion_is_refused():
     tables = bar()
     del tables["reference"]["object"]
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.object\.phases"):
-        skyarm.scenario_from(tables, TEAMS)
+        skyarm.scenario_from(tables)
 
 
 def test_an_object_to_carry_without_a_team_is_refused():
     tables = bar()
     del tables["team"]
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.object"):
-        skyarm.scenario_from(tables, TEAMS)
+        skyarm.scenario_from(tables)
