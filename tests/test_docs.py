@@ -66,7 +66,7 @@ def test_every_table_of_a_scenario_is_in_the_example():
     top = page("scenario_files.md").split("<!-- generated: words top ")[1].split("<!-- /generated -->")[0]
     tables = set(re.findall(r"^\| `(\w+)` \| table", top, re.MULTILINE))
     # on pages or in sections of their own
-    others = {"agents", "estimator", "payloads", "world", "endings", "plugins", "numbers"}
+    others = {"agents", "estimator", "payloads", "world", "team", "endings", "plugins", "numbers"}
     assert others < tables
     assert tables - others == {name for name, value in document.items() if isinstance(value, dict)} | {"changes"}
 

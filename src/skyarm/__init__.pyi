@@ -202,5 +202,8 @@ from skyarm.world.contact import (
 from skyarm.world.contact import (
     Surface as Surface,
 )
+from skyarm.world.team import (
+    Team as Team,
+)
 
 __version__: str

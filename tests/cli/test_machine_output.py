@@ -100,7 +100,7 @@ def test_every_command_takes_the_common_options_and_says_so(command: str) -> Non
     assert re.search(r"^  -q, --quiet  +no output and no progress", text, re.MULTILINE)
     assert re.search(r"^  --plugin FILE.py  +a .py file that registers names; repeat", text, re.MULTILINE)
     assert ("-o, --out " in text) == (command not in READS), "enter it in tests/cli/every_command.py"
-    assert ("--laws LAW,..." in text) == (command in CHOOSES)
+    assert ("--laws LAW" in text) == (command in CHOOSES)
     assert not set(re.findall(r"--[\w-]+", text)) & set(OLDER), "help shows one spelling"
 
 

@@ -88,7 +88,7 @@ PHRASES = {
     "shift_rate": "`shift_rate` ({} rad/s)",
     "pull": "`a` = {} m/s^2,",
     "tilt": "`tilt` ({})",
-    "approach": "`e_0` for {} m/s^2",
+    "approach": "deceleration `b` = {} m/s^2",
     "low_thrust": "Below `c` = {} of the weight",
     "arm_turn": "`size` exceeds {} rad/s^2",
     "yaw_slack": "`t_0` is {} rad/s^2",

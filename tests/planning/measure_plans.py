@@ -1,30 +1,38 @@
-"""Plan many drawn tasks and print how many are solved, how fast, and how near the vehicle comes to anything.
+"""Plan many tasks: the tables of docs/results_planning.md on solutions.
 
-``python tests/planning/measure_plans.py goals 100``: tip goals within 3 m of ``hexarotor_arm6`` in 1.6 s; ``boxes``,
-``windows`` and ``shelves``: scenes with obstacles. Beside it, how many of them minimum snap solves. The draws follow
-from the seed (``--seed``, 5).
+    python tests/planning/measure_plans.py tasks|scenes [--small]
+
+``tasks``: the shipped tasks, each planned three times in this process. ``scenes``: drawn tasks. ``goals`` are tip goals
+within 3 m of ``hexarotor_arm6`` in 1.6 s, ``boxes``, ``windows`` and ``shelves`` have obstacles. Beside each, how many
+of them minimum snap flies without a fault. The draws follow from the seed 5.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+
 from skyarm.algebra import Vec3
 from skyarm.planning.planner import Plan, PlanError, plan, tip_below
 from skyarm.planning.seeds import ways_around
-from skyarm.planning.task import Goal, PlanPhase, Start, Task
+from skyarm.planning.task import Goal, PlanPhase, Start, Task, list_tasks, load_task
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
+from support.measured_tables import print_table, progress
 
 FOLDED = (0.0, 0.6, -1.2, 0.0, 0.6, 0.0)
 """Joints (rad) of ``hexarotor_arm6`` at the beginning."""
@@ -121,32 +129,64 @@ def by_waypoints(task: Task) -> str:
     return "; ".join(each.question for each in wrong)
 
 
-KINDS = {"goals": goal, "boxes": box, "windows": window, "shelves": shelf}
+KINDS = {"goals": (goal, 100), "boxes": (box, 200), "windows": (window, 200), "shelves": (shelf, 200)}
+"""Scenes and their numbers."""
+
+SEED = 5
 
 
-def measure(kind: str, count: int, seed: int) -> str:
-    """Plan drawn tasks of a kind; returns one line."""
-    rng, found, spent, causes = np.random.default_rng(seed), list[Plan](), list[float](), list[str]()
-    faults = Counter[str]()
-    for _ in range(count):
-        task, begun = KINDS[kind](rng), time.process_time()
-        try:
-            found.append(plan(task, seconds=10.0))
-        except PlanError as error:
-            causes.append(str(error))
-        spent.append(time.process_time() - begun)
-        faults[by_waypoints(task)] += 1
-    gaps = [each.nearest.gap for each in found if each.nearest is not None]
-    line = f"{kind}: {len(found)} of {count} solved, processor seconds: median {np.median(spent):.2f}, "
-    line += f"largest {max(spent):.2f}; smallest distance {min(gaps, default=np.inf):.3f} m"
-    snap = f"minimum snap and inverse kinematics: {faults.pop('', 0)} of {count}"
-    return "\n".join([line, snap, *(f"  {number} with faults of {each}" for each, number in faults.items()), *causes])
+def scenes(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: kind of scene, number, solved ones, processor time, smallest distance, those that minimum snap solves."""
+    for kind, (draw, count) in KINDS.items():
+        rng, found, spent, faults = np.random.default_rng(SEED), list[Plan](), list[float](), Counter[str]()
+        for _ in range(2 if small else count):
+            task, begun = draw(rng), time.process_time()
+            try:
+                found.append(plan(task))
+            except PlanError as error:
+                progress(str(error))
+            spent.append(time.process_time() - begun)
+            faults[by_waypoints(task)] += 1
+        gaps = [1e3 * each.nearest.gap for each in found if each.nearest is not None]
+        for fault, number in faults.items():
+            progress(f"{kind}, minimum snap: {number} with {fault or 'no fault'}")
+        seconds = f"{np.median(spent):.2f}", f"{max(spent):.2f}"
+        yield kind, len(spent), len(found), *seconds, f"{min(gaps, default=np.nan):.0f}", faults[""]
+
+
+def tasks(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: shipped task, its nodes, least processor time of three solutions, seeds, iterations, what is violated."""
+    for name in list_tasks()[: 1 if small else None]:
+        task, spent = load_task(name), list[float]()
+        for _ in range(2 if small else 4):  # the first traces the task's functions, too
+            begun = time.process_time()
+            found = plan(task)
+            spent.append(time.process_time() - begun)
+        numbers = f"{min(spent[1:]):.2f}", found.seeds, found.solution.iterations, f"{found.solution.violation:.1e}"
+        yield name, len(found.t), *numbers
+
+
+TABLES = {
+    "tasks": (tasks, ("task", ">nodes", ">processor time, s", ">seeds", ">iterations of the best", ">violation")),
+    "scenes": (
+        scenes,
+        (
+            "scenes",
+            ">number",
+            ">planned",
+            ">median time, s",
+            ">longest time, s",
+            ">smallest distance, mm",
+            ">by minimum snap",
+        ),
+    ),
+}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=KINDS)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--seed", type=int, default=5)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", choices=TABLES)
+    parser.add_argument("--small", action="store_true", help="two scenes of each kind, or one task: seconds")
     words = parser.parse_args()
-    print(measure(words.kind, words.count, words.seed))
+    rows, heads = TABLES[words.table]
+    print_table(heads, rows(words.small))

@@ -134,7 +134,7 @@ def test_a_preview_of_a_plan_is_the_plan_between_its_samples(caught: Plan, follo
     np.testing.assert_array_equal(late[0][0], late[0][1])
 
 
-def test_a_previewed_attitude_turns_about_all_axes_and_rotors_have_mean_accelerations() -> None:
+def test_a_previewed_attitude_turns_about_all_axes() -> None:
     """A body that turns at a constant rate, as scipy turns it, and rotors whose speed is a parabola of time."""
     leads, rate, first = np.array([0.02, 0.05, 0.1]), np.array([1.0, -2.0, 3.0]), Rotation.random(random_state=4)
     knots, ahead = np.append(0.0, leads), np.array([0.0, 0.03, 0.07, 0.09])

@@ -20,6 +20,7 @@ NO_COMMANDS = {
     "from",
     "and",
     "example",
+    "weigh",
     "holds",
     "itself",
     "printed",

@@ -181,7 +181,7 @@ def test_a_sample_names_every_field_of_the_control_laws():
     assert [field.name for field in dataclasses.fields(Reference)] == [
         *("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "yaw_acceleration"),
         *("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps", "tip"),
-        *("push", "load", "center", "turning", "ahead"),
+        *("push", "load", "center", "turning", "ahead", "carry"),
     ]
 
 

@@ -13,6 +13,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Change, JointDrive, NamedSensor, ScenarioError
 from skyarm.world import Fault, TimedPayload
 from skyarm.world.contact import Contact, Material, Surface
+from skyarm.world.team import Team
 from support.components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
 from support.flights import document
 
@@ -31,6 +32,7 @@ def scenario():
         changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
         payloads=(TimedPayload(mass=0.05, pick=0.01, name="parcel"),),
         world=Contact(surfaces=(Surface(name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()),)),
+        team=Team(object="bar", mass=1.6),
     )
 
 
@@ -59,6 +61,7 @@ EXAMPLES = {
     "payloads.parcel.pick": 0.01,
     "world.surfaces.wall.material.stiffness": 5000.0,
     "world.points.tip.radius": 0.0,
+    "team.mass": 1.6,
 }
 
 

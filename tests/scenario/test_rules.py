@@ -115,7 +115,7 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         assert all(hasattr(each, "require_vehicle") for each in given.components)
 
     plant = ("plant.gravity", "plant.vehicle", "plant.drives", "plant.closure")
-    words = ("duration", "rates", *plant, "environment", "payloads", "world")
+    words = ("duration", "rates", *plant, "environment", "payloads", "team", "world")
     seen = seen_by(check, [RICH])
     assert unsaid(seen, words) == set()
     left_out = {word: unsaid(seen, [other for other in words if other != word]) for word in words}
@@ -128,6 +128,7 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         "plant.closure": {("solver", "closure")},
         "environment": {("environment", "wind"), ("environment", "air"), ("environment", "forces")},
         "payloads": {("agent", "payloads")},
+        "team": {("team",)},
         "world": {("environment", "world")},
     }
 

@@ -10,7 +10,7 @@ DOCUMENT = tomllib.loads(
         block
         for block in (Path(__file__).parents[2] / "docs" / "vehicle_files.md")
         .read_text(encoding="utf-8")
-        .split("```toml\n")
+        .split('```toml title="example.toml"\n')
         if 'name = "example"' in block
     ).split("```")[0]
 )

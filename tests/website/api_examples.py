@@ -251,6 +251,10 @@ skyarm.studies.sweep.study.StudyError: ...
 >>> slower.limits.joint_rate  # rad/s
 2.0
 
+## Team
+>>> skyarm.Team(object="bar", mass=1.6).columns[2][:3]
+('team_pull', 'bar', 'N')
+
 ## TimedPayload
 >>> load = skyarm.TimedPayload(name="parcel", mass=0.3, pick=8.0, drop=14.0)  # kg, s
 >>> dataclasses.replace(scenario, payloads=(load,)).payloads[0].mass

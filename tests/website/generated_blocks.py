@@ -268,8 +268,9 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
     allowed = text.allowed or choices(row.entry) or re.sub("^at least (.*), at most ", r"\1 to ", row.bounds)
     return (
         f"`{name}`",
-        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit)
-        .replace("list of signal,", "list of signals,"),
+        typed(either(row.entry).replace("list of tables", "tables").replace(SIGNAL, "signal"), row.unit).replace(
+            "list of signal,", "list of signals,"
+        ),
         coded(row.default, whole=True),
         coded(allowed),
         row.meaning,

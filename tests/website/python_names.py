@@ -139,6 +139,7 @@ CLASSES = {
         "Drive": "add_a_drive.md",
         "Ending": "add_an_ending.md",
         "Metric": "add_a_metric.md",
+        "Team": "carry_together.md",
         "LogFormat": "add_a_log_format.md",
     },
     "numbers": {"Vec3": "mathematics.md", "Quaternion": "mathematics.md", "Mat3": "mathematics.md"},

@@ -50,10 +50,13 @@ UNMEASURED = {
     "scenario": "the paper's experiments, described",
     "what": "assumptions of the reproduction",
     "equation of the paper": "where each equation stands in the source",
-    "section": "commands and minutes of the tables",
+    "section": "logs of the sections; commands and minutes of the tables",
     "command": "commands and minutes of the tables",
     "loop of PX4": "gains by a rule, computed",
     "property": "properties of the cache of machine code",
+    "question": "where a page answers it",
+    "vehicle": "sources and licences of logs",
+    "name in the output": "kinds of prediction, described",
 }
 """First head of a table of a results page that is not measured -> what it is about."""
 

@@ -56,6 +56,19 @@ def test_every_axis_and_law_stands_in_it():
     assert (ROOT / PICTURE).stat().st_size <= 5e5
 
 
+def test_the_values_of_every_axis_stand_on_the_page():
+    from skyarm.studies.compare.envelope_axes import AXES
+
+    part = TEXT.partition("### Values of the trials\n")[2].partition("\n## ")[0]
+    _, _, *lines = re.findall(r"^\|.*\|$", part, re.M)
+    rows = {name.strip("`"): [unit, *(float(each) for each in values if each != "-")]
+            for name, unit, *values in map(cells, lines)}  # fmt: skip
+    for name, axis in AXES.items():
+        values = [float(f"{each * axis.shown:g}") for each in axis.values]
+        assert rows.pop(name) == [axis.unit.removesuffix(" late"), *values], name
+    assert not rows
+
+
 def test_the_block_is_written_from_a_folder_s_record(tmp_path: Path):
     points = [{"judged": 0.001, "jitter": 0.5, "limited": 0.0, "status": "completed", "lost": False}]
     axis = {"values": [1.0], "unit": "N", "noisy": False, "judged": "x", "title": "x", "laws": {FLAGSHIP: points}}

@@ -112,6 +112,18 @@ Laws = Annotated[
     ),
 ]
 
+Law = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--laws",
+        "--controller",
+        metavar="LAW",
+        help="one law instead of the file's: a preset, law, gains (.toml) or FILE.py:make",
+        autocompletion=name_completion("controller"),
+    ),
+]
+"""``--laws`` of a command that takes one law."""
+
 
 def workers(value: int) -> int:
     """Return the number of workers of ``--workers``; 0 means one for each available core.

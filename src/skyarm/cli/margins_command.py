@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Laws, Scenario, one_law, out_option, require_not_another, require_within
+from skyarm.cli.arguments import Law, Scenario, one_law, out_option, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import bar, give, plain, plugin_facts, tell, tell_report, write_json
 from skyarm.control.catalogue import is_named, must_be_named
@@ -28,7 +28,7 @@ Safety = Annotated[bool, typer.Option("--safety", help="add the safety layer to 
 
 def margins(
     scenario: Scenario,
-    laws: Laws = None,
+    laws: Law = None,
     instants: Annotated[
         int, typer.Option(help="number of instants along the flight at which margins are computed, next to hover")
     ] = 4,

@@ -11,7 +11,7 @@ import typer
 
 from skyarm.cli.arguments import (
     Flying,
-    Laws,
+    Law,
     On,
     names_of,
     one_law,
@@ -50,7 +50,7 @@ def tune(
     target: Annotated[
         str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
     ],
-    laws: Laws = None,
+    laws: Law = None,
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
     candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
     plants: Annotated[int, typer.Option(help="perturbed plants that each candidate flies")] = 24,

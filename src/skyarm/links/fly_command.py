@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Duration, Flown, Laws, Out, one_law, require_not_another
+from skyarm.cli.arguments import Duration, Flown, Law, Out, one_law, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import save_logs
@@ -32,7 +32,7 @@ def fly(
         str | None,
         typer.Option(metavar="URL", help="joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make"),
     ] = None,
-    laws: Laws = None,
+    laws: Law = None,
     rate_bandwidth: Annotated[
         str | None,
         typer.Option(metavar="X,Y,Z", help="bandwidth of the rate loop of an autopilot other than PX4, rad/s"),

@@ -89,7 +89,7 @@ AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """Motion of the base if a file states none."""
 
 
-BESIDE = ("push", "load", "planned", "tip", "tracking_start", "governor")
+BESIDE = ("push", "load", "planned", "tip", "tracking_start", "governor", "object")
 """Keys of [reference] that are read elsewhere; for messages."""
 
 
@@ -258,7 +258,11 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         vehicle = _vehicle(setting, fields.where)
         if "joints" in rest:
             raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
-        path = motion_from(fields.take("path"), fields.at("path"), setting)
+        carried = setting.carried
+        if carried is None:
+            path = motion_from(fields.take("path"), fields.at("path"), setting)
+        else:
+            path, base = carried, dataclasses.replace(base, yaw=base.yaw + carried.yaw)
         trajectory = tip_trajectory(fields, base, path, vehicle, setting)
         if "base" in rest:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")

@@ -118,13 +118,14 @@ class Ramp(Signal):
     """Ramp signal from 0 to ``height`` within ``duration``; 0 before and ``height`` after.
 
     Attributes:
-        shape: "linear", or "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends.
+        shape: "linear"; "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends; or
+            "nonic", whose third and fourth derivatives are zero there, too.
     """
 
     start: Annotated[Scalar, Unit("s", "time at which the ramp begins")]
     duration: Annotated[Scalar, positive("s", "duration of the ramp")]
     height: Annotated[Scalar, Unit("", "value after the ramp, in the unit of the signal")]
-    shape: Literal["linear", "quintic"] = "linear"
+    shape: Literal["linear", "quintic", "nonic"] = "linear"
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four of the ramp at time t (s).
@@ -132,7 +133,7 @@ class Ramp(Signal):
         Source: the quintic is the rest-to-rest motion of least jerk, Flash, Hogan 1985.
         """
         rate = 1.0 / self.duration
-        blend = _quintic if self.shape == "quintic" else _linear
+        blend = {"linear": _linear, "quintic": _quintic, "nonic": _nonic}[self.shape]
         pieces = []
         scale = self.height
         for order, piece in enumerate(blend((t - self.start) * rate)):
@@ -163,6 +164,19 @@ def _quintic(u: Scalar) -> Derivatives:
         60.0 * u * (1.0 + u * (2.0 * u - 3.0)),
         60.0 + 360.0 * u * (u - 1.0),
         720.0 * u - 360.0,
+    )
+
+
+def _nonic(u: Scalar) -> Derivatives:
+    """Blend u^5 (126 - 420 u + 540 u^2 - 315 u^3 + 70 u^4), and its derivatives by u."""
+    u2, w = u * u, 1.0 - u
+    w2 = w * w
+    return (
+        u2 * u2 * u * (126.0 + u * (u * (540.0 + u * (70.0 * u - 315.0)) - 420.0)),
+        630.0 * (u2 * u2) * (w2 * w2),
+        2520.0 * (u2 * u) * (w2 * w) * (1.0 - 2.0 * u),
+        2520.0 * u2 * w2 * (3.0 + u * (14.0 * u - 14.0)),
+        15120.0 * u * w * (1.0 - 2.0 * u) * (1.0 + u * (7.0 * u - 7.0)),
     )
 
 

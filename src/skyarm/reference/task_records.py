@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Any
 
 from skyarm.algebra import Scalar
 from skyarm.records.field_rules import checked
@@ -128,6 +128,7 @@ class Setting:
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite if unknown.
         events, guards, phases, pushes, joint_moves: lists that are filled while phases are read.
+        carried: path of the tip and change of the heading by which a team carries a body; None for another vehicle.
     """
 
     vehicle: Vehicle | None = None
@@ -139,6 +140,7 @@ class Setting:
     phases: list[Phase] = field(default_factory=list)
     pushes: list[TipPush] = field(default_factory=list)
     joint_moves: list[JointMove] = field(default_factory=list)
+    carried: Any = None
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:

@@ -38,7 +38,7 @@ class Reference:
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
     0.5 while the tip has to hold a load. ``center`` is empty but in a plan, and ``turning`` but in one that the law
     follows as a whole. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`), which ``turning`` has,
-    too.
+    too. ``carry`` is empty without a team's law (:class:`skyarm.reference.carry.Carry`).
     """
 
     position: Annotated[Vec3, Unit("m", "desired position of the base origin, world axes")] = ZERO3
@@ -68,6 +68,7 @@ class Reference:
         Scalars, Unit("", "planned quaternion and rotor speeds (rad/s), then their derivatives; empty: no plan")
     ] = ()
     ahead: Annotated[Scalars, Unit("", "preview samples: value, rate and acceleration of each signal")] = ()
+    carry: Annotated[Scalars, Unit("", "part of a load that the tip takes over; empty: none")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -76,7 +77,7 @@ class Reference:
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
         tuples = tuples and type(self.push) is type(self.load) is type(self.center) is type(self.ahead) is tuple
-        tuples = tuples and type(self.turning) is tuple
+        tuples = tuples and type(self.turning) is type(self.carry) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")

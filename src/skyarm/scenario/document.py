@@ -10,13 +10,14 @@ from __future__ import annotations
 import copy
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS
@@ -132,6 +133,24 @@ class Document:
         """Reader of each agent's words, by the agent's name; of a file without names it is this one."""
         return self._members
 
+    @property
+    def name(self) -> str:
+        """Name of the agent whose words are read; empty for the only one and for what all share."""
+        return self._prefix.rpartition(".")[2]
+
+    @property
+    def agents(self) -> Collection[str]:
+        """Names of all agents."""
+        return (self._whole or self).members
+
+    def entry_at(self, path: str) -> Entry:
+        """Unread entry of the file at a path from its top; an empty table if the file has none."""
+        within, _, name = path.rpartition(".")
+        first, fields = path.split(".", maxsplit=1)[0], self.table("")
+        fields.take(first, {})
+        entry: Entry = (fields.inner(within) if within else fields).table.get(name, {})
+        return entry
+
     def at(self, path: str) -> str:
         """Path of a word in the file: below the agent's own table if that has it."""
         named = OF_AGENT_ALONE.get(path, path)
@@ -139,7 +158,7 @@ class Document:
 
     @contextmanager
     def errors_at(self) -> Iterator[None]:
-        """Context manager that puts the agent before an error about a word that stands in the agent's own table."""
+        """Context manager that puts the agent before an error about a word of the agent's own table."""
         try:
             yield
         except ValueError as error:

@@ -74,7 +74,10 @@ OTHERWISE: Mapping[tuple[str, str], str] = {
 }
 """Descriptions of entries that allow more than their field's type, by class and field."""
 
-NO_WORDS = (("Fault", "signal"),)
+NAMED_BY = {"environment.wind": "mode", "team": "law"}
+"""Keys that name the class of a table otherwise than by ``kind``, by the table's path."""
+
+NO_WORDS = (("Fault", "signal"), ("Team", "motion"))
 """Fields that have no key of their own because another key states them, by class and field."""
 
 BY_HAND = ("reference.base", "reference.tip", "reference.push")
@@ -210,9 +213,7 @@ def _rows(slot: Slot) -> Iterator[GrammarRow]:
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
-        yield GrammarRow(
-            f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(kinds)}{usual}"
-        )
+        yield GrammarRow(f"{at}.{NAMED_BY.get(slot.path, 'kind')}", "", f"{_one_of(kinds)}{usual}")
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)

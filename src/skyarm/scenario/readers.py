@@ -5,9 +5,10 @@ Each takes the entry of its word, the word's path and a :class:`ScenarioWords` o
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,7 +19,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import accept_scalar, rules
-from skyarm.records.files import Fields, errors_as, filled_text, number, shown
+from skyarm.records.files import Fields, errors_as, filled_text, must_be_one_of, number, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
@@ -28,6 +29,7 @@ from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import units
 from skyarm.reference import Trajectory
+from skyarm.reference.object_motion import motion_of_object
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.reference.waypoints import samples_as_spline
@@ -44,6 +46,7 @@ from skyarm.world import Component, Payload, TimedPayload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
+    from skyarm.world.team import Team
 
 LAW = "controller.law"
 
@@ -67,6 +70,20 @@ class ScenarioWords(Protocol):
     @property
     def events(self) -> Sequence[tuple[str, Sequence[TaskEvent]]]:
         """Events of the task of each agent's reference, with the agent's name; "" if it is the only one."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """Name of the agent whose words are read; empty for the only one and for what all share."""
+        ...
+
+    @property
+    def agents(self) -> Collection[str]:
+        """Names of all agents."""
+        ...
+
+    def entry_at(self, path: str) -> Entry:
+        """Unread entry of the file at a path from its top; an empty table if the file has none."""
         ...
 
     def word(self, path: str) -> Any:
@@ -292,8 +309,46 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
-    joints = reading.word("plant").vehicle.n
-    return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
+    joints, setting, team = reading.word("plant").vehicle.n, reading.setting, reading.word("team")
+    if team is not None and isinstance(entry, dict):
+        entry = {name: each for name, each in entry.items() if name != "object" or path != "reference"}
+        for member in team.members:
+            if member.agent == reading.name:
+                setting = dataclasses.replace(setting, carried=member.path(team.motion, team.take))
+    return reference_from(with_files(entry, path, reading.folder), joints, path, setting)
+
+
+def team(entry: object, path: str, reading: ScenarioWords) -> Team:
+    """Read [team]; what it leaves out of members and body is that of [world], the motion is [reference.object]."""
+    from skyarm.world.contact.contact import Contact
+    from skyarm.world.team import Member, Team
+
+    record = registered_from("team", Team, entry, path, word="law")
+    world = copy.deepcopy(reading.entry_at("world"))
+    contact = registered_from("world", Contact, with_files(world, "world", reading.folder), "world", "contact")
+    objects = {each.name: each for each in contact.objects}
+    if record.object not in objects:
+        raise ValueError(f"{path}.object = {shown(record.object)}: {must_be_one_of(objects, record.object)}")
+    body, grasps = objects[record.object], [each for each in contact.grasps if each.body == record.object]
+    places = {each.agent: each.place for each in grasps}
+    members = record.members or tuple(Member(agent=agent, place=place) for agent, place in places.items())
+    if len(members) < 2:
+        words = f"{len(members)} members: must be two or more, each with a grasp of {shown(record.object)}"
+        raise ValueError(f"{path}.members = {words}")
+    with errors_as(ValueError, f"{path}."):
+        named = dataclasses.replace(record, members=members)
+        named.require_members(reading.agents, 1.0 / reading.word("rates").control)
+    taken = ((each, places.get(each.agent, each.place)) for each in members)
+    members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
+    motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)
+    return dataclasses.replace(
+        record,
+        members=members,
+        motion=motion,
+        take=max((each.close for each in grasps), default=0.0) * 1.0,
+        mass=record.mass or body.mass,
+        inertia=record.inertia if any(record.inertia) else body.moments,
+    )
 
 
 def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> Scenario:

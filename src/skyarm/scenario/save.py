@@ -289,7 +289,7 @@ def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Table
     return bare | {"changes": entry_of(tuple(each for each in scenario.changes if each not in derived))}
 
 
-WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world")
+WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world", "team")
 """Keys whose values other keys produce; their numbers are written by parameter path."""
 
 

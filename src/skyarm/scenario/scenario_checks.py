@@ -372,7 +372,7 @@ def surroundings_fit(scenario: Scenario) -> None:
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
 
-@rule("environment", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
+@rule("environment", "team", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
 def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
     period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
@@ -390,6 +390,17 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
         component = whole.of_agent(first) if scenario.others else whole
         with _at_its_place(where):
             component.require_vehicles(scenario.vehicles, period, gravities[first])
+
+
+@rule("team", "controller", numbers=False, shared=True)
+def laws_take_instructions(scenario: Scenario) -> None:
+    """Check that the laws of a team's members accept instructions of the team's law."""
+    team, agents = scenario.team, scenario.agents.items()
+    deaf = [name for name, each in agents if part_of(each.controller.par, "carrying") is None]
+    for each in team.members if team is not None and team.steers else ():
+        if each.agent in deaf:
+            allowed = "must be above 0, as 0.7, under this law of [team]; the centroidal law has it in mode 'tip'"
+            raise ValueError(f"agents.{each.agent}.controller.carrying: {allowed}")
 
 
 @contextmanager

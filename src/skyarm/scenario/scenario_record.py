@@ -44,10 +44,11 @@ from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 if TYPE_CHECKING:
     from skyarm.world.battery_drain import BatteryDrain
     from skyarm.world.contact.contact import Contact
+    from skyarm.world.team.team import Team
 
     AnyComponent = Component[Any]  # of any internal state, which it alone knows
 else:
-    Contact = AnyComponent = Component  # a world is imported when a scenario has one
+    Contact = Team = AnyComponent = Component  # a world is imported when a scenario has one
 
 PLANTS = ("rigid_body", "mujoco")
 """Kinds of plants for the paper's cases; the registry lists all."""
@@ -526,6 +527,7 @@ class Scenario:
         name: short name. title: one-line description.
         duration: s.
         solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
+        team: law by which vehicles share the load of a body; None without one.
         endings: conditions that end the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
         windows: spans of time of its metrics; those that end after a shortened flight are general in it.
         changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the end of a shortened flight are
@@ -544,6 +546,9 @@ class Scenario:
         Word("", group=True),
     ] = dataclasses.field(metadata={"alone": "agent"})
     environment: Annotated[Environment, Word(group=True)] = Environment()
+    team: Annotated[Team | None, Word(kind="team", reader="team")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
     changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = dataclasses.field(
@@ -838,7 +843,8 @@ class Scenario:
     def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Environment models that all vehicles share, with their parameter paths."""
         together = ((at, each) for at, each in self.placed_winds_and_forces if each.shared)
-        return (*together, *(("world", each) for each in self.worlds))
+        teams = () if self.team is None else (("team", self.team),)
+        return (*together, *teams, *(("world", each) for each in self.worlds))
 
     @property
     def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:

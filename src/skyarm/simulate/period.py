@@ -103,10 +103,11 @@ class Decided(NamedTuple):
 
 def decide(stages: Stages, now: LoopState, measured: FirstHalf, rows: Rows) -> list[Decided]:
     """Evaluate the law of every vehicle, and the clock of a reference whose phases wait."""
-    decided = []
-    for each, own, half, row in zip(stages.agents, now.agents, measured.agents, rows, strict=True):
+    decided, references = [], stages.law_references(rows, measured.components)
+    loops = zip(stages.agents, now.agents, measured.agents, rows, references, strict=True)
+    for each, own, half, row, reference in loops:
         seen = half.read.measurement
-        memory, command = each.decide(own.memory, seen, each.law_reference(row), row.path_time)
+        memory, command = each.decide(own.memory, seen, reference, row.path_time)
         decided.append(Decided(memory, command, each.waits.advance(own.clock, now.ticks, seen, row, memory)))
     return decided
 

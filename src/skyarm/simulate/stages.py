@@ -9,13 +9,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from itertools import zip_longest
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
-from skyarm.control.controller import learns_load
+from skyarm.control.controller import learns_load, part_of
 from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -24,7 +25,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings, Together, motions_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
+from skyarm.records.leaves import Tree, blend, is_leaf, is_record, leaves, parts, rebuild
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
 from skyarm.scenario.scenario_checks import tip_sensor
@@ -46,6 +47,10 @@ from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle import BASE, Frame, Vehicle
 from skyarm.world import Component, effectiveness_at
+
+if TYPE_CHECKING:
+    from skyarm.world.contact import Contact, ContactMemory
+    from skyarm.world.team import TeamMemory
 
 Given = tuple[Tree, Measurement, Reference, Command | None, Scalar | None]
 """Inputs of a decision: state of the law, measurement, reference; command from outside and what it replaces."""
@@ -128,6 +133,7 @@ class Stages:
             for each, motion, models, memories in zip(self.agents, motions, self.own, own, strict=True):
                 self._act(models, memories, time, motion, each.waits.loads)
             self._act(self.shared, shared, time, motions[0], self.agents[0].waits.loads)
+            self._direct(shared, now, time, motions[0])
         around = self.together(own, shared, [loop.drives for loop in now.agents], time)
         return [tuple(each) for each in own], tuple(shared), around
 
@@ -157,6 +163,30 @@ class Stages:
                 # of a reference that waits, its own time
                 of_task = model.coupled or getattr(model, "name", None) in loads
                 memories[i] = model.act(memories[i], motion.task_time if of_task else time, self.period, motion)
+
+    def _direct(self, shared: list[Tree], now: LoopState, time: Scalar, motion: PointMotion) -> None:
+        """Evaluate the law of a team, by the forces that they estimated one period before."""
+        team = self.scenario.team
+        for i, each in enumerate(self.shared):
+            if each is team:
+                contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
+                rows = zip(motion.agents, now.agents, strict=True)
+                borne = {name: part_of(own.memory, "carrying") for name, own in rows}
+                wrenches = {n: Force(each.moment, each.force) for n, each in borne.items() if is_record(each)}
+                memory = cast("TeamMemory", shared[i])
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, wrenches)
+
+    def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
+        """Reference that each law receives, with the instructions of a team's law."""
+        given, team = [each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)], self.scenario.team
+        for model, memory in zip(self.shared, shared, strict=True):
+            if model is team:
+                instructions = team.instructions(cast("TeamMemory", memory))
+                own = zip(self.scenario.agents, given, strict=True)
+                given = [
+                    replace(each, carry=instructions[name]) if name in instructions else each for name, each in own
+                ]
+        return given
 
     def together(
         self, own: Sequence[Sequence[Tree]], shared: Sequence[Tree], drives: Sequence[Memories], time: Scalar

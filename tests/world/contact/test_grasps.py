@@ -98,6 +98,25 @@ def test_an_opened_grasp_has_no_force_in_the_log_and_its_body_falls(plant: str) 
     np.testing.assert_allclose(np.diff(falling), -GRAVITY * 0.005, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["ball", "fixed"])
+def test_a_grasp_closes_where_its_frame_then_is(kind: str) -> None:
+    log = skyarm.run(with_grasps(team("bar", duration=1.5), close=0.1, kind=kind))
+    before = log.time < 0.1 - 1e-9
+    assert (log.grasp_force[before] == 0.0).all()
+    fallen = log.object_position[0, 2] - log.object_position[before][-1, 2]
+    assert fallen == pytest.approx(0.5 * GRAVITY * 0.095**2, rel=0.02)
+    # the bar then hangs below the frames as it was at that instant, and the springs bear it by their stretch alone
+    closed = log.agents["left"].position[:, 2] - log.object_position[:, 2]
+    assert closed[-1] == pytest.approx(closed[np.searchsorted(log.time, 0.1 - 1e-9)], abs=1e-3)
+    assert log.grasp_pull[-1].reshape(2, 3)[:, 2] == pytest.approx([0.5 * 0.104 * GRAVITY] * 2, abs=0.1)
+
+
+def test_a_grasp_that_closes_in_flight_is_no_constraint_of_mujoco() -> None:
+    late = with_grasps(team("bar"), close=0.1).with_kind("mujoco")
+    with pytest.raises(ValueError, match=r"world\.grasps\[0\]\.close = 0\.1: must be 0 where plant\.closure is 'weld'"):
+        skyarm.run(dataclasses.replace(late, solver=dataclasses.replace(late.solver, closure="weld")))
+
+
 def test_a_squeezed_bar_is_pressed_by_two_springs_in_series() -> None:
     squeezed = placed(team("bar", duration=0.005), {"left": 0.19, "right": -0.19})
     assert squeezed.world is not None

@@ -20,7 +20,7 @@ from skyarm.algebra import Scalars
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, learns_load, presses, preview_leads, senses_force
+from skyarm.control.controller import Controller, learns_load, part_of, presses, preview_leads, senses_force
 from skyarm.control.law_checks import check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
@@ -31,6 +31,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Place, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.carry import Carry
 from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.sensing.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
@@ -261,10 +262,11 @@ def _axes_at_tip(controller: Controller) -> int:
 
 
 def _reference_inputs(par: Dataclass, joints: int) -> dict[str, Any]:
-    """Reference fields that the law uses in addition to the motion (contact, load, preview), as placeholders."""
+    """Reference fields that the law uses in addition to the motion (contact, load, preview, team), as placeholders."""
     return {
         "push": (0.0,) * 12 if presses(par) else (),
         "load": (0.0,) if learns_load(par) else (),
+        "carry": () if part_of(par, "carrying") is None else Carry.none().numbers,
         "ahead": (0.0,) * (3 * (4 + joints) * len(preview_leads(par))),
     }
 
@@ -367,6 +369,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "SI units and radians. World z up; base x forward, y left, z up; quaternions w x y z, base to world.",
         f"Call {name}_step once every {period:g} s{'' if clocked else ' or at another rate: this law has no clock'}.",
         *_preview_lines(controller),
+        *_carry_lines(controller),
         "A NaN that the law reads reaches the command: check the command before an actuator gets it.",
         f"{operations} operations in {file.floats.kind}; nothing is allocated, nothing is global but constants.",
         "",
@@ -374,6 +377,18 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
         f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
+    ]
+
+
+def _carry_lines(controller: Controller) -> list[str]:
+    """Comment lines in the C file on the instructions of a team, and on the estimate that its law takes."""
+    if part_of(controller.par, "carrying") is None:
+        return []
+    return [
+        "Reference, carry: 1 in a grasp, else 0; fraction of the load; then, three numbers each in world axes: known",
+        "force (N) and moment (N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave the observer,",
+        "shift of the tip (m), its rate, its acceleration.",
+        "Memory, parts, carrying: estimated force (N) and moment (N m) on the tip.",
     ]
 
 

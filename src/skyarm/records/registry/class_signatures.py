@@ -25,6 +25,7 @@ BASES: Mapping[str, str] = {
     "fault": "skyarm.Fault",
     "payload": "skyarm.TimedPayload",
     "world": "skyarm.Contact",
+    "team": "skyarm.Team",
     "signal": "skyarm.reference.Signal",
     "sensor": "skyarm.Sensor",
     "estimator": "skyarm.Estimator",
@@ -34,7 +35,7 @@ BASES: Mapping[str, str] = {
 }
 """Kinds of what is registered as a subclass that is a dataclass, each with its base class."""
 
-NAMING = "kind", "mode"
+NAMING = "kind", "mode", "law"
 """Keys of a table that select the class of its record; the class cannot have fields of these names."""
 
 

@@ -26,6 +26,7 @@ KINDS: Mapping[str, str] = {
     "fault": "an actuator that loses force: a subclass of skyarm.Fault",
     "payload": "a load that is picked up and set down: a subclass of skyarm.TimedPayload",
     "world": "what the vehicle may touch: a subclass of skyarm.Contact",
+    "team": "a law that shares a body's load among vehicles: a subclass of skyarm.Team",
     "signal": "a function of time: a subclass of skyarm.reference.Signal, or a function of its table (Fields)",
     "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
     "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",

@@ -213,7 +213,8 @@ class Envelope(Suite[AxisFlights]):
 
     def pictures(self, found: Record) -> dict[str, bytes]:
         """Pictures of the envelope report by file name: errors along all difficulty axes."""
-        return {"envelope.png": image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)}
+        panels = {axis_words(name): axis for name, axis in found["axes"].items()}
+        return {"envelope.png": image_bytes(envelope_figure(panels, found["laws"]), dpi=DPI)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Envelope report: a summary, and a table for each difficulty axis."""

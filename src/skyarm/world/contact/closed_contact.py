@@ -41,5 +41,7 @@ class ClosedContact(Contact):
                 words = "kind = 'cable': must be 'ball' or 'fixed'"
             elif grasp.body not in objects:
                 words = f"body = {shown(grasp.body)}: must be an object"
+            elif grasp.closes:
+                words = f"close = {shown(grasp.close)}: must be 0"
             if words:
                 raise RecordError(f"{at}.{words} where plant.closure is 'weld'")

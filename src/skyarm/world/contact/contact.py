@@ -22,7 +22,7 @@ from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import blend, leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
@@ -87,6 +87,7 @@ class ContactMemory:
             :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: memories of the grippers.
         turns: attitudes that fixed grasps keep, from the axes of the body to those of the vehicle's frame.
+        places: places on their bodies at which grasps with ``close`` have closed, m.
         constraints: force and torque on the body of each grasp that the plant closes; empty where grasps are springs.
     """
 
@@ -96,6 +97,7 @@ class ContactMemory:
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
     turns: tuple[Mat3, ...] = ()
+    places: tuple[Vec3, ...] = ()
     constraints: tuple[Wrench6, ...] = ()
 
 
@@ -344,6 +346,7 @@ class Contact(Force[ContactMemory]):
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
             turns=(STRAIGHT,) * sum(each.kind == "fixed" for each in self.grasps),
+            places=tuple(Vec3(*map(data, each.place)) for each in self.grasps if each.closes),
         )
 
     def advance(
@@ -392,11 +395,13 @@ class Contact(Force[ContactMemory]):
     ) -> list[tuple[Grasp, int, Pull, CarriedFrame]]:
         """Each grasp with the number of its body, its pull on the body, and the vehicle's frame."""
         names, turns, rows = [each.name for each in self.carriers], iter(memory.turns), []
+        places = iter(memory.places)
         for grasp, constraint in zip(self.grasps, memory.constraints or (None,) * len(self.grasps), strict=True):
             index, frame = names.index(grasp.body), grasp.frame_of(motion)
             body = self.carriers[index].frame(memory.carried[index])
             turn: Mat3 | tuple[()] = next(turns) if grasp.kind == "fixed" else ()
-            rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint), frame))
+            place = next(places) if grasp.closes else None
+            rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint, place), frame))
         return rows
 
     def slope(
@@ -412,6 +417,7 @@ class Contact(Force[ContactMemory]):
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
             turns=tuple(UNCHANGED.turn for _ in memory.turns),
+            places=tuple(UNCHANGED.place for _ in memory.places),
             constraints=memory.constraints,  # zeros within a plant that exerts them itself
         )
 
@@ -481,10 +487,26 @@ class Contact(Force[ContactMemory]):
         return tuple(Mat3(*(Vec3(*map(data, row)) for row in turn.rows)) for turn in turns)
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Internal state of the contact model after the grippers close, open or slip at a control instant."""
-        if not self.grippers:
-            return memory
-        return replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
+        """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
+        if self.grippers:
+            memory = replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
+        return replace(memory, **self._closing_poses(memory, t - 0.5 * dt, motion)) if memory.places else memory
+
+    def _closing_poses(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> dict[str, tuple[Any, ...]]:
+        """Places and attitudes of grasps: those of the frames for grasps that were open at ``t`` (s)."""
+        bodies = {each.name: each.frame(body) for each, body in zip(self.carriers, memory.carried, strict=True)}
+        turned = iter(zip(memory.turns, self._turns(memory, motion), strict=True))
+        closing, places, turns = iter(memory.places), list[Vec3](), list[Mat3]()
+        for each in self.grasps:
+            opened = t < each.close
+            if each.kind == "fixed":
+                before, turn = next(turned)
+                turns.append(blend(opened, turn, before) if each.closes else before)
+            if each.closes:
+                body = bodies[each.body]
+                here = body.rotation.apply_T(each.frame_of(motion).position - body.position)
+                places.append(blend(opened, here, next(closing)))
+        return {"places": tuple(places), "turns": tuple(turns)}
 
     def holds(self, memory: ContactMemory, frame: str, agent: str = "") -> Scalars:
         """Grasp sensor signal of each gripper at a vehicle frame: 1 while the gripper holds a body, else 0."""

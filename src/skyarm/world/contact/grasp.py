@@ -84,12 +84,15 @@ class Grasp:
         ),
     ] = 0.02
     length: Annotated[Scalar, nonnegative("m", "length of a cable without load")] = 0
+    close: Annotated[
+        Scalar, nonnegative("s", "time at which the grasp closes, where the frame then is; 0: closed at its place")
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
     release: Annotated[Scalar, nonnegative("s", "time at which the grasp opens", infinite=True)] = math.inf
     name: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "grasp")
-        coerce.fold_zeros(self, "length")
+        coerce.fold_zeros(self, "length", "close")
         if self.kind != "cable" and not coerce.absent(self.length):
             raise RecordError(
                 f"grasp.length = {self.length!r}: must be left out of a {self.kind} grasp; cables have one"
@@ -97,6 +100,11 @@ class Grasp:
 
         if any(letter in self.name for letter in "/,"):
             coerce.refuse("grasp.name", self.name, "must be without / and ,")
+
+    @property
+    def closes(self) -> bool:
+        """True if the grasp closes in the course of the flight."""
+        return not coerce.absent(self.close)
 
     @property
     def label(self) -> str:
@@ -162,6 +170,7 @@ class Grasp:
         body: CarriedFrame,
         t: Scalar,
         constraint: Force | None = None,
+        place: Vec3 | None = None,
     ) -> Pull:
         """Force and torque of the grasp on the body.
 
@@ -171,13 +180,16 @@ class Grasp:
             body: the body's frame.
             t: s.
             constraint: force and torque of a constraint in place of the spring, at the grasp, world axes.
+            place: place at which the grasp has closed, axes of the body; None for that of the grasp.
         """
-        place = body.position + body.rotation.apply(self.place)
-        by = constraint or self._spring(turn, frame, body, place)
-        if isinstance(self.release, float) and math.isinf(self.release):
-            return Pull(force=by.force, torque=by.torque, place=place)
-        share = where(t < self.release, 1.0, 0.0)
-        return Pull(force=by.force * share, torque=by.torque * share, place=place)
+        at = body.position + body.rotation.apply(self.place if place is None else place)
+        by = constraint or self._spring(turn, frame, body, at)
+        opens = not (isinstance(self.release, float) and math.isinf(self.release))
+        if not opens and not self.closes:
+            return Pull(force=by.force, torque=by.torque, place=at)
+        share = where(t < self.release, 1.0, 0.0) if opens else 1.0
+        share = where(t < self.close, 0.0, share) if self.closes else share
+        return Pull(force=by.force * share, torque=by.torque * share, place=at)
 
     def _spring(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, place: Vec3) -> Force:
         """Force and torque of the spring and damper on the body, world axes; ``place`` (m) is that of the grasp."""

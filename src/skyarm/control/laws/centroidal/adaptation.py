@@ -37,6 +37,7 @@ from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
 
@@ -211,6 +212,12 @@ class AdaptationGains(OptionalPart):
             earlier=(none,) * self.delay_periods,
             tip_velocity=ZERO3_DATA,
         )
+
+    def feedforward(
+        self, memory: Learned, par: CentroidalParameters, reference: Reference
+    ) -> tuple[Disturbance, Disturbance]:
+        """Feed-forward of the adapted load and friction, before the measurement and now."""
+        return memory.at_measurement(), memory.feedforward
 
 
 def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods: int) -> AdaptationGains | None:

@@ -158,7 +158,7 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     """
     unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
     if not isinstance(gains, TrendGains) or trend is None:
-        return Foreseen(unknown=unknown, steady=steady)
+        return Foreseen(unknown=unknown, steady=steady, rate=effect.force_rate, near_rate=effect.force_rate)
     late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:
         slope = slope * (1.0 - effect.external)
@@ -166,7 +166,8 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     unknown = dataclasses.replace(unknown, force=unknown.force + near * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
-    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate, near_rate=near)
+    ahead = effect.force_rate
+    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate + ahead, near_rate=near + ahead)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

@@ -16,6 +16,7 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -40,6 +41,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -55,6 +57,7 @@ class PartMemories:
     interaction: Tree = ()
     admittance: Tree = ()
     load: Tree = ()
+    carrying: Tree = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     trend: Any = ()
     adaptation: Any = ()
 
@@ -91,9 +94,7 @@ def centroidal(
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
-    before = adapted = no_feedforward(par)
-    if isinstance(par.parts.adaptation, AdaptationGains):
-        before, adapted = part_memories.adaptation.at_measurement(), part_memories.adaptation.feedforward
+    before, adapted = feedforward(par, part_memories, reference)
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
@@ -122,7 +123,7 @@ def centroidal(
         memories["noise"] = par.parts.noise.after(part_memories.noise, seen, measurement.velocity, dt)
     for name, part in touching:
         memories[name] = part.learn(memories[name], effect, demand)
-    observed = seen.observed
+    observed = seen.observed if effect.forgets is None else seen.observed.without(effect.forgets)
     if isinstance(par.parts.adaptation, AdaptationGains):
         free = learning(memory, effect.learns)
         memories["adaptation"], over = adapt(
@@ -240,6 +241,11 @@ def learning(memory: CentroidalMemory, share: Scalar) -> Scalars:
     return tuple(mul(where(unchanged, each, 0.0), share) for each in memory.free)
 
 
-def no_feedforward(par: CentroidalParameters) -> Disturbance:
-    """Zero feed-forward of a law without adaptation, constant in the compiled program."""
-    return Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
+def feedforward(
+    par: CentroidalParameters, memories: PartMemories, reference: Reference
+) -> tuple[Disturbance, Disturbance]:
+    """Disturbance compensated beside the observer, before the measurement and now; zeros are compiled as constants."""
+    none = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
+    rows = [part.feedforward(getattr(memories, name), par, reference) for name, part in par.parts.present()]
+    given = [row for row in rows if row is not None] or [(none, none)]
+    return functools.reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)

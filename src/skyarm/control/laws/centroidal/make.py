@@ -159,7 +159,7 @@ def make_centroidal(
             if any(gains["lag"])
             else None,
             noise=noise_gains(vehicle, hears),
-            **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead),
+            **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead, periods=periods),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
             adaptation=adaptation_gains(vehicle, 0.0 if carries else gains["adaptation"], most, periods),
         ),

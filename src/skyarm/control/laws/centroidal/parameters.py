@@ -14,6 +14,7 @@ from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.step_records import (
     AccelerationDemand,
     Effect,
@@ -28,6 +29,7 @@ from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, parts
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -135,6 +137,12 @@ class OptionalPart:
         """Constants of the law for this control step, as changed by an optional part."""
         return par
 
+    def feedforward(
+        self, memory: Any, par: CentroidalParameters, reference: Reference
+    ) -> tuple[Disturbance, Disturbance] | None:
+        """Disturbance that a part compensates beside the observer: in the period before the measurement, and now."""
+        return None
+
     def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
         """Next state of an optional part, and the control step's reference and disturbance as changed by the part."""
         return memory, effect
@@ -153,6 +161,7 @@ class Parts:
     interaction: OptionalPart | None = None
     admittance: OptionalPart | None = None
     load: OptionalPart | None = None
+    carrying: OptionalPart | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     trend: OptionalPart | None = None
     adaptation: OptionalPart | None = None
 

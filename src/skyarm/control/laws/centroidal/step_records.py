@@ -75,6 +75,8 @@ class Effect:
         learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
         external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
         links: bandwidth of each link's orientation over the tip's; () for 1.
+        force_rate: rate of a force that is compensated in advance, N/s, world axes.
+        forgets: part of the observed disturbance that the observer drops in this step; None for none.
     """
 
     signals: Sequence[Taylor]
@@ -85,6 +87,8 @@ class Effect:
     external: Scalar = 0
     pressing: Pressing | None = None
     links: Scalars = ()
+    forgets: Disturbance | None = None
+    force_rate: Vec3 = ZERO3
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
         """Changes of a control step, with adaptation also stopped where ``share`` is 0 because of an external force.

@@ -105,7 +105,7 @@ MODES = ("tool", "joints", "plan")
 
 @immutable
 class PlannedGoal:
-    """What a plan says of one stage beyond positions: attitude, rate (rad/s, body axes) and rotor accelerations."""
+    """Planned attitude of one stage and its motion: attitude, rate (rad/s, body axes) and rotor accelerations."""
 
     attitude: Quaternion
     rate: Vec3
@@ -151,7 +151,7 @@ class Weights:
         Scalar,
         Unit(
             "1/m",
-            "weight of the position error of the base: 1 over the error that costs 1 per second",
+            "weight of the position error of the base: reciprocal of the error that adds 1 to the cost in a second",
             low=0.0,
             effect="higher values hold the position more tightly at the cost of the other errors",
         ),

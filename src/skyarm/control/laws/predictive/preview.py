@@ -151,8 +151,8 @@ def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tupl
     knots = np.append(0.0, leads)
     at = np.clip(ahead, 0.0, knots[-1])
     k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(leads) - 1)
-    motion = _between(sample.coming, knots, k, at)
-    turning = _between(sample.turning, knots, k, at)
+    motion = _spline_at(sample.coming, knots, k, at)
+    turning = _spline_at(sample.turning, knots, k, at)
     q = turning[0, :, :4] / np.linalg.norm(turning[0, :, :4], axis=1, keepdims=True)
     w, a, b, c = q.T
     # 2 conj(q) dq/dt is the body's rate
@@ -165,7 +165,7 @@ def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tupl
     return motion, np.hstack([q, rate, np.vstack([spins, spins[-1:]])])
 
 
-def _between(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
+def _spline_at(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
     """Hermite interpolation (derivatives, T, signals) of samples (derivatives, knots, signals) at times in intervals k.
 
     Source: Hermite 1878 (the polynomial that meets values and derivatives at both ends).

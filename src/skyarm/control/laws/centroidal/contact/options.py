@@ -8,6 +8,7 @@ from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
+from skyarm.control.laws.centroidal.contact.carrying import CarryingGains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
 from skyarm.control.laws.centroidal.parameters import OptionalPart
@@ -19,6 +20,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "tolerances": ((0.0, 0.0), 0.0, 1.0),
     "force_sensor": (False, 0.0, 1.0),
     "load": (0.0, 0.0, 1e3),
+    "carrying": (0.0, 0.0, 10.0),
 }
 """Default value and range of each contact option; the defaults disable contact control."""
 
@@ -34,9 +36,9 @@ def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
 
 
 def contact_parts(
-    gains: LawOptions, admittance: LawOptions | None, vehicle: Vehicle, *, leads: bool, lead: float
+    gains: LawOptions, admittance: LawOptions | None, vehicle: Vehicle, *, leads: bool, lead: float, periods: int
 ) -> dict[str, OptionalPart]:
-    """Parts of the centroidal law for contact force control, admittance and load estimate, by name."""
+    """Parts of the centroidal law for contact force control, admittance, load estimate and carrying, by name."""
     parts: dict[str, OptionalPart] = {}
     if any(gains["interaction"]):
         parts["interaction"] = _interaction(gains, vehicle, leads=leads)
@@ -44,7 +46,20 @@ def contact_parts(
         parts["admittance"] = admittance_gains(admittance, gains, leads, lead)
     if gains["load"]:
         parts["load"] = load_gains(gains["load"], vehicle)
+    if gains["carrying"]:
+        parts["carrying"] = _carrying(gains, leads=leads, periods=periods)
     return parts
+
+
+def _carrying(gains: LawOptions, *, leads: bool, periods: int) -> CarryingGains:
+    """Constants of the carrying part; a law without a tip to lead, and one that learns or presses, is refused."""
+    at = f"controller.carrying = {shown(gains['carrying'])}"
+    if not leads:
+        raise ControllerError(f"{at}: must be 0 but in mode 'tip' with joints")
+    for name in ("interaction", "load"):
+        if gains[name] not in (0.0, (0.0, 0.0)):
+            raise ControllerError(f"{at}: must be 0 beside {name}")
+    return CarryingGains(bandwidth=gains["carrying"], delay_periods=periods)
 
 
 def _interaction(gains: LawOptions, vehicle: Vehicle, *, leads: bool) -> Interaction:

@@ -1,0 +1,174 @@
+"""Part of a load at the tip: its wrench is compensated in advance, and the force on the tip is estimated.
+
+The reference says which wrench h the load is about to exert on the tip (:class:`skyarm.reference.carry.Carry`). Its
+effect J^T h on base and joints, at the pose of the reference, is a feed-forward beside the observer, which never sees
+it. Taken at the observed pose, it would swing the arm in its plane.
+
+The force and moment at the tip are the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of
+what feed-forward and observer have together, beyond a bias that follows them until the load is taken and then stands.
+
+Members of a team pull each other: an observer that compensates this pull integrates it, and so does that of the other
+member. Hence the observer forgets such a force at the rate that the reference says.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import add, cos, data, divide, mul, sin, where
+from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, at_shares
+from skyarm.control.laws.centroidal.step_records import Effect
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.reference.carry import Carry
+from skyarm.vehicle import Vehicle
+
+
+@immutable
+class CarryingMemory:
+    """State of the carrying part: the compensated wrench, the bias of the estimate, and the estimate.
+
+    Attributes:
+        ahead: disturbance that is compensated in advance. earlier: the same of the periods before, newest first.
+        bias: what the observer has without a load.
+    """
+
+    share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried")] = 0.0
+    ahead: Disturbance
+    earlier: tuple[Disturbance, ...]
+    bias: Disturbance
+    force: Annotated[Vec3, Unit("N", "estimated force of the load on the tip, world axes")] = ZERO3_DATA
+    moment: Annotated[Vec3, Unit("N m", "estimated moment of the load on the tip, world axes")] = ZERO3_DATA
+
+
+@immutable
+class CarryingGains(OptionalPart):
+    """Constants of the carrying part.
+
+    Attributes:
+        delay_periods: known delay of the measurements, structure.
+    """
+
+    bandwidth: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "factor of all gains while a load is carried",
+            low=0.0,
+            strict=True,
+            effect="lower values tolerate more inertia of the load and reject wind less",
+        ),
+    ]
+    moment: Annotated[
+        Scalar,
+        Unit(
+            "N m",
+            "typical moment between tip and load",
+            low=0.0,
+            strict=True,
+            effect="higher values suit a fixed grasp and make the estimated force noisier",
+        ),
+    ] = 0.002
+    settling: Annotated[Scalar, Unit("rad/s", "bandwidth of the bias filter before the load is taken")] = 3.0
+    errors: ForceErrors = ForceErrors()
+    delay_periods: int = 0
+
+    def start(self, joints: int) -> CarryingMemory:
+        """Initial state of the carrying part: no load, no bias."""
+        none = no_disturbance(joints)
+        return CarryingMemory(ahead=none, earlier=(none,) * self.delay_periods, bias=none)
+
+    def adjust_gains(self, memory: CarryingMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
+        """Gains between those of free flight and those of carrying."""
+        factor = 1.0 + memory.share * (self.bandwidth - 1.0)
+        return at_shares(par, factor, factor)
+
+    def feedforward(
+        self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference
+    ) -> tuple[Disturbance, Disturbance] | None:
+        """Effect of the known wrench before the measurement, and now; None if the reference carries nothing."""
+        if not reference.carry:
+            return None
+        carry = Carry.of(reference.carry)
+        before = memory.earlier[-1] if memory.earlier else memory.ahead
+        return before, planned_effect(par.model.vehicle, reference, carry.force, carry.moment)
+
+    def affect(self, memory: CarryingMemory, step: Step, effect: Effect) -> tuple[CarryingMemory, Effect]:
+        """Shift the tip's reference, let the observer forget, hold adaptation, and estimate the wrench at the tip."""
+        given = self.feedforward(memory, step.par, step.reference)
+        if given is None:
+            return memory, effect
+        carry, observed, vehicle, dt = (
+            Carry.of(step.reference.carry),
+            step.seen.observed,
+            step.par.model.vehicle,
+            step.dt,
+        )
+        borne, holding = disturbance(observed) + given[0], carry.held > 0.5
+        share = where(holding, 0.0, low_pass_share(self.settling, dt))
+        bias = memory.bias.blend_towards(borne, share, share)
+        R = observed.quaternion.rotation()
+        force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
+        forgets = planned_effect(vehicle, step.reference, carry.forgotten_force * dt, carry.forgotten_moment * dt)
+        shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
+        moved = (s + Taylor((p, v, mul(0.5, a), 0, 0)) for s, (p, v, a) in zip(effect.signals[:3], shift, strict=True))
+        rate = (given[1].force - memory.ahead.force) * divide(1.0, dt)
+        signals = [*moved, *effect.signals[3:]]
+        effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
+        memory = CarryingMemory(
+            share=data(carry.share),
+            ahead=given[1],
+            earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
+            bias=bias,
+            force=vector_data(force),
+            moment=vector_data(moment),
+        )
+        return memory, effect.isolating(where(holding, 0.0, 1.0))
+
+
+def planned_effect(vehicle: Vehicle, reference: Reference, force: Vec3, moment: Vec3) -> Disturbance:
+    """Disturbance by a wrench at the tip (N, N m, world axes) at the pose of the reference, with a level base."""
+    c, s = cos(reference.yaw), sin(reference.yaw)
+    R = Mat3.columns(Vec3(c, s, 0), Vec3(-s, c, 0), Vec3(0, 0, 1))
+    f, n, frame = R.apply_T(force), R.apply_T(moment), vehicle.frame()
+    columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)
+    tip = frame_pose(vehicle, frame, reference.joints, summed=True).p
+    efforts = tuple(data(add(each.linear.dot(f), each.angular.dot(n))) for each in columns)
+    return Disturbance(force=vector_data(force), torque=vector_data(tip.cross(f) + n), efforts=efforts)
+
+
+def tip_wrench(
+    errors: ForceErrors, moment: Scalar, vehicle: Vehicle, R: Mat3, joints: Scalars, rest: Disturbance
+) -> tuple[Vec3, Vec3]:
+    """Force (N) and moment (N m) at the tip, world axes, by weighted least squares from a disturbance.
+
+    Args:
+        errors: errors of torques and efforts that count as much as 1 N.
+        moment: typical moment at the tip, N m.
+        vehicle: model.
+        R: R_WB.
+        joints: rad or m.
+        rest: disturbance beyond its bias.
+    """
+    squares, frame = LeastSquares(6), vehicle.frame()
+    squares.prefer(R.apply_T(rest.force), 1)
+    squares.prefer((0, 0, 0), divide(1.0, moment * moment), 3)
+    columns = jacobian_columns(vehicle, frame, joints, summed=True)
+    for link, column, effort in zip(vehicle.links, columns, rest.efforts, strict=True):
+        squares.require((*column.linear, *column.angular), effort, errors.weight_of(link))
+    tip = frame_pose(vehicle, frame, joints, summed=True).p
+    turning = zip(zip(*(tip.cross(axis) for axis in AXES), strict=True), AXES, rest.torque, strict=True)
+    for row, axis, torque in turning:
+        squares.require((*row, *axis), torque, divide(1.0, errors.base * errors.base))
+    solution = squares.solve()
+    return R.apply(Vec3(*solution[:3])), R.apply(Vec3(*solution[3:]))

@@ -1,0 +1,177 @@
+"""Desired motion of a body that several tips hold: its pose over time, and the paths of places on it.
+
+The table ``[reference.object]`` of a scenario file; every phase goes from rest to rest, smooth to the fourth
+derivative::
+
+    [reference.object]
+    kind = "phases"
+    phases = [
+        { kind = "hold", duration = 3.0 },               # s
+        { kind = "lift", height = 0.5, duration = 3.0 }, # m
+        { kind = "carry", by = [2.0, 0.0, 0.0], duration = 4.0 },  # m, world axes
+        { kind = "turn", angle = 1.5708, duration = 4.0 },  # rad, about world z
+        { kind = "tilt", pitch = 0.35, duration = 2.0 },  # rad, to this pitch and roll
+        { kind = "place", duration = 3.0 },              # level, and down to the height at which it began
+    ]
+
+A wrong table raises ValueError with one line: field, value, what is allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import cos, sin
+from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
+from skyarm.records.field_rules import checked
+from skyarm.records.files import Fields, filled_list
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
+from skyarm.reference.tip_motion import vector_derivatives
+
+PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
+
+POSE = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+@immutable
+class BodyMotion:
+    """Motion of a body at an instant, world axes.
+
+    Attributes:
+        position, velocity, acceleration: of its middle, m. R: its axes to world axes.
+        rate, turning: angular velocity and acceleration, rad/s and rad/s^2.
+    """
+
+    position: Vec3
+    velocity: Vec3
+    acceleration: Vec3
+    R: Mat3
+    rate: Vec3
+    turning: Vec3
+
+
+def rotation_series(roll: Taylor, pitch: Taylor, yaw: Taylor) -> tuple[Vec3, Vec3, Vec3]:
+    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll) as Taylor series."""
+    (cr, sr), (cp, sp), (cy, sy) = ((cos(a), sin(a)) for a in (roll, pitch, yaw))
+    return (
+        Vec3(cy * cp, sy * cp, -sp),
+        Vec3(cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
+        Vec3(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
+    )
+
+
+@immutable
+@checked("motion")
+class PoseTrajectory:
+    """Desired pose of a body over time, and when it leaves its support and stands on one again."""
+
+    x: Annotated[Signal, Unit("m", "desired x of the middle of the body, world axes")]
+    y: Annotated[Signal, Unit("m", "desired y of the middle of the body, world axes")]
+    z: Annotated[Signal, Unit("m", "desired z of the middle of the body, world axes")]
+    roll: Annotated[Signal, Unit("rad", "desired roll of the body (ZYX)")]
+    pitch: Annotated[Signal, Unit("rad", "desired pitch of the body (ZYX)")]
+    yaw: Annotated[Signal, Unit("rad", "desired yaw of the body (ZYX)")]
+    lift: Annotated[Scalar, Unit("s", "time at which the body leaves its support", low=0.0)]
+    stop: Annotated[Scalar, Unit("s", "time at which the body stands on a support again", low=0.0)]
+
+    def at(self, t: Scalar) -> BodyMotion:
+        """Desired motion of the body at time t (s)."""
+        position, velocity, acceleration, *_ = vector_derivatives((self.x, self.y, self.z), t)
+        angles = [Taylor.of_derivatives(each.derivatives(t)) for each in (self.roll, self.pitch, self.yaw)]
+        columns = rotation_series(*angles)
+        c, s = cos(angles[2]), sin(angles[2])
+        roll, pitch, yaw = (each.derivative_series() for each in angles)
+        turn = [columns[0].x * roll - s * pitch, columns[0].y * roll + c * pitch, columns[0].z * roll + yaw]
+        return BodyMotion(
+            position=position,
+            velocity=velocity,
+            acceleration=acceleration,
+            R=Mat3.columns(*(Vec3(*(nth_derivative(c, 0) for c in column)) for column in columns)),
+            rate=Vec3(*(nth_derivative(c, 0) for c in turn)),
+            turning=Vec3(*(nth_derivative(c, 1) for c in turn)),
+        )
+
+    def path_of(self, place: Sequence[Signal]) -> tuple[Signal, Signal, Signal]:
+        """World coordinates of a place on the body (m, its axes from its middle) over time."""
+        turns = {name: getattr(self, name) for name in POSE[3:]}
+        x, y, z = (
+            CarriedPlace(middle=getattr(self, axis), place=tuple(place), axis=i, **turns)
+            for i, axis in enumerate("xyz")
+        )
+        return x, y, z
+
+
+@immutable
+class CarriedPlace(Signal):
+    """One world coordinate of a place on a body that moves and turns.
+
+    Attributes:
+        axis: 0, 1 or 2 for x, y or z.
+    """
+
+    middle: Annotated[Signal, Unit("m", "this coordinate of the middle of the body")]
+    roll: Annotated[Signal, Unit("rad", "roll of the body (ZYX)")]
+    pitch: Annotated[Signal, Unit("rad", "pitch of the body (ZYX)")]
+    yaw: Annotated[Signal, Unit("rad", "yaw of the body (ZYX)")]
+    place: Annotated[tuple[Signal, ...], Unit("m", "place on the body, its axes from its middle")]
+    axis: int
+
+    def derivatives(self, t: Scalar) -> Derivatives:
+        """Value and derivatives one to four at time t (s)."""
+        roll, pitch, yaw, middle, *place = (
+            Taylor.of_derivatives(each.derivatives(t))
+            for each in (self.roll, self.pitch, self.yaw, self.middle, *self.place)
+        )
+        along = sum((c[self.axis] * p for c, p in zip(rotation_series(roll, pitch, yaw), place, strict=True)), middle)
+        return tuple(along.derivative(k) for k in range(5))
+
+
+def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
+    """Desired motion of a body from the table ``[reference.object]``.
+
+    Args:
+        fields: the table.
+        start: position of the middle of the body at the beginning (m, world axes), where the table states none.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields.choice("kind", ("phases",), "phases")
+    x, y, z = fields.vector("position", tuple(map(float, start)))
+    pose, time = dict(zip(POSE, (x, y, z, 0.0, 0.0, 0.0), strict=True)), 0.0
+    moves: dict[str, list[Signal]] = {name: [Constant(value)] for name, value in pose.items()}
+    lift, stop, at = 0.0, 0.0, fields.at("phases")
+    for i, entry in enumerate(filled_list(fields.take("phases"), at, "a list of phases")):
+        phase = Fields(entry, f"{at}[{i}]")
+        kind, duration = phase.choice("kind", PHASES), phase.number("duration", low=0.0, strict=True)
+        goal = dict(pose)
+        if kind == "lift":
+            goal["z"] += phase.number("height")
+            lift = lift or time
+        elif kind == "carry":
+            by = phase.vector("by")
+            goal |= {name: pose[name] + step for name, step in zip("xyz", by, strict=True)}
+        elif kind == "turn":
+            goal["yaw"] += phase.number("angle")
+        elif kind == "tilt":
+            goal |= {name: phase.number(name, pose[name]) for name in ("roll", "pitch")}
+        elif kind == "place":
+            goal |= {"z": z, "roll": 0.0, "pitch": 0.0}
+        phase.done()
+        for name, value in goal.items():
+            if value != pose[name]:
+                height = value - pose[name]
+                moves[name].append(Ramp(start=time, duration=duration, height=height, shape="nonic"))
+        pose, time = goal, time + duration
+        stop = time if kind == "place" else stop
+    fields.done()
+    if not lift:
+        raise ValueError(
+            f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold"
+        )
+    signals = {name: Sum(tuple(each)) if len(each) > 1 else each[0] for name, each in moves.items()}
+    return PoseTrajectory(**signals, lift=lift, stop=max(stop, lift) if stop else time + 1e6)

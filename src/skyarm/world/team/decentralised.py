@@ -1,0 +1,76 @@
+"""Team law ``decentralised``: members that know the desired motion and a force of their own, without any message.
+
+Member i moves its tip at v_i = v_d + K (f_d - f_i), with f_i the force that it exerts on the body as it estimates, and
+f_d the desired pull outward and the weight m_i g of its part, which it adapts until it bears that part:
+
+    m_i' = -c g . (v_i - v_d)_z.
+
+The sum of the parts becomes the mass of the body; who bears how much of it follows from c and from the start. Nothing
+corrects the place of the body: a constant error of a force estimate moves it on for ever. The velocity passes a
+low-pass, and the desired force is compensated in advance.
+
+Source: Thapa, Bai, Acosta 2018, "Cooperative aerial manipulation with force control and attitude stabilization", whose
+members are kinematic.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, cast
+
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import data, maximum
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
+from skyarm.records.units import Unit
+from skyarm.world.team.team import Sharing, TeamInputs, as_data, carry_of
+
+
+@immutable
+class MemberState:
+    """State of a member: shift of its tip from its path, rate of the shift, and adapted mass."""
+
+    offset: Annotated[Vec3, Unit("m", "shift of the tip from its path, world axes")] = ZERO3_DATA
+    rate: Annotated[Vec3, Unit("m/s", "rate of that shift, world axes")] = ZERO3_DATA
+    mass: Annotated[Scalar, Unit("kg", "adapted part of the body's mass")] = 0.0
+
+
+@immutable
+class Decentralised(Sharing):
+    """Law by velocities from force errors and adapted masses, without messages."""
+
+    gain: Annotated[
+        Scalar,
+        Unit(
+            "m/(N s)",
+            "velocity of a tip per error of its force",
+            low=0.0,
+            effect="higher values yield faster and swing on stiff grasps",
+        ),
+    ] = 0.002
+    adaptation: Annotated[
+        Scalar,
+        Unit("s/m", "rate at which a velocity changes the adapted mass, over gravity", low=0.0),
+    ] = 40.0
+    filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the velocity", low=0.0, strict=True)] = 10.0
+
+    def first(self, period: float) -> tuple[MemberState, ...]:
+        """Initial state of the law: nothing shifted, no mass."""
+        return (MemberState(),) * len(self.members)
+
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
+        """Next state of the law, and to each member its force and the shift of its tip."""
+        own = cast("tuple[MemberState, ...]", own)
+        share = self.fraction(inputs.time)
+        lines = self.outward(self.arms(inputs.desired.R))
+        after, carries = [], []
+        for state, line, force in zip(own, lines, inputs.forces, strict=True):
+            asking = line * (self.internal_force * share) + E_Z * (state.mass * inputs.gravity * share)
+            bend = ((asking - force) * (self.gain * share) - state.rate) * self.filter
+            rate = state.rate + bend * dt
+            mass = state.mass - self.adaptation * inputs.gravity * dt * rate.z * share
+            moved = MemberState(
+                offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
+            )
+            after.append(moved)
+            carries.append(carry_of(inputs.holding, share, (moved.offset, moved.rate, bend), -asking))
+        return tuple(after), tuple(carries)

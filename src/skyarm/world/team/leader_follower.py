@@ -1,0 +1,89 @@
+"""Team law ``leader_follower``: the leader flies its path, followers yield along the line of the grasps.
+
+A follower has its own path, the plan of the body and the force that it estimates at its tip; it receives no message.
+Along the line of its grasp, outward from the middle of all, its tip is a virtual body between the path and the pull T
+beyond its part of the body's planned weight:
+
+    M s'' + D s' + K s = -(T - T_d).
+
+Across that line it stays on its path. Nobody compensates the load in advance: every observer finds its part of it.
+Sources: Tagliabue, Kamel, Siegwart, Nieto 2017 (followers by admittance on an estimated force).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Annotated, cast
+
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import clip, data, divide
+from skyarm.records.coerce import RecordError
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
+from skyarm.records.units import Unit
+from skyarm.world.team.team import Sharing, Team, TeamInputs, carry_of, weight_of
+
+FARTHEST = 0.1
+"""Largest yield (m) of a follower."""
+
+
+@immutable
+class Yielding:
+    """State of a follower's virtual body: displacement outward from the path, and its rate."""
+
+    offset: Annotated[Scalar, Unit("m", "displacement of a follower's tip outward from its path")] = 0.0
+    rate: Annotated[Scalar, Unit("m/s", "rate of that displacement")] = 0.0
+
+
+@immutable
+class LeaderFollower(Sharing):
+    """Law whose followers yield to the pull along the line of the grasps, without messages.
+
+    Attributes:
+        leader: name of the leader; empty for the first member.
+    """
+
+    leader: str = ""
+    virtual_mass: Annotated[Scalar, Unit("kg", "mass of a follower's virtual body", low=0.0, strict=True)] = 2.0
+    damping: Annotated[
+        Scalar,
+        Unit("N s/m", "damping of the virtual body", low=0.0, effect="higher values yield more slowly and swing less"),
+    ] = 60.0
+    stiffness: Annotated[
+        Scalar, Unit("N/m", "stiffness of the virtual body", low=0.0, effect="higher values leave more pull")
+    ] = 20.0
+
+    def require_members(self, names: Collection[str], period: float) -> None:
+        """Refuse members as the base class does, and a leader that is none of them."""
+        Team.require_members(self, names, period)
+        members = [each.agent for each in self.members]
+        if self.leader and self.leader not in members:
+            raise RecordError(f"leader = {shown(self.leader)}: {must_be_one_of(members, self.leader)}")
+
+    def first(self, period: float) -> tuple[Yielding, ...]:
+        """Initial state of the law: no follower has yielded."""
+        return (Yielding(),) * len(self.members)
+
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
+        """Next state of the law, and the shift of each follower's tip."""
+        own = cast("tuple[Yielding, ...]", own)
+        leader, share = self.leader or self.members[0].agent, self.fraction(inputs.time)
+        arms = self.arms(inputs.desired.R)
+        loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
+        after, carries = [], []
+        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, strict=True)
+        for member, body, line, force, load in rows:
+            bend: Scalar = 0.0
+            moved = body
+            if member.agent != leader:
+                expected = load.dot(line) + self.internal_force
+                excess = (force.dot(line) - expected * share) * inputs.holding
+                pushed = -excess - self.damping * body.rate - self.stiffness * body.offset
+                bend = divide(pushed, self.virtual_mass)
+                rate = body.rate + bend * dt
+                moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
+            after.append(moved)
+            shift = (line * moved.offset, line * moved.rate, line * bend)
+            carries.append(carry_of(inputs.holding, share, shift))
+        return tuple(after), tuple(carries)

@@ -1,0 +1,369 @@
+"""Team of vehicles whose tips hold one body: members, desired motion of the body, what a log has of them.
+
+A team's law says to the law of every member what its tip is about to bear and how its reference is shifted
+(:class:`skyarm.reference.carry.Carry`), once in a control period, from the motion of the body and the forces that the
+members estimate at their tips. This base class says nothing: every member flies its own path.
+
+h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. With
+virtual masses m_i, whose middle is c and whose second moment about it is J, a force F and a moment N take
+
+    h_i = m_i (F / sum m + J^-1 (N - c x F) x (r_i - c)),
+
+which are free of internal forces: what is left of any forces without those of their own sum is internal. Sources:
+Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual masses).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import field
+from typing import Annotated
+
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import Force as Wrench6
+from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, sqrt, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
+from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.units import Unit
+from skyarm.reference.carry import Carry
+from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
+from skyarm.reference.signals import Constant, Ramp, Signal, Sum
+from skyarm.reference.trajectory import Trajectory
+from skyarm.vehicle import Vehicle
+from skyarm.world.component import Column, Component
+from skyarm.world.contact.carrier import CarriedFrame
+from skyarm.world.contact.contact import Contact, ContactMemory
+
+SMALL = 1e-9
+"""Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
+
+LEAST = 1e-3
+"""Force (N) of all grasps below which their shares are not told apart."""
+
+NO_WRENCH = Wrench6(ZERO3, ZERO3)
+
+
+@immutable
+class Member:
+    """Member of a team: a vehicle whose tip holds the body.
+
+    Attributes:
+        agent: name of the vehicle.
+    """
+
+    agent: str
+    place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
+    taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
+    mass: Annotated[
+        Scalar,
+        Unit("", "virtual mass, to which the member's share of the force is proportional", low=0.0, strict=True),
+    ] = 1.0
+
+    def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
+        """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
+        signals: list[Signal] = [Constant(c) for c in self.place]
+        if self.taken is not None:
+            rows = zip(self.taken, self.place, strict=True)
+            signals = [Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows]
+        x, y, z = motion.path_of(signals)
+        return Trajectory(x=x, y=y, z=z, yaw=motion.yaw)
+
+
+@immutable
+class TeamInputs:
+    """Inputs of a team's law in a control period, world axes.
+
+    Attributes:
+        time: s. desired: desired motion of the body. body: its measured pose and velocity.
+        gravity: m/s^2.
+        holding: 1 while the members hold the body, else 0.
+        forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
+    """
+
+    time: Scalar
+    holding: Scalar
+    desired: BodyMotion
+    body: CarriedFrame
+    gravity: Scalar
+    forces: Sequence[Vec3]
+    moments: Sequence[Vec3]
+
+
+@immutable
+class TeamMemory:
+    """Internal state of a team: that of its law, instructions to the members, and numbers for the log."""
+
+    own: Tree = ()
+    carries: tuple[Scalars, ...] = ()
+    logged: Scalars = ()
+
+
+@immutable
+class Team(Component[TeamMemory]):
+    """Team whose members fly their own paths to carry a body (``own_paths``), and base class of the team's laws.
+
+    Attributes:
+        object: name of the body. members: vehicles that hold it; left out, those of its grasps.
+        motion: desired motion of the body.
+    """
+
+    registered_as = "team"
+
+    shared = True
+
+    object: Annotated[str, Unit("", "object that the team carries", rule=coerce.name)]
+    members: tuple[Member, ...] = ()
+    motion: PoseTrajectory | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    take: Annotated[Scalar, Unit("s", "time from which the members hold the body", low=0.0)] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "supposed mass of the body; 0: that of the object", low=0.0)] = 0
+    inertia: Annotated[Vec3, Unit("kg m^2", "supposed moments of inertia of the body", low=0.0)] = ZERO3
+
+    steers = False
+    """True of a law that says something to the members, whose laws must then have the option ``carrying``."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "team")
+
+    def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
+        """Refuse members that are not among the vehicles, and a law that does not fit the control period (s)."""
+        self.require_members(vehicles, period)
+
+    def require_members(self, names: Collection[str], period: float) -> None:
+        """Refuse members that are not among the names of vehicles, or twice one of them.
+
+        Raises:
+            RecordError: one line that begins with a field of the team.
+        """
+        agents = [each.agent for each in self.members]
+        for i, name in enumerate(agents):
+            if name not in names:
+                raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(names, name)}")
+            if name in agents[:i]:
+                raise RecordError(f"members[{i}].agent = {shown(name)}: must be of one member only")
+
+    def first(self, period: float) -> Tree:
+        """Initial state of the team's law."""
+        return ()
+
+    def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[Tree, tuple[Scalars, ...]]:
+        """Next state of the team's law, and its instructions to each member; () for none."""
+        return own, ()
+
+    def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
+        """Initial internal state of the team."""
+        carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
+        return TeamMemory(own=self.first(period), carries=carries, logged=(0.0,) * len(self.columns))
+
+    def instructions(self, memory: TeamMemory) -> dict[str, Scalars]:
+        """Instructions of the law to each member, by its name."""
+        return dict(zip((each.agent for each in self.members), memory.carries, strict=False))
+
+    def direct(
+        self,
+        memory: TeamMemory,
+        t: Scalar,
+        dt: float,
+        motion: PointMotion,
+        contact: Contact,
+        touching: ContactMemory,
+        tip_wrenches: Mapping[str, Wrench6],
+    ) -> TeamMemory:
+        """Internal state of the team after its law has spoken to the members, at the start of a control period.
+
+        Args:
+            memory: internal state before.
+            t: s.
+            dt: control period, s.
+            motion: motion of all vehicles.
+            contact: contact model in which the body moves.
+            touching: its internal state.
+            tip_wrenches: wrench (N, N m, world axes) of the body on a tip by its law's estimate, by the member's name.
+        """
+        if self.motion is None:
+            return memory
+        index = [each.name for each in contact.carriers].index(self.object)
+        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_wrenches, ZERO3)
+        for grasp, of, by, _ in contact.pulls(touching, motion, t):
+            by_agent |= {grasp.agent: by.force} if of == index else {}
+        pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
+        desired = self.motion.at(t)
+        borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
+        inputs = TeamInputs(
+            time=t,
+            holding=where(t < self.take, 0.0, 1.0),
+            desired=desired,
+            body=body,
+            gravity=motion.gravity,
+            forces=[-each.force for each in borne],
+            moments=[-each.torque for each in borne],
+        )
+        own, carries = self.lead(memory.own, inputs, dt)
+        arms = self.arms(body.rotation)
+        lines = zip(self.internal(pulls, arms), self.outward(arms), strict=True)
+        pull = sum((f.dot(line) for f, line in lines), 0.0) * (1.0 / len(arms))
+        whole = sum((f.z for f in pulls), 0.0)
+        whole = where(absolute(whole) > LEAST, whole, 1e12)
+        off, turn = body.position - desired.position, self.turn_error(body.rotation, desired.R)
+        shares = (divide(f.z, whole) for f in pulls)
+        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, self.desired_pull(t), *shares)
+        return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
+
+    def desired_pull(self, t: Scalar) -> Scalar:
+        """Desired pull (N) along the lines of the grasps at a time (s)."""
+        return 0.0
+
+    def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
+        """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
+
+        Two members do not turn the body about the line of their grasps: it is left out.
+        """
+        turn = ZERO3
+        for i in range(3):
+            turn = turn + R.column(i).cross(desired.column(i)) * 0.5
+        if len(self.members) == 2:
+            first, second = self.arms(desired)
+            line = second - first
+            turn = turn - line * divide(line.dot(turn), line.dot(line))
+        return turn
+
+    def arms(self, R: Mat3) -> list[Vec3]:
+        """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
+        return [R.apply(each.place) for each in self.members]
+
+    def from_middle(self, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Places of the grasps from the middle of the virtual masses."""
+        whole = divide(1.0, sum((each.mass for each in self.members), 0.0))
+        middle = sum((arm * (each.mass * whole) for arm, each in zip(arms, self.members, strict=True)), ZERO3)
+        return [arm - middle for arm in arms]
+
+    def outward(self, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Unit vectors from the middle of the virtual masses to the grasps."""
+        return [arm * divide(1.0, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
+
+    def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
+        masses, relative = [each.mass for each in self.members], self.from_middle(arms)
+        whole = divide(1.0, sum(masses, 0.0))
+        J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        for m, r in zip(masses, relative, strict=True):
+            square, c = r.dot(r), tuple(r)
+            for i in range(3):
+                for k in range(3):
+                    J[i][k] = J[i][k] + m * ((square if i == k else 0.0) - c[i] * c[k])
+        eased = (J[0][0] + J[1][1] + J[2][2]) * SMALL
+        for i in range(3):
+            J[i][i] = J[i][i] + eased
+        turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
+        rows = zip(masses, relative, strict=True)
+        return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+
+    def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
+        """Internal part of the members' forces: without what accelerates the body."""
+        force = sum(forces, ZERO3)
+        moment = sum((arm.cross(f) for arm, f in zip(arms, forces, strict=True)), ZERO3)
+        return [f - share for f, share in zip(forces, self.shares(force, moment, arms), strict=True)]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Log columns: error of the body's pose, internal pull, and the share of the load of each member."""
+        return (
+            Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
+            Column("team_turn_error", self.object, "rad", "angle of the body from its desired attitude"),
+            Column("team_pull", self.object, "N", "internal force along the lines of the grasps, positive in tension"),
+            Column("team_pull_reference", self.object, "N", "desired internal force along the lines of the grasps"),
+            *(
+                Column("load_share", each.agent, "", "vertical force of a member over that of all")
+                for each in self.members
+            ),
+        )
+
+    def logged(self, memory: TeamMemory, motion: PointMotion) -> Scalars:
+        """Numbers of the log, as of the start of the period."""
+        return memory.logged
+
+
+@immutable
+class Sharing(Team):
+    """Base class of laws that instruct the members, with a desired pull and the time in which they take the load."""
+
+    steers = True
+
+    internal_force: Annotated[Scalar, Unit("N", "desired pull along the lines of the grasps, positive in tension")] = (
+        0.0
+    )
+    rise: Annotated[
+        Scalar, Unit("s", "time before the lift in which the members take the load", low=0.0, strict=True)
+    ] = 1.3
+
+    def fraction(self, t: Scalar) -> Scalar:
+        """Fraction of the load that the members bear at a time (s): 1 from lift to place."""
+        return 0.0 if self.motion is None else load_fraction(self.motion, t, self.rise)
+
+    def desired_pull(self, t: Scalar) -> Scalar:
+        """Desired pull (N) along the lines of the grasps at a time (s)."""
+        return self.internal_force * self.fraction(t)
+
+
+def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
+    """Share of the load that the members bear at a time (s): 1 from lift to place, risen and fallen in ``rise`` (s)."""
+    up, down = (clip(divide(t - begin, rise), 0.0, 1.0) for begin in (motion.lift - rise, motion.stop))
+    return _smooth(up) * (1.0 - _smooth(down))
+
+
+def _smooth(u: Scalar) -> Scalar:
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, Vec3]:
+    """Force (N) and moment (N m) about its middle that the body's desired motion takes, world axes."""
+    force = (desired.acceleration + E_Z * gravity) * team.mass
+
+    def times_inertia(v: Vec3) -> Vec3:
+        return desired.R.apply(team.inertia.hadamard(desired.R.apply_T(v)))
+
+    return force, times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
+
+
+def shorten(v: Vec3, most: Scalar) -> Vec3:
+    """Vector shortened to a length, along its direction."""
+    return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
+
+
+def as_data(v: Vec3) -> Vec3:
+    """Vector whose numbers are data."""
+    return Vec3(*map(data, v))
+
+
+NOTHING = (ZERO3_DATA, ZERO3_DATA)
+
+
+def carry_of(
+    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Sequence[Vec3] = NOTHING
+) -> Scalars:
+    """Instructions to one member as numbers.
+
+    Args:
+        holding: 1 while the members hold the body.
+        share: fraction of the load that they bear.
+        shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
+        force: known force of the body on the tip, N, world axes.
+        forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
+    """
+    offset, rate, acceleration = map(as_data, shift)
+    return Carry(
+        held=data(holding),
+        share=data(share),
+        force=as_data(force),
+        moment=ZERO3_DATA,
+        forgotten_force=as_data(forgotten[0]),
+        forgotten_moment=as_data(forgotten[1]),
+        offset=offset,
+        offset_rate=rate,
+        offset_acceleration=acceleration,
+    ).numbers

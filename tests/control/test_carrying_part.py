@@ -1,0 +1,225 @@
+"""The carrying part compensates a known wrench at the tip, estimates what the tip bears, and forgets on request."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.tip_force import ForceErrors
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, tip_wrench
+from skyarm.control.model import Model
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.reference import Reference, hover
+from skyarm.reference.carry import Carry
+from skyarm.sensing.measurement import Measurement
+
+VEHICLE = skyarm.load_vehicle("hexarotor_arm6")
+POSTURE = (0.2, 0.6, -1.0, 0.3, 0.5, -0.4)
+FORCE, MOMENT = Vec3(1.5, -0.7, -8.0), Vec3(0.2, 0.1, -0.3)
+DT = 0.005
+
+
+def law(**options):
+    chosen = {"mode": "tip", "carrying": 1.0, "adaptation": 0.0, "bandwidth": 1.0, **options}
+    return make_centroidal(Model(vehicle=VEHICLE, gravity=9.81), **chosen)
+
+
+def at_rest(controller, carry=(), yaw=0.0):
+    """Reference of a hover in the posture, with the preview that the law takes, and its measurement."""
+    still = hover((0.0, 0.0, 2.0), yaw=yaw, joints=POSTURE).at(0.0)
+    row = [(v, 0.0, 0.0) for v in (0.0, 0.0, 2.0, yaw, *POSTURE)]
+    ahead = tuple(n for _ in controller.par.preview for each in row for n in each)
+    measured = Measurement(
+        position=Vec3(0.0, 0.0, 2.0),
+        quaternion=Quaternion(np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)),
+        velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(0.0, 0.0, 0.0),
+        joints=POSTURE,
+        joint_rates=(0.0,) * 6,
+        rotor_speeds=controller.memory.sent.rotor_speeds,
+        specific_force=Vec3(0.0, 0.0, 0.0),
+        time=0.0,
+    )
+    return dataclasses.replace(still, ahead=ahead, carry=carry).dense(), measured
+
+
+def steps(controller, count, carry, yaw=0.0):
+    """Memory and command after some steps at rest, with the carry of each step."""
+    memory, command = controller.memory, None
+    for k in range(count):
+        reference, measured = at_rest(controller, carry(k), yaw)
+        memory, command = controller.law(memory, measured, reference, DT, par=controller.par)
+    return memory, command
+
+
+def carrying(**fields):
+    return dataclasses.replace(Carry.none(), **fields).numbers
+
+
+def jacobian(joints, yaw):
+    """Numerical Jacobian of the tip's position and attitude (6, 6) by the joints, world axes, for a level base."""
+    turn = Rotation.from_euler("z", yaw)
+
+    def pose(q):
+        at = frame_pose(VEHICLE, VEHICLE.frame(), q)
+        return turn.apply([*at.p]), turn * Rotation.from_matrix([[*row] for row in at.R.rows])
+
+    h, J = 1e-6, np.zeros((6, 6))
+    for i in range(6):
+        (p0, R0), (p1, R1) = (pose([q + s * h * (j == i) for j, q in enumerate(joints)]) for s in (-1, 1))
+        J[:3, i], J[3:, i] = (p1 - p0) / (2.0 * h), (R1 * R0.inv()).as_rotvec() / (2.0 * h)
+    return J, pose(joints)[0]
+
+
+def test_a_planned_wrench_does_its_work_on_joints_and_base():
+    yaw = 0.7
+    reference = Reference(joints=POSTURE, yaw=yaw, **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0,) * 6))
+    d = planned_effect(VEHICLE, reference, FORCE, MOMENT)
+    J, tip = jacobian(POSTURE, yaw)
+    assert np.allclose(d.efforts, J.T @ [*FORCE, *MOMENT], atol=1e-8)
+    assert [*d.force] == [*FORCE]
+    world = np.add(np.cross(tip, [*FORCE]), [*MOMENT])
+    assert np.allclose([*d.torque], Rotation.from_euler("z", -yaw).apply(world), atol=1e-12)
+
+
+@pytest.mark.parametrize("moment", [0.002, 10.0])
+def test_the_estimated_wrench_is_the_least_squares_solution_of_numpy(moment):
+    rng, errors = np.random.default_rng(3), ForceErrors()
+    turn = Rotation.random(random_state=4)
+    R = Mat3(*(Vec3(*row) for row in turn.as_matrix().tolist()))
+    efforts, torque, force = rng.normal(size=6) * 0.1, rng.normal(size=3) * 0.1, rng.normal(size=3)
+    rest = Disturbance(force=Vec3(*force.tolist()), torque=Vec3(*torque.tolist()), efforts=tuple(efforts.tolist()))
+    f, n = tip_wrench(errors, moment, VEHICLE, R, POSTURE, rest)
+    J, (x, y, z) = jacobian(POSTURE, 0.0)
+    cross, none = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.zeros((3, 3))
+    rows = np.vstack([
+        J.T / errors.turning,
+        np.hstack([cross, np.eye(3)]) / errors.base,
+        np.hstack([np.eye(3), none]),
+        np.hstack([none, np.eye(3)]) / moment,
+    ])  # fmt: skip
+    target = [*efforts / errors.turning, *torque / errors.base, *turn.inv().apply(force), 0.0, 0.0, 0.0]
+    solved = np.linalg.lstsq(rows, np.array(target), rcond=None)[0]
+    assert np.allclose([*f], turn.apply(solved[:3]), atol=1e-6)
+    assert np.allclose([*n], turn.apply(solved[3:]), atol=1e-6)
+
+
+def test_a_known_weight_is_in_the_command_at_once_and_not_in_the_observer():
+    controller = law()
+    free, loaded = (steps(controller, 1, lambda _, f=f: carrying(force=Vec3(0.0, 0.0, f))) for f in (0.0, -8.0))
+    J, _ = jacobian(POSTURE, 0.0)
+    change = np.subtract(loaded[1].efforts, free[1].efforts)
+    assert np.allclose(change, J.T @ [0, 0, 8.0, 0, 0, 0], atol=1e-3)
+    coefficient = float(VEHICLE.rotors[0].thrust_coefficient)
+    thrust = [coefficient * sum(w * w for w in each[1].rotor_speeds) for each in (free, loaded)]
+    assert thrust[1] > thrust[0] + 6.0  # less than 8 N as motors are late, which the command makes up for in part
+    assert [*loaded[0].observed.force] == [*free[0].observed.force]
+
+
+def test_an_observer_forgets_at_the_rate_that_the_reference_says():
+    controller = law()
+    rate = Vec3(0.4, -0.2, 0.1)
+    kept, forgot = (
+        steps(controller, 1, lambda _, r=r: carrying(held=1.0, forgotten_force=r)) for r in (Vec3(0.0, 0.0, 0.0), rate)
+    )
+    change = np.subtract([*forgot[0].observed.force], [*kept[0].observed.force])
+    assert np.allclose(change, [-DT * c for c in rate], atol=1e-12)
+    J, _ = jacobian(POSTURE, 0.0)
+    turned = np.subtract(forgot[0].observed.efforts, kept[0].observed.efforts)
+    assert np.allclose(turned, -DT * J.T @ [*rate, 0, 0, 0], atol=1e-9)
+
+
+def test_the_bias_stands_from_the_moment_at_which_the_tip_holds():
+    controller, rows = law(), []
+    # nothing acts at rest: what a force at the tip does is put into the observer's memory
+    reference, measured = at_rest(controller)
+    d = planned_effect(VEHICLE, reference, FORCE, Vec3(0.0, 0.0, 0.0))
+    acted = dataclasses.replace(controller.memory.observed, force=d.force, torque=d.torque, efforts=d.efforts)
+    memory = dataclasses.replace(controller.memory, observed=acted)
+    for held in (0.0, 1.0):
+        reference, _ = at_rest(controller, carrying(held=held))
+        rows.append(controller.law(memory, measured, reference, DT, par=controller.par)[0].parts.carrying)
+    free, holding = rows
+    assert np.allclose([*holding.force], [*FORCE], atol=1e-3)
+    assert [*holding.bias.force] == [0.0, 0.0, 0.0]
+    follows = 1.0 - np.exp(-3.0 * DT)  # the bandwidth of the bias is 3 rad/s
+    assert np.allclose([*free.bias.force], follows * np.array([*FORCE]), atol=1e-12)
+    assert np.allclose([*free.force], (1.0 - follows) * np.array([*FORCE]), atol=1e-3)
+
+
+def test_a_held_load_stops_adaptation_and_its_force_turns_the_base_by_its_rate():
+    controller, seen = law(adaptation=2.0), []
+
+    class Watched(CarryingGains):
+        def affect(self, memory, step, effect):
+            following, effect = CarryingGains.affect(self, memory, step, effect)
+            seen.append(effect)
+            return following, effect
+
+    part = Watched(bandwidth=1.0)
+    par = dataclasses.replace(controller.par, parts=dataclasses.replace(controller.par.parts, carrying=part))
+    memory = controller.memory
+    for k in range(3):
+        row = carrying(held=float(k > 0), force=Vec3(0.2 * k, 0.0, -0.1 * k))
+        reference, measured = at_rest(controller, row)
+        memory, _ = controller.law(memory, measured, reference, DT, par=par)
+    assert [float(each.learns) for each in seen] == [1.0, 0.0, 0.0]
+    assert [float(each.isolated) for each in seen] == [1.0, 0.0, 0.0]
+    assert np.allclose([[*each.force_rate] for each in seen], [[0, 0, 0], *[[0.2 / DT, 0.0, -0.1 / DT]] * 2])
+
+
+def test_gains_are_those_of_carrying_only_while_a_load_is_carried():
+    controller = law(carrying=0.5)
+    memory, _ = steps(controller, 1, lambda _: carrying(held=1.0, share=1.0))
+    part = controller.par.parts.carrying
+    free = part.adjust_gains(controller.memory.parts.carrying, controller.par, DT)
+    soft = part.adjust_gains(memory.parts.carrying, controller.par, DT)
+    assert free.tip.position == controller.par.tip.position
+    assert soft.tip.position == pytest.approx(0.25 * controller.par.tip.position)
+    assert soft.observer.force == pytest.approx(0.5 * controller.par.observer.force)
+
+
+def test_a_shift_of_the_tip_is_that_of_the_reference():
+    controller = law()
+    offset, rate, acceleration = Vec3(0.01, -0.02, 0.005), Vec3(0.02, 0.01, -0.03), Vec3(0.3, 0.2, -0.5)
+    shift = {"offset": offset, "offset_rate": rate, "offset_acceleration": acceleration}
+    reference, measured = at_rest(controller, carrying(**shift))
+    plain = dataclasses.replace(reference, carry=carrying())
+    moved = dataclasses.replace(
+        plain, position=plain.position + offset, velocity=plain.velocity + rate, acceleration=acceleration
+    )
+    rows = [controller.law(controller.memory, measured, each, DT, par=controller.par)[1] for each in (reference, moved)]
+    assert np.allclose(rows[0].efforts, rows[1].efforts, atol=1e-9)
+    assert np.allclose(rows[0].rotor_speeds, rows[1].rotor_speeds, atol=1e-6)
+    still = controller.law(controller.memory, measured, plain, DT, par=controller.par)[1]
+    assert not np.allclose(rows[0].rotor_speeds, still.rotor_speeds, atol=1.0)
+
+
+def test_a_law_without_the_part_or_without_a_carry_is_the_one_before():
+    plain, able = law(carrying=0.0), law()
+    assert plain.par.parts.carrying is None
+    (_, first), (_, second) = (steps(each, 3, lambda _: ()) for each in (plain, able))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"carrying": -1.0}, "controller.carrying = -1.0: must be at least 0"),
+        ({"mode": "joint"}, "controller.carrying = 1.0: must be 0 but in mode 'tip' with joints"),
+        ({"load": 0.3}, "controller.carrying = 1.0: must be 0 beside load"),
+        ({"interaction": (0.5, 0.2)}, "controller.carrying = 1.0: must be 0 beside interaction"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(options, words):
+    with pytest.raises(ControllerError) as refused:
+        law(**options)
+    assert str(refused.value).startswith(words)

@@ -1,0 +1,286 @@
+"""Shares of a team are the pseudoinverse of its grasp matrix, and its law says what the body's motion takes."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.records.files import Fields
+from skyarm.reference.carry import Carry
+from skyarm.reference.object_motion import motion_of_object
+from skyarm.world.contact.carrier import CarriedFrame
+from skyarm.world.team.decentralised import Decentralised, MemberState
+from skyarm.world.team.leader_follower import LeaderFollower
+from skyarm.world.team.object_wrench import ObjectWrench
+from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
+
+DT = 0.005
+BAR = [(-0.55, 0.0, 0.02), (0.55, 0.0, 0.02)]
+PLATE = [(0.5, 0.1, 0.05), (-0.3, 0.4, 0.02), (-0.2, -0.6, 0.0)]
+PHASES = [
+    {"kind": "hold", "duration": 3.0},
+    {"kind": "lift", "height": 0.5, "duration": 2.0},
+    {"kind": "turn", "angle": 1.2, "duration": 2.0},
+    {"kind": "tilt", "pitch": 0.3, "roll": -0.2, "duration": 1.0},
+    {"kind": "place", "duration": 2.0},
+]
+
+
+def vec(values):
+    return Vec3(*(float(v) for v in values))
+
+
+def matrix(R):
+    return Mat3(*(vec(row) for row in R.as_matrix()))
+
+
+def members(places, masses=(1.0, 2.0, 0.5)):
+    rows = enumerate(zip(places, masses, strict=False))
+    return tuple(Member(agent=f"a{i}", place=vec(place), mass=m) for i, (place, m) in rows)
+
+
+def team(places=BAR, kind=ObjectWrench, **fields):
+    motion = motion_of_object(Fields({"phases": PHASES}, "reference.object"), Vec3(0.0, 0.0, 0.02))
+    masses = fields.pop("masses", (1.0, 1.0, 1.0))
+    given = {"mass": 1.6, "inertia": Vec3(4e-4, 0.19, 0.19), "take": 1.4, **fields}
+    return kind(object="bar", members=members(places, masses), motion=motion, **given)
+
+
+def grasp_matrix(arms):
+    def cross(r):
+        return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+
+    return np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack([cross(r) for r in arms])])
+
+
+@pytest.mark.parametrize(("places", "masses"), [(PLATE, (1.0, 2.0, 0.5)), (BAR, (1.0, 1.0)), (BAR, (2.0, 0.7))])
+def test_shares_are_the_weighted_pseudoinverse_of_the_grasp_matrix(places, masses):
+    rng, turn = np.random.default_rng(2), Rotation.random(random_state=6)
+    arms = [turn.apply(place) for place in places]
+    G, M = grasp_matrix(arms), np.kron(np.diag(masses[: len(places)]), np.eye(3))
+    wrench = G @ rng.normal(size=3 * len(places))  # one that the members can exert
+    expected = M @ G.T @ np.linalg.pinv(G @ M @ G.T, rcond=1e-10) @ wrench
+    found = team(places, masses=masses).shares(vec(wrench[:3]), vec(wrench[3:]), [vec(arm) for arm in arms])
+    assert np.allclose(np.concatenate([[*f] for f in found]), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("places", [PLATE, BAR])
+def test_internal_forces_move_nothing_and_are_all_that_moves_nothing(places):
+    rng = np.random.default_rng(4)
+    arms, whole = [np.array(place) for place in places], team(places)
+    G, forces = grasp_matrix(arms), rng.normal(size=(len(places), 3))
+    inner = np.array([[*f] for f in whole.internal([vec(f) for f in forces], [vec(arm) for arm in arms])])
+    assert np.allclose(G @ inner.ravel(), 0.0, atol=1e-6)
+    null = np.eye(3 * len(places)) - np.linalg.pinv(G) @ G
+    assert np.allclose(inner.ravel(), null @ forces.ravel(), atol=1e-6)  # equal virtual masses: the orthogonal part
+
+
+def test_two_members_have_the_pull_along_their_line_alone():
+    forces = [Vec3(-3.0, 0.5, 4.0), Vec3(2.0, -1.0, 3.0)]
+    inner = team().internal(forces, [vec(place) for place in BAR])
+    assert np.allclose([[*f] for f in inner], [[-2.5, 0.0, 0.0], [2.5, 0.0, 0.0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("t", [3.7, 5.9, 7.3, 8.8])
+def test_the_weight_of_the_body_is_the_rate_of_its_momentum(t):
+    whole, h = team(), 1e-4
+
+    def momentum(time):
+        at = whole.motion.at(time)
+        R = np.array([[*row] for row in at.R.rows])
+        return 1.6 * np.array([*at.velocity]), R @ np.diag([*whole.inertia]) @ R.T @ [*at.rate]
+
+    (p0, L0), (p1, L1) = momentum(t - h), momentum(t + h)
+    force, moment = weight_of(whole, whole.motion.at(t), 9.81)
+    assert np.allclose([*force], (p1 - p0) / (2.0 * h) + [0.0, 0.0, 1.6 * 9.81], atol=1e-5)
+    assert np.allclose([*moment], (L1 - L0) / (2.0 * h), atol=1e-5)
+
+
+def test_members_take_the_load_before_the_lift_and_give_it_back_after_the_place():
+    motion = team().motion
+    shares = [load_fraction(motion, t, 1.3) for t in (1.6, 1.7, 2.35, 3.0, 9.9, 10.65, 11.3)]
+    assert np.allclose(shares, [0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0], atol=1e-9)
+
+
+def inputs(whole, t, forces=None, off=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)):
+    desired = whole.motion.at(t)
+    R = Rotation.from_rotvec(turn) * Rotation.from_matrix([[*row] for row in desired.R.rows])
+    still = Vec3(0.0, 0.0, 0.0)
+    body = CarriedFrame(
+        position=desired.position + vec(off), rotation=matrix(R), velocity=desired.velocity, turning=still
+    )
+    given = [still] * len(whole.members) if forces is None else [vec(f) for f in forces]
+    holding = float(t >= whole.take)
+    return TeamInputs(
+        time=t,
+        holding=holding,
+        desired=desired,
+        body=body,
+        gravity=9.81,
+        forces=given,
+        moments=[still] * len(whole.members),
+    )
+
+
+def instructions(whole, t, count=1, **given):
+    own, rows = whole.first(DT), ()
+    for _ in range(count):
+        own, rows = whole.lead(own, inputs(whole, t, **given), DT)
+    return own, [Carry.of(row) for row in rows]
+
+
+def test_the_known_wrenches_lift_the_body_with_the_desired_pull():
+    whole = team(internal_force=2.0)
+    _, rows = instructions(whole, 6.3)
+    force, moment = weight_of(whole, whole.motion.at(6.3), 9.81)
+    arms = [[*arm] for arm in whole.arms(whole.motion.at(6.3).R)]
+    on_body = np.array([[*(-row.force)] for row in rows])
+    assert np.allclose(on_body.sum(axis=0), [*force], atol=1e-9)
+    line = np.subtract(arms[1], arms[0])
+    line /= np.linalg.norm(line)
+    left = np.cross(arms, on_body).sum(axis=0) - [*moment]
+    assert np.allclose(left - line * (left @ line), 0.0, atol=1e-6)  # what two places can exert
+    assert (on_body[1] - on_body[0]) @ line / 2.0 == pytest.approx(2.0, abs=1e-6)
+
+
+def test_members_forget_a_pull_beyond_the_desired_one_and_part_less():
+    whole = team(internal_force=1.0, blind=8.0, pull_gain=0.05)
+    # the members pull the bar with 4 N: the left one to the left
+    own, rows = instructions(whole, 5.0, forces=[(-4.0, 0.0, 7.0), (4.0, 0.0, 7.0)])
+    assert np.allclose([[*row.forgotten_force] for row in rows], [[24.0, 0.0, 0.0], [-24.0, 0.0, 0.0]], atol=1e-5)
+    assert np.allclose([[*q] for q in own.inner], [[0.5 * 0.05 * DT * 3.0, 0, 0], [-0.5 * 0.05 * DT * 3.0, 0, 0]])
+    _, before = instructions(whole, 1.0, forces=[(-4.0, 0.0, 7.0), (4.0, 0.0, 7.0)])
+    assert all([*row.forgotten_force] == [0.0, 0.0, 0.0] and row.held == 0.0 for row in before)
+
+
+def test_members_forget_the_moments_of_fixed_grasps():
+    whole = team(blind_moments=4.0)
+    given = dataclasses.replace(inputs(whole, 5.0), moments=[Vec3(0.1, 0.0, -0.2), Vec3(0.0, 0.3, 0.0)])
+    _, rows = whole.lead(whole.first(DT), given, DT)
+    found = [[*Carry.of(row).forgotten_moment] for row in rows]
+    assert np.allclose(found, [[-0.4, 0.0, 0.8], [0.0, -1.2, 0.0]], atol=1e-12)  # of what the body does to the tips
+
+
+def test_an_error_of_the_pose_shifts_and_turns_all_tips_but_not_about_their_line():
+    whole, count = team(pose_gain=0.3), 4
+    own, _ = instructions(whole, 5.0, count, off=(0.01, -0.02, 0.03), turn=(0.05, 0.01, -0.02))
+    assert np.allclose([*own.place], -0.3 * DT * count * np.array([0.01, -0.02, 0.03]), atol=1e-12)
+    assert np.allclose([*own.turn], -0.3 * DT * count * np.array([0.0, 0.01, -0.02]), atol=1e-6)
+    standing, _ = instructions(whole, 2.5, count, off=(0.01, -0.02, 0.03))
+    assert [*standing.place] == [0.0, 0.0, 0.0]
+
+
+def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
+    whole = dataclasses.replace(team(), pose_gain=1e4)  # a step to the limit of 0.3 m
+    own, rows, track = whole.first(DT), [], []
+    for _ in range(200):
+        own, given = whole.lead(own, inputs(whole, 5.0, off=(-1.0, 0.0, 0.0)), DT)
+        rows = [Carry.of(row) for row in given]
+        track.append([rows[0].offset.x, rows[0].offset_rate.x, rows[0].offset_acceleration.x])
+    track = np.array(track)
+    t = DT * np.arange(1, 201)
+    assert np.allclose(track[:, 0], 0.3 * (1.0 - (1.0 + 10.0 * t) * np.exp(-10.0 * t)), atol=0.01)
+    assert np.allclose(np.diff(track[:, 0]) / DT, track[1:, 1], atol=1e-9)
+    assert np.allclose(np.diff(track[:, 1]) / DT, track[1:, 2], atol=1e-9)
+
+
+def test_late_messages_are_those_of_some_periods_before():
+    whole = team(delay=3 * DT)
+    own, seen = whole.first(DT), []
+    for k in range(6):
+        pull = float(k + 1)
+        own, rows = whole.lead(own, inputs(whole, 5.0, forces=[(-pull, 0.0, 0.0), (pull, 0.0, 0.0)]), DT)
+        seen.append(Carry.of(rows[0]).forgotten_force.x / whole.blind)
+    assert np.allclose(seen, [0.0, 0.0, 0.0, 1.0, 2.0, 3.0], atol=1e-5)
+    with pytest.raises(ValueError, match=r"delay = 0\.007: must be a whole number of control periods of 0\.005 s"):
+        team(delay=0.007).require_members(("a0", "a1"), DT)
+
+
+def test_a_team_of_own_paths_says_nothing():
+    whole = team(kind=Team)
+    assert whole.start(DT, ()).carries == ()
+    assert whole.lead((), inputs(whole, 5.0), DT) == ((), ())
+
+
+def pulled(whole, t, pull):
+    """Forces of two members that bear the planned load and pull the bar with a force (N) beside it."""
+    at = whole.motion.at(t)
+    arms = whole.arms(at.R)
+    loads = np.array([[*f] for f in whole.shares(*weight_of(whole, at, 9.81), arms)])
+    line = np.subtract([*arms[1]], [*arms[0]])
+    return loads + pull * np.array([-line, line]) / np.linalg.norm(line)
+
+
+@pytest.mark.parametrize("t", [5.0, 6.8, 7.9])
+def test_a_follower_yields_to_a_pull_as_its_virtual_body_and_the_leader_does_not(t):
+    whole = team(kind=LeaderFollower, virtual_mass=2.0, damping=60.0, stiffness=20.0)
+    own, rows, count = whole.first(DT), (), 150
+    for _ in range(count):
+        own, rows = whole.lead(own, inputs(whole, t, forces=pulled(whole, t, 1.5)), DT)
+    first, second = map(Carry.of, rows)
+    assert [*first.offset] == [0.0, 0.0, 0.0]
+    arms = [np.array([*arm]) for arm in whole.arms(whole.motion.at(t).R)]
+    line = (arms[1] - arms[0]) / np.linalg.norm(arms[1] - arms[0])
+    slow, fast = np.roots([2.0, 60.0, 20.0])[::-1]
+    seconds = DT * count
+    settled = -1.5 / 20.0 * (1.0 - (fast * np.exp(slow * seconds) - slow * np.exp(fast * seconds)) / (fast - slow))
+    assert np.allclose([*second.offset], settled * line, atol=1e-3)
+    assert [*second.force] == [0.0, 0.0, 0.0]
+
+
+def test_a_follower_does_not_yield_to_its_part_of_the_weight_of_a_tilted_bar():
+    whole = team(kind=LeaderFollower, internal_force=0.7)
+    own, _ = whole.lead(whole.first(DT), inputs(whole, 7.9, forces=pulled(whole, 7.9, 0.7)), DT)
+    assert all(abs(each.rate) < 1e-9 for each in own)
+    with pytest.raises(ValueError, match=r"leader = 'a7': must be one of a0, a1"):
+        dataclasses.replace(whole, leader="a7").require_members(("a0", "a1"), DT)
+
+
+def test_thapas_law_on_kinematic_tips_has_his_internal_force_speed_and_mass():
+    """Two kinematic tips on a light point mass: the example of Thapa, Bai, Acosta 2018.
+
+    An implementation of the equations that shares no code with this one gives after 1 s an internal force of 2.000 N, a
+    load at 0.2000 m/s and masses of together 0.4990 kg. How the members share it follows from m_i' = -c_i g z_i':
+    m_i / c_i + g z_i stays as it was, z_i the height of the tip.
+    """
+    gains = (0.6, 0.4)
+    places = [(0.0, -0.1, 0.0), (0.0, 0.1, 0.0)]
+    law = team(kind=Decentralised, places=places, internal_force=2.0, gain=0.1, filter=200.0, take=0.0, rise=1e-9)
+    phases = [{"kind": "hold", "duration": 1e-3}, {"kind": "lift", "height": 1e-9, "duration": 10.0}]
+    motion = motion_of_object(Fields({"phases": phases}, "reference.object"), Vec3(0.0, 0.0, 0.0))
+    rows = [dataclasses.replace(law, motion=motion, adaptation=c) for c in gains]
+    h, K, weight = 2e-3, 500.0, 0.5 * 9.81
+    state = [(MemberState(mass=0.1),) * 2 for _ in rows]
+    tips, path = np.zeros((2, 3)), [np.zeros(3)]
+    for _ in range(500):
+        path.append(tips.mean(axis=0) - [0.0, 0.0, weight / (2.0 * K)])  # where the springs balance the load
+        force = K * (tips - path[-1])  # of the tips on the load
+        for i, each in enumerate(rows):
+            state[i], given = each.lead(state[i], inputs(each, 0.5, forces=force), h)
+            tips[i] += h * np.add([*Carry.of(given[i]).offset_rate], [0.2, 0.0, 0.0])
+    masses = np.array([state[i][i].mass for i in range(2)])
+    assert (force[1] - force[0])[1] / 2.0 == pytest.approx(2.0, abs=2e-3)
+    assert (path[-1] - path[-2]) / h == pytest.approx([0.2, 0.0, 0.0], abs=2e-3)
+    assert masses.sum() == pytest.approx(0.4990, abs=4e-3)
+    assert (masses - 0.1) / gains == pytest.approx(-9.81 * tips[:, 2], rel=0.02)
+
+
+def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
+    root = Path(__file__).resolve().parents[2]
+    page = (root / "docs" / "carry_together.md").read_text("utf-8")
+    shown = tomllib.loads(page.partition("```toml\n")[2].partition("```")[0])
+    shipped = tomllib.loads((root / "src/skyarm/scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
+    assert shown["controller"].items() <= shipped["controller"].items()
+    assert [shown[name] for name in ("team", "agents")] == [shipped[name] for name in ("team", "agents")]
+    assert shown["reference"]["tip"] == shipped["reference"]["tip"]
+    pairs = zip(shown["reference"]["object"]["phases"], shipped["reference"]["object"]["phases"], strict=True)
+    for one, other in pairs:
+        assert one.keys() == other.keys()
+        assert all(value == pytest.approx(other[word], abs=1e-3) for word, value in one.items() if word != "kind")
+        assert one["kind"] == other["kind"]
