@@ -278,6 +278,7 @@ def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
     shipped = tomllib.loads((root / "src/skyarm/scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
     assert shown["controller"].items() <= shipped["controller"].items()
     assert [shown[name] for name in ("team", "agents")] == [shipped[name] for name in ("team", "agents")]
+    assert shown["world"]["grasps"] == shipped["world"]["grasps"]
     assert shown["reference"]["tip"] == shipped["reference"]["tip"]
     pairs = zip(shown["reference"]["object"]["phases"], shipped["reference"]["object"]["phases"], strict=True)
     for one, other in pairs:
