@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import signal
 import tempfile
 import time
@@ -240,7 +241,7 @@ def _shipped(folder: Any) -> tuple[bytes, ...]:
 
 def _example(document: str) -> bytes:
     """The example of a page of the documentation: the first TOML that begins with its schema."""
-    blocks = (DOCS / document).read_text("utf-8").split("```toml\n")
+    blocks = re.split(r"```toml[^\n]*\n", (DOCS / document).read_text("utf-8"))
     return next(block for block in blocks if block.startswith("schema")).split("```")[0].encode()
 
 

@@ -118,7 +118,7 @@ Law = Annotated[
         "--laws",
         "--controller",
         metavar="LAW",
-        help="one law instead of the file's: a preset, law, gains (.toml) or FILE.py:make",
+        help="one law: a preset, law, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]

@@ -16,8 +16,8 @@ Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field
-from typing import Annotated
+from dataclasses import field, replace
+from typing import Annotated, Self
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
@@ -133,6 +133,10 @@ class Team(Component[TeamMemory]):
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
         """Refuse members that are not among the vehicles, and a law that does not fit the control period (s)."""
         self.require_members(vehicles, period)
+
+    def of_agent(self, name: str) -> Self:
+        """Team as one member's own flight contains it: without the other members."""
+        return replace(self, members=tuple(each for each in self.members if each.agent == name))
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.
