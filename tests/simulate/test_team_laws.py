@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.suite import NOISE
 
@@ -176,3 +177,34 @@ def test_an_object_to_carry_without_a_team_is_refused():
     del tables["team"]
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.object"):
         skyarm.scenario_from(tables)
+
+
+def test_members_that_cannot_share_a_load_are_refused() -> None:
+    def message(edit: Callable[[dict[str, Any]], object]) -> str:
+        tables = bar()
+        edit(tables)
+        with pytest.raises(skyarm.ScenarioError) as refused:
+            skyarm.scenario_from(tables)
+        return str(refused.value)
+
+    grasps = "world"
+    places = [{"agent": name, "place": [0.1, 0.0, 0.0]} for name in ("left", "right")]
+    assert message(lambda t: t["team"].update(members=[])) == "team.members = []: must be two or more, or left out"
+    assert message(lambda t: t["team"].update(members=places)).startswith(
+        "team.members[1].place = [0.1, 0.0, 0.0]: must"
+    )
+    assert "must be one of each member" in message(
+        lambda t: t[grasps]["grasps"].append(t[grasps]["grasps"][0] | {"name": "third"})
+    )
+    late = message(lambda t: t[grasps]["grasps"][0].update(close=9.0))
+    assert late == "reference.object.phases: lifts at 3 s: must not lift before 9 s, when all members hold 'bar'"
+    assert message(lambda t: t["team"].update(delay=1000.0)).startswith("team.delay = 1000.0: must be at most 1")
+
+
+def test_a_wind_changes_while_a_team_carries() -> None:
+    """A change of what all share is read in the flight of one member, which has no other members."""
+    tables = bar() | {"duration": 0.02}
+    tables["environment"]["wind"] = {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}
+    given = skyarm.scenario_from(tables)
+    for path, value in (("environment.wind.force.1", 1.0), ("team.internal_force", 1.5)):
+        assert number_at(skyarm.with_numbers(given, {path: value}), path) == value

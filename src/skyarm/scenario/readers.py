@@ -331,6 +331,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         raise ValueError(f"{path}.object = {shown(record.object)}: {must_be_one_of(objects, record.object)}")
     body, grasps = objects[record.object], [each for each in contact.grasps if each.body == record.object]
     places = {each.agent: each.place for each in grasps}
+    if isinstance(entry, Mapping) and entry.get("members") == []:
+        raise ValueError(f"{path}.members = []: must be two or more, or left out")
+    if len(places) < len(grasps):
+        raise ValueError(f"world.grasps: must be one of each member of a team at {shown(record.object)}")
     members = record.members or tuple(Member(agent=agent, place=place) for agent, place in places.items())
     if len(members) < 2:
         words = f"{len(members)} members: must be two or more, each with a grasp of {shown(record.object)}"
@@ -338,14 +342,22 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     with errors_as(ValueError, f"{path}."):
         named = dataclasses.replace(record, members=members)
         named.require_members(reading.agents, 1.0 / reading.word("rates").control)
-    taken = ((each, places.get(each.agent, each.place)) for each in members)
+    for i, each in enumerate(members):
+        if each.agent not in places:
+            words = f"must hold {shown(record.object)} by one of [[world.grasps]]"
+            raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
+    taken = ((each, each.taken or places[each.agent]) for each in members)
     members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
     motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)
+    take = max(float(record.take), *(float(each.close) for each in grasps))
+    if float(motion.lift) < take:
+        words = f"must not lift before {take:g} s, when all members hold {shown(record.object)}"
+        raise ValueError(f"reference.object.phases: lifts at {float(motion.lift):g} s: {words}")
     return dataclasses.replace(
         record,
         members=members,
         motion=motion,
-        take=max((each.close for each in grasps), default=0.0) * 1.0,
+        take=take,
         mass=record.mass or body.mass,
         inertia=record.inertia if any(record.inertia) else body.moments,
     )

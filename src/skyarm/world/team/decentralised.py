@@ -49,7 +49,7 @@ class Decentralised(Sharing):
     ] = 0.002
     adaptation: Annotated[
         Scalar,
-        Unit("s/m", "rate at which a velocity changes the adapted mass, over gravity", low=0.0),
+        Unit("kg s^2/m^2", "rate at which a velocity changes the adapted mass, over gravity", low=0.0),
     ] = 40.0
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the velocity", low=0.0, strict=True)] = 10.0
 

@@ -16,7 +16,7 @@ from collections.abc import Collection
 from typing import Annotated, cast
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import clip, data, divide
+from skyarm.algebra.scalars import absolute, clip, data, divide, where
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
@@ -81,7 +81,8 @@ class LeaderFollower(Sharing):
                 excess = (force.dot(line) - expected * share) * inputs.holding
                 pushed = -excess - self.damping * body.rate - self.stiffness * body.offset
                 bend = divide(pushed, self.virtual_mass)
-                rate = body.rate + bend * dt
+                free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST  # at the bound the tip rests
+                bend, rate = where(free, bend, 0.0), where(free, body.rate + bend * dt, 0.0)
                 moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
             after.append(moved)
             shift = (line * moved.offset, line * moved.rate, line * bend)

@@ -103,7 +103,8 @@ class ObjectWrench(Sharing):
     ] = 0.02
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
     delay: Annotated[
-        float, Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, fixed=True)
+        float,
+        Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, high=1.0, fixed=True),
     ] = 0.0
 
     def require_members(self, names: Collection[str], period: float) -> None:

@@ -43,6 +43,9 @@ from skyarm.world.contact.contact import Contact, ContactMemory
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
 
+NEAREST = 0.01
+"""Least distance (m) between the grasps of two members: at one place they have no line along which they pull."""
+
 LEAST = 1e-3
 """Force (N) of all grasps below which their shares are not told apart."""
 
@@ -150,6 +153,13 @@ class Team(Component[TeamMemory]):
                 raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(names, name)}")
             if name in agents[:i]:
                 raise RecordError(f"members[{i}].agent = {shown(name)}: must be of one member only")
+            place = self.members[i].place
+            if any(
+                (place - each.place).norm() < NEAREST
+                for each in self.members[:i]
+                if coerce.concrete(*place, *each.place)
+            ):
+                raise RecordError(f"members[{i}].place = {shown([*place])}: must be {NEAREST:g} m or more from others")
 
     def first(self, period: float) -> Tree:
         """Initial state of the team's law."""
