@@ -92,7 +92,8 @@ def by_agent(
         changed = replace_at(changed, {tuple(path.split(".")): value for path, value in later.items()})
     if shared:
         one = change(scenario.of(next(iter(scenario.agents))), shared)
-        changed = dataclasses.replace(changed, environment=one.environment, endings=one.endings)
+        shared_parts = {name: getattr(one, name) for name in ("environment", "endings", "team")}
+        changed = dataclasses.replace(changed, **shared_parts)
     agents = dict(changed.agents)
     for name, own in groups.items():
         with errors_of_agent(name):
