@@ -175,7 +175,7 @@ def test_a_team_without_a_desired_motion_is_refused():
 def test_an_object_to_carry_without_a_team_is_refused():
     tables = bar()
     del tables["team"]
-    with pytest.raises(skyarm.ScenarioError, match=r"reference\.object"):
+    with pytest.raises(skyarm.ScenarioError, match=r"^reference\.object: must be left out without \[team\]$"):
         skyarm.scenario_from(tables)
 
 

@@ -310,6 +310,8 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
     joints, setting, team = reading.word("plant").vehicle.n, reading.setting, reading.word("team")
+    if team is None and isinstance(entry, dict) and "object" in entry:
+        raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):
         entry = {name: each for name, each in entry.items() if name != "object" or path != "reference"}
         for member in team.members:
