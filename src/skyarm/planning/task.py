@@ -48,7 +48,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import require_plant
@@ -176,7 +176,7 @@ class Task:
         None
     )
     passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of `world` that are no obstacles")] = ()
-    gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
+    gravity: Annotated[float, positive("m/s^2", "gravity, downwards")] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
 
     @classmethod
