@@ -214,7 +214,7 @@ class Task:
                 raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
-        if self.world is not None and self.world.get("grippers"):
+        if self.world is not None:
             require_grippers(self)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
             raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
@@ -232,8 +232,9 @@ def require_grippers(task: Task) -> None:
     for k, phase in enumerate(task.phases):
         for word, name in (("gripper", phase.gripper), ("release", phase.release)):
             if name and name not in names:
-                allowed = f"one of {', '.join(map(str, names))}" if names else "left out; there is none"
-                raise TaskError(f"phases[{k}].{word} = {name!r}: must be a gripper of [[world.grippers]], {allowed}")
+                own = f"be a gripper of [[world.grippers]], one of {', '.join(map(str, names))}"
+                allowed = own if names else "be left out without [[world.grippers]]"
+                raise TaskError(f"phases[{k}].{word} = {name!r}: must {allowed}")
 
 
 def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:
