@@ -100,7 +100,7 @@ def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numb
         (("up.toml", "--scenario", "up.toml"), "up.toml"),
         (
             ("grip.toml", "--scenario", "fly/up.toml"),
-            "phases[0].gripper = 'claw': must be a gripper of [[world.grippers]], left out; there is none",
+            "phases[0].gripper = 'claw': must be left out without [[world.grippers]]",
         ),
     ],
 )

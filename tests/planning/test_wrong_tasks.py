@@ -29,7 +29,8 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         " limits, obstacles, minimise, world, passable, gravity, step",
     ),
     ({"minimise": "energy"}, "minimise = 'energy': must be one of effort, time"),
-    ({"gravity": -1.0}, "gravity = -1.0: must be at least 0"),
+    ({"gravity": -1.0}, "gravity = -1.0: must be above 0"),
+    ({"gravity": 0.0}, "gravity = 0.0: must be above 0"),
     ({"step": 1.0}, "step = 1.0: must be at most 0.5"),
     ({"name": 3}, "name = 3: must be text"),
     ({"phases": []}, "phases: must be one phase or more"),
@@ -151,6 +152,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (
         {"phases__2__release": "hand", "world": {"grippers": [{"name": "claw"}]}},
         "phases[2].release = 'hand': must be a gripper of [[world.grippers]], one of claw",
+    ),
+    (
+        {"phases__1__gripper": "claw", "world": {"surfaces": []}},
+        "phases[1].gripper = 'claw': must be left out without [[world.grippers]]",
+    ),
+    (
+        {"phases__2__release": "claw", "world": {"grippers": []}},
+        "phases[2].release = 'claw': must be left out without [[world.grippers]]",
     ),
     ({"phases__0__tilt": 3.2}, "phases[0].tilt = 3.2: must be at most 3.14159"),
     ({"phases__0__tilt": 0.0}, "phases[0].tilt = 0.0: must be at least 0.01"),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.records.files import Fields
 from skyarm.reference import Trajectory
 from skyarm.reference.planned_motion import FORMAT, plan_tables, read_plan_arrays
@@ -90,6 +92,59 @@ def test_wrong_tables_are_refused(tmp_path: Path, changes: Any, entries: Any, me
     assert "\n" not in str(refused.value)
 
 
+def with_(name: str, value: float) -> np.ndarray[Any, Any]:
+    """An array of the plan whose row 7 is a value."""
+    changed = np.array(arrays()[name], dtype=float)
+    changed[7] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"quaternion": np.ones((41, 3))}, "quaternion of shape (41, 3): must be (41, 4)"),
+        ({"quaternion": np.ones(41)}, "quaternion of shape (41,): must be (41, 4)"),
+        ({"quaternion": with_("quaternion", 0.0)}, "quaternion: must be of length 1 at each node"),
+        ({"quaternion": with_("quaternion", np.nan)}, "quaternion: must be finite numbers"),
+        ({"position": np.ones((40, 3))}, "position of shape (40, 3): must be (41, 3)"),
+        ({"position": np.array(["a"] * 41)}, "position of type <U1: must be an array of numbers"),
+        ({"position": np.ones((41, 3)) * 1j}, "position of type complex128: must be an array of numbers"),
+        ({"center": np.ones((41, 2))}, "center of shape (41, 2): must be (41, 3)"),
+        ({"tip": np.ones((41, 2))}, "tip of shape (41, 2): must be (41, 3)"),
+        ({"yaw": np.ones((41, 1))}, "yaw of shape (41, 1): must be (41,)"),
+        ({"yaw": with_("yaw", np.inf)}, "yaw: must be finite numbers"),
+        ({"joints": np.ones(41)}, "joints of shape (41,): must be (41, any number)"),
+        ({"rotor_speeds": np.ones((3, 4))}, "rotor_speeds of shape (3, 4): must be (41, any number)"),
+        ({"t": 1.0}, "t of shape (): must be a list of two times or more"),
+        ({"t": TIMES[:1]}, "t of shape (1,): must be a list of two times or more"),
+        ({"t": TIMES[::-1]}, "t: must increase from node to node"),
+        ({"t": with_("t", np.nan)}, "t: must be finite numbers"),
+        ({"vehicle": 3}, "vehicle: must be a name"),
+        ({"format": np.ones(3)}, "must be a file of 'skyarm plan' of this version"),
+        ({"format": "one"}, "must be a file of 'skyarm plan' of this version"),
+    ],
+)
+def test_wrong_arrays_are_refused(tmp_path: Path, changes: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=r"^reference\.file = ") as refused:
+        reference(tmp_path, arrays(**changes))
+    assert str(refused.value).endswith(f"plan.npz': {message}")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_plan_is_flown_by_its_own_vehicle_alone(tmp_path: Path) -> None:
+    file = tmp_path / "plan.npz"
+    fields = {"kind": "plan", "file": str(file)}
+    np.savez(file, **arrays(vehicle="eagle"))
+    assert plan_tables(Fields(fields, "reference"), "eagle") == plan_tables(Fields(fields, "reference"))
+    other = Setting(vehicle=skyarm.load_vehicle("hummingbird"))
+    with pytest.raises(ValueError, match=r"^reference\.file = .*: is a plan of 'eagle'; plant.vehicle is 'humm") as no:
+        reference_from(fields, 0, "reference", other)
+    assert "\n" not in str(no.value)
+    # files of before do not name it
+    np.savez(file, **arrays())
+    assert reference_from(fields, 2, "reference", other).planned is not None
+
+
 @pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 cut off"])
 def test_files_that_are_no_plan_are_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "p.npz"
@@ -98,3 +153,17 @@ def test_files_that_are_no_plan_are_refused(tmp_path: Path, content: bytes) -> N
         read_plan_arrays(str(file), f"reference.file = '{file}'")
     with pytest.raises(ValueError, match=r"^reference\.file = .*none\.npz"):
         plan_tables(Fields({"kind": "plan", "file": str(tmp_path / "none.npz")}, "reference"))
+
+
+def test_an_array_alone_or_a_damaged_archive_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "p.npz"
+    whole = io.BytesIO()
+    np.savez_compressed(whole, **arrays())
+    alone = io.BytesIO()
+    np.save(alone, TIMES)
+    damaged = bytearray(whole.getvalue())
+    damaged[200:260] = bytes(60)
+    for content in (alone.getvalue(), bytes(damaged)):
+        file.write_bytes(content)
+        with pytest.raises(ValueError, match=r"^reference\.file: must be a file of 'skyarm plan'$"):
+            read_plan_arrays(str(file), "reference.file")

@@ -14,7 +14,7 @@ from skyarm.reference.planned_motion import FORMAT
 
 
 def plan_arrays(plan: Plan) -> dict[str, Any]:
-    """Arrays of a plan: states and inputs at the nodes, and what a reference needs of them.
+    """Arrays of a plan: states and inputs at the nodes, and what a reference needs of them; the vehicle's name.
 
     ``t`` s; ``position``, ``center``, ``tip`` (N + 1, 3) m, world axes; ``yaw`` rad; ``joints``, ``joint_rates``;
     ``quaternion`` (N + 1, 4); ``velocity``, ``rate``; ``rotor_speeds`` rad/s; ``inputs`` (N, nu);
@@ -38,9 +38,10 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
         pushed = [plan.task.phases[k].contact is not None for k in phase[:-1]]
         force[:-1] = plan.u[:, m + n :] * plan.stage.weight * np.array(pushed)[:, None]
     return {
-        "format": FORMAT, "t": plan.t, "position": x[:, :3], "center": center, "tip": tip, "yaw": yaw,
-        "joints": joints, "joint_rates": x[:, 13 + n : 13 + 2 * n], "quaternion": x[:, 3:7], "velocity": x[:, 7:10],
-        "rate": x[:, 10:13], "rotor_speeds": x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover),
+        "format": FORMAT, "vehicle": vehicle.name, "t": plan.t, "position": x[:, :3], "center": center, "tip": tip,
+        "yaw": yaw, "joints": joints, "joint_rates": x[:, 13 + n : 13 + 2 * n], "quaternion": x[:, 3:7],
+        "velocity": x[:, 7:10], "rate": x[:, 10:13],
+        "rotor_speeds": x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover),
         "inputs": plan.u, "gains": plan.K, "phase": phase, "force": force,
     }  # fmt: skip
 

@@ -48,7 +48,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import require_plant
@@ -176,7 +176,7 @@ class Task:
         None
     )
     passable: Annotated[tuple[str, ...], Unit("", "names of surfaces of `world` that are no obstacles")] = ()
-    gravity: Annotated[float, Unit("m/s^2", "gravity, downwards", low=0.0)] = 9.81
+    gravity: Annotated[float, positive("m/s^2", "gravity, downwards")] = 9.81
     step: Annotated[float, Unit("s", "time between nodes of free motion", low=0.002, high=0.5)] = 0.04
 
     @classmethod
@@ -214,7 +214,7 @@ class Task:
                 raise TaskError(f"obstacles[{obstacle.name}]: must stand still and be no plate with a hole")
         for k, each in enumerate(self.phases):
             _check_phase(each, f"phases[{k}]", self.vehicle, self.phases[k - 1] if k else None)
-        if self.world is not None and self.world.get("grippers"):
+        if self.world is not None:
             require_grippers(self)
         if any(rotor.tilt is not None for rotor in self.vehicle.rotors):
             raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
@@ -232,8 +232,9 @@ def require_grippers(task: Task) -> None:
     for k, phase in enumerate(task.phases):
         for word, name in (("gripper", phase.gripper), ("release", phase.release)):
             if name and name not in names:
-                allowed = f"one of {', '.join(map(str, names))}" if names else "left out; there is none"
-                raise TaskError(f"phases[{k}].{word} = {name!r}: must be a gripper of [[world.grippers]], {allowed}")
+                own = f"be a gripper of [[world.grippers]], one of {', '.join(map(str, names))}"
+                allowed = own if names else "be left out without [[world.grippers]]"
+                raise TaskError(f"phases[{k}].{word} = {name!r}: must {allowed}")
 
 
 def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase | None) -> None:

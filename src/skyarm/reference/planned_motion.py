@@ -12,7 +12,9 @@ so is the tip; ``[reference.planned]`` says where, as signals that the reader ma
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -51,11 +53,12 @@ class PlannedBody:
         return tuple(row[k] for k in range(2) for row in rows)
 
 
-def plan_tables(fields: Fields) -> dict[str, Entry]:
+def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
     """Reference table of signals that states the motion in a plan's file.
 
     Args:
         fields: table ``[reference]`` of kind "plan"; ``file`` is a path from where the process runs.
+        vehicle: name of the vehicle that flies the plan, which must be the plan's own; None: any.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -68,6 +71,10 @@ def plan_tables(fields: Fields) -> dict[str, Entry]:
         if name in rest:
             raise ValueError(f"{fields.at(name)} = {shown(rest[name])}: must be left out beside a plan")
     arrays = read_plan_arrays(file, f"{at} = {shown(file)}")
+    # a file of an earlier version does not name its vehicle
+    own = str(arrays["vehicle"]) if "vehicle" in arrays else vehicle
+    if vehicle is not None and own != vehicle:
+        raise ValueError(f"{at} = {shown(file)}: is a plan of {shown(own)}; plant.vehicle is {shown(vehicle)}")
     times = [begin + t for t in arrays["t"].tolist()]
 
     def spline(values: Any) -> Entry:
@@ -98,9 +105,54 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
     try:
         with np.load(io.BytesIO(Path(file).read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile, KeyError, EOFError):
+    except UNREADABLE:
         raise ValueError(f"{at}: must be a file of 'skyarm plan'") from None
-    missing = {"format", "t", "position", "yaw", "joints", "center", "tip", "quaternion", "rotor_speeds"} - set(arrays)
-    if missing or int(arrays["format"]) != FORMAT:
+    if {"format", "t", *SHAPES} - set(arrays) or not np.array_equal(arrays["format"], FORMAT):
         raise ValueError(f"{at}: must be a file of 'skyarm plan' of this version")
+    _require_arrays(arrays, at)
     return arrays
+
+
+UNREADABLE = (
+    OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error
+)  # fmt: skip
+"""Errors of numpy and zipfile for a file that is no archive of arrays, or a damaged one."""
+
+SHAPES: dict[str, tuple[int, ...]] = {
+    "position": (3,), "center": (3,), "tip": (3, 0), "quaternion": (4,), "yaw": (), "joints": (-1,),
+    "rotor_speeds": (-1,),
+}  # fmt: skip
+"""Allowed numbers of columns of each array of a plan, a row for each node; -1: any number, none: no columns."""
+
+
+def _require_arrays(arrays: dict[str, Any], at: str) -> None:
+    """Refuse a plan with an array of another shape, of no numbers, or of numbers that are no motion.
+
+    Raises:
+        ValueError: one line that begins with ``at``.
+    """
+    for name in ("t", *SHAPES):
+        kind = np.asarray(arrays[name]).dtype
+        if kind.kind not in "fiu":
+            raise ValueError(f"{at}: {name} of type {kind}: must be an array of numbers")
+    t = arrays["t"]
+    if t.ndim != 1 or len(t) < 2:
+        raise ValueError(f"{at}: t of shape {t.shape}: must be a list of two times or more")
+    for name, columns in SHAPES.items():
+        shape, rank = arrays[name].shape, 2 if columns else 1
+        if len(shape) != rank or shape[0] != len(t) or (columns and columns != (-1,) and shape[1] not in columns):
+            words = "" if not columns else " any number" if columns == (-1,) else f" {columns[0]}"
+            raise ValueError(f"{at}: {name} of shape {shape}: must be ({len(t)},{words})")
+    for name in ("t", *SHAPES):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{at}: {name}: must be finite numbers")
+    if not (np.diff(t) > 0.0).all():
+        raise ValueError(f"{at}: t: must increase from node to node")
+    if not (np.linalg.norm(arrays["quaternion"], axis=1) > SHORTEST).all():
+        raise ValueError(f"{at}: quaternion: must be of length 1 at each node")
+    if "vehicle" in arrays and (np.ndim(arrays["vehicle"]) or np.asarray(arrays["vehicle"]).dtype.kind != "U"):
+        raise ValueError(f"{at}: vehicle: must be a name")
+
+
+SHORTEST = 1e-3
+"""Length of a quaternion below which it is no attitude."""

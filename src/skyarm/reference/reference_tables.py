@@ -242,7 +242,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         ValueError: one line with field, value and what is allowed.
     """
     if isinstance(table, dict) and table.get("kind") == "plan":
-        table = plan_tables(Fields(table, where))
+        table = plan_tables(Fields(table, where), setting.vehicle.name if setting.vehicle else None)
     own, rest = {}, table
     if isinstance(table, dict):
         own = {name: table[name] for name in ("push", "load", "planned") if name in table}

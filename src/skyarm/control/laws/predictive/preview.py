@@ -146,7 +146,8 @@ def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tupl
         ahead: (T,) times after the held sample, s.
 
     Between two samples a polynomial of degree 5 meets values and derivatives of both; that of quaternion and rotor
-    speeds is of degree 3. After the last sample the motion rests there.
+    speeds is of degree 3. After the last sample, values and rates stay those of that sample, and accelerations between
+    two such times are zero.
     """
     knots = np.append(0.0, leads)
     at = np.clip(ahead, 0.0, knots[-1])
