@@ -1,6 +1,6 @@
 """Grammar of a scenario file: its keys with type, unit, bounds and the times at which they may change.
 
-Left out are the words of tasks (``waypoints``, ``phases``), of ``reference.tip`` and of ``reference.push``, which
+Left out are the words of tasks (``waypoints``, ``phases``), of ``reference.tip``, ``push`` and ``object``, which
 functions read from a table (:data:`BY_HAND`). The documents list them.
 """
 
@@ -80,7 +80,7 @@ NAMED_BY = {"environment.wind": "mode", "team": "law"}
 NO_WORDS = (("Fault", "signal"), ("Team", "motion"))
 """Fields that have no key of their own because another key states them, by class and field."""
 
-BY_HAND = ("reference.base", "reference.tip", "reference.push")
+BY_HAND = ("reference.base", "reference.tip", "reference.push", "reference.object")
 """Tables of which some or all keys, except the kinds, are not listed."""
 
 
@@ -406,6 +406,9 @@ def _of_reference() -> Iterator[GrammarRow]:
     )
     yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
     yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
+    yield GrammarRow(
+        "reference.object", "", "table", meaning="motion of an object that a team carries"
+    )
     yield GrammarRow("reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load")
     yield from (GrammarRow(f"reference.{row.path}", *row[1:]) for row in PLAN)
     yield from _of_record(PlannedBody, "reference.planned", WHEN["never"], "")

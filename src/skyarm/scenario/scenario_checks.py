@@ -115,12 +115,12 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
 
 def touches(each: Rule, changed: Collection[Place]) -> bool:
     """True if a consistency check reads any given scenario field, a part of one, or a record that contains one."""
-    return any(
-        place[: len(read)] == read[: len(place)]
-        for word in each.reads
-        for read in read_places(word)
-        for place in changed
-    )
+    for word in each.reads:  # in loops: this runs for each rule and each number that a sweep replaces
+        for read in read_places(word):
+            for place in changed:
+                if place[: len(read)] == read[: len(place)]:
+                    return True
+    return False
 
 
 @cache
