@@ -116,8 +116,8 @@ def test_the_python_shown_runs(capsys):
     assert float(error) < 0.04
     exec(compile(second, "python_api.md", "exec"), names)
     errors = [float(line.split()[1]) for line in capsys.readouterr().out.splitlines()]
-    assert len(errors) == 3
-    assert errors == sorted(errors), "more friction, larger errors"
+    assert len(errors) == 6
+    assert errors[:3] == sorted(errors[:3]), "more friction, larger errors"
     assert names["late"].delays.command == 0.003
     assert names["noisy"].noise.position == 0.002
     assert (names["coarse"].kind, names["coarse"].rates.control) == ("mujoco", 100)

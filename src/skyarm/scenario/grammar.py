@@ -406,9 +406,7 @@ def _of_reference() -> Iterator[GrammarRow]:
     )
     yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
     yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
-    yield GrammarRow(
-        "reference.object", "", "table", meaning="motion of an object that a team carries"
-    )
+    yield GrammarRow("reference.object", "", "table", meaning="motion of an object that a team carries")
     yield GrammarRow("reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load")
     yield from (GrammarRow(f"reference.{row.path}", *row[1:]) for row in PLAN)
     yield from _of_record(PlannedBody, "reference.planned", WHEN["never"], "")
