@@ -234,6 +234,25 @@ def test_a_follower_yields_to_a_pull_as_its_virtual_body_and_the_leader_does_not
     assert [*second.force] == [0.0, 0.0, 0.0]
 
 
+def test_the_shift_of_a_follower_has_its_rate_and_acceleration_and_rests_at_its_bound():
+    whole = team(kind=LeaderFollower, virtual_mass=2.0, damping=60.0, stiffness=20.0)
+    own, given = whole.first(DT), []
+    for pull in (*[20.0] * 150, *[-20.0] * 5):
+        own, rows = whole.lead(own, inputs(whole, 4.0, forces=pulled(whole, 4.0, pull)), DT)
+        given.append(Carry.of(rows[1]))
+    offset, rate, acceleration = (np.array([[*getattr(each, name)] for each in given]) for name in PARTS_OF_SHIFT)
+    bound = int(np.argmax(np.all(rate[1:] == 0.0, axis=1)))
+    assert 5 < bound < 145
+    assert np.allclose(np.diff(rate[:bound], axis=0), DT * acceleration[1:bound], atol=1e-12)
+    assert np.allclose(np.diff(offset, axis=0), DT * rate[1:], atol=1e-12)  # at the bound, too
+    size = np.linalg.norm(offset, axis=1)
+    assert 0.0995 < size[149] <= size.max() <= 0.1
+    assert np.linalg.norm(offset[-1]) < np.linalg.norm(offset[149])  # a pull the other way lets it go
+
+
+PARTS_OF_SHIFT = ("offset", "offset_rate", "offset_acceleration")
+
+
 def test_a_follower_does_not_yield_to_its_part_of_the_weight_of_a_tilted_bar():
     whole = team(kind=LeaderFollower, internal_force=0.7)
     own, _ = whole.lead(whole.first(DT), inputs(whole, 7.9, forces=pulled(whole, 7.9, 0.7)), DT)
