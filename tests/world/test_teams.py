@@ -234,7 +234,7 @@ def test_a_follower_yields_to_a_pull_as_its_virtual_body_and_the_leader_does_not
     assert [*second.force] == [0.0, 0.0, 0.0]
 
 
-def test_the_shift_of_a_follower_has_its_rate_and_acceleration_and_rests_at_its_bound():
+def test_the_shift_of_a_follower_moves_at_its_rate_and_rests_at_its_bound():
     whole = team(kind=LeaderFollower, virtual_mass=2.0, damping=60.0, stiffness=20.0)
     own, given = whole.first(DT), []
     for pull in (*[20.0] * 150, *[-20.0] * 5):
