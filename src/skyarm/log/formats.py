@@ -13,11 +13,11 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import orjson
 
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
-from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, must_be_one_of, shown, taken_back, unreadable, write_atomically
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
@@ -92,22 +92,15 @@ def log_from_npz(file: bytes, name: str) -> Log:
 
 def write_csv(log: Log, path: PathLike) -> Path:
     """Write a log as CSV: a column for each number, in the shortest text that is read back exactly."""
-    written: dict[bytes, list[str]] = {}
     every = columns(log)
-    heads = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in every]
-    rows = zip(*(_texts(each.of(log), written) for each in every), strict=True)
-    return write_atomically(path, "\n".join([*map(",".join, (heads, *rows)), ""]).encode())
-
-
-def _texts(column: Array, written: dict[bytes, list[str]]) -> list[str]:
-    """Format the numbers of a column as the shortest texts that are read back exactly; equal neighbours once."""
-    bits = column.tobytes()
-    if bits not in written:
-        numbers = np.frombuffer(bits, dtype=np.int64)
-        first = np.flatnonzero(np.diff(numbers, prepend=~numbers[:1]))
-        texts = np.array(list(map(repr, column[first].tolist())), dtype=object)
-        written[bits] = np.repeat(texts, np.diff(first, append=column.size)).tolist()
-    return written[bits]
+    heads = ",".join(f"{each.name} [{each.unit}]" if each.unit else each.name for each in every)
+    table = np.column_stack([each.of(log) for each in every])
+    if np.isfinite(table).all():
+        # a tenth of the time of repr, which was a fifth of a first command
+        rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2].replace(b"],[", b"\n")
+    else:  # JSON has neither infinity nor "not a number"
+        rows = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
+    return write_atomically(path, b"\n".join((heads.encode(), rows, b"")))
 
 
 NPZ = LogFormat(write_npz, read_npz)

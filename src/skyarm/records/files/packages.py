@@ -12,6 +12,7 @@ from pathlib import Path
 
 FLOORS = {
     "jinja2": "3.1",
+    "orjson": "3.10",
     "cloudpickle": "3.1",
     "llvmlite": "0.45",
     "numpy": "1.26",
