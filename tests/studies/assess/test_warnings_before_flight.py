@@ -59,6 +59,18 @@ def test_no_shipped_scenario_is_warned_of(name):
     assert warnings_before_flight(skyarm.load_scenario(name)) == []
 
 
+def test_what_all_vehicles_share_is_said_once_and_the_rest_by_name():
+    team = with_numbers(skyarm.load_scenario("two_carry_a_bar"), {"world.objects.0.mass": 0.3})
+    (line,) = warnings_before_flight(team)
+    assert line.startswith("world: the mass of 'bar' asks for integration steps of ")
+    assert line.endswith("; is it so light, or its contact so stiff?")
+    faulty = with_numbers(team, {"agents.left.plant.vehicle.base.mass": 90.0})
+    shared, *own = warnings_before_flight(faulty)
+    assert shared == line
+    assert own
+    assert {each.split(":")[0] for each in own} == {"left"}
+
+
 def test_a_tip_too_light_for_the_contact_is_said_before_the_flight():
     (line,) = warnings_before_flight(before_a_wall("crazyflie_arm1", (-0.6,), 0.023))
     assert line.startswith("world.surfaces: the tip, 1.2 g along the normal, is too light for the steps")

@@ -13,7 +13,11 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about suspicious values, a reference beyond limits, and a contact force that cannot be held."""
     if len(scenario.agents) > 1:
-        return [f"{name}: {line}" for name in scenario.agents for line in warnings_before_flight(scenario.of(name))]
+        found = {name: warnings_before_flight(scenario.of(name)) for name in scenario.agents}
+        first, *others = found.values()
+        shared = [line for line in first if all(line in lines for lines in others)]  # as those of the world
+        own = [f"{name}: {line}" for name, lines in found.items() for line in lines if line not in shared]
+        return [*shared, *own]
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
     findings, pushing = along_reference(scenario), push_limits(scenario)
     if at is not None and scenario.worlds:
