@@ -221,6 +221,8 @@ PLANTED = {
     "frozen gyro": (frozen("gyro"), REFUSED, "gyro: is frozen for .* s"),
     "frozen axis": (frozen("gyro", 1), REFUSED, "gyro: axis y is frozen for .* s"),
     "frozen position": (frozen("position"), WARNED, "position: is frozen for .* s"),
+    "frozen joints": (frozen("joint_positions"), REFUSED, "joint_positions: is frozen for .* s"),
+    "joints frozen for a while": (stuck("joint_positions"), REFUSED, "joint_positions: is frozen for 2 s"),
     "saturated gyro": (saturated("gyro", 0), WARNED, "gyro: axis x is saturated at"),
     "saturated accelerometer": (
         saturated("accelerometer", 2),
@@ -391,6 +393,18 @@ def test_sensors_within_their_data_sheets_have_no_fault(sound):
     biased = change(sound, "accelerometer", lambda rows: rows + np.array([0.2, -0.2, 0.25]))
     assert find_faults(scaled("gyro", 1.03)(biased), START) == ()
     assert find_faults(ONLY_RATES(scaled("accelerometer", 1.055)(sound)), START) == ()  # as a published one
+
+
+def test_joints_at_rest_on_coarse_encoders_are_not_frozen(sound):
+    """An arm at rest reads one value; it begins to move by one step of the encoder."""
+    step = 2.0 * np.pi / 2**12
+
+    def coarse(rows):
+        ramp = np.clip(np.linspace(-0.2, 1.2, len(rows)), 0.0, 1.0)[:, None]  # still at both ends
+        return step * np.round(rows[:1] / step + ramp * 600.0)
+
+    flight = change(sound, "joint_positions", coarse)
+    assert [each for each in find_faults(flight, START) if "frozen" in each.finding] == []
 
 
 def test_an_empty_channel_does_not_hide_the_faults_of_others(sound):

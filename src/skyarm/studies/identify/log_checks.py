@@ -57,7 +57,7 @@ IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_comma
 USED = (*IMU, *COMMANDS, "joint_positions")
 """Channels whose damage spoils estimates."""
 
-CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.toml"
+CUT, UNIT = "cut the flight to a section without it (--begin, --end)", "state its unit in columns.toml"
 RANGE = "state low and high in columns.toml"
 
 
@@ -316,6 +316,9 @@ FROZEN, ALONE, STUCK, BUSY = 0.3, 0.6, 1.0, 0.5
 """Reported runs (s) of equal rows in the air of a sensor, of one axis, and of a command; fraction of the command's
 rows that change otherwise."""
 
+JUMP = 3.0
+"""Largest change of a joint that comes to rest or begins to move, in steps of its encoder."""
+
 REPEATED, SPARSE = 0.3, 0.7
 """Least fraction of repeated rows that is reported; largest ratio of sampling to logging rate that counts as
 resampled."""
@@ -343,6 +346,8 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
         return
     same = (channel.values[1:] == channel.values[:-1]) & aloft[:, None]
     whole = same.all(axis=1)
+    if name == "joint_positions":
+        whole &= ~_rests(channel, whole)
     share = float(whole.sum()) / max(1, int(aloft.sum()))
     severity = _severity(name)
     runs = [("", whole, STUCK if command else FROZEN)]
@@ -369,6 +374,15 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
             if at.sum() >= AT_LIMIT and triples.sum() >= 2 and abs(limit - np.median(column)) > np.std(column):
                 finding = f"axis {axis} is saturated at {limit:.4g} in {int(at.sum())} samples"
                 yield WARNED, name, finding, "cut the flight to gentler sections, or widen the sensor's range"
+
+
+def _rests(channel: Channel, whole: Mask) -> Mask:
+    """Mask (N - 1,) of repeated rows before and after which no joint jumps: of joints at rest on coarse encoders."""
+    step, at_rest = np.abs(np.diff(channel.values, axis=0)), np.zeros(whole.size, dtype=bool)
+    least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
+    for begin, end in runs_of(whole):
+        at_rest[begin:end] = np.all(step[[max(begin - 1, 0), min(end, whole.size - 1)]] <= JUMP * least)
+    return at_rest
 
 
 def _longest_run(rows: Mask, time: Array) -> tuple[float, float]:
