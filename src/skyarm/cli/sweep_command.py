@@ -22,7 +22,7 @@ from skyarm.cli.arguments import (
     shipped_names,
     workers,
 )
-from skyarm.cli.lines import say_unlikely
+from skyarm.cli.lines import say, say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell
 from skyarm.records.files import (
     errors_as,
@@ -125,9 +125,17 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
     names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
     with errors_as(StudyError, "--save = ", of=StudyError):
         for which in episodes:
+            absent, before = list[StudyError](), len(meant)
             for label in loaded.scenarios:
-                episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
-                meant.append((label, episode))
+                try:
+                    episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
+                    meant.append((label, episode))
+                except StudyError as error:  # of one controller, whose others may have such an episode
+                    absent.append(error)
+            if len(meant) == before:
+                raise absent[0]
+            for error in absent:
+                say(f"note: --save = {error}")
     files = [
         save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode) for label, episode in meant
     ]

@@ -52,7 +52,7 @@ def tune(
     ],
     laws: Law = None,
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
-    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
+    candidates: Annotated[int, typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more")] = 1640,
     plants: Annotated[int, typer.Option(help="perturbed plants that each candidate flies")] = 24,
     knobs: Annotated[
         list[str] | None,

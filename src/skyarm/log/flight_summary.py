@@ -45,9 +45,11 @@ def facts(log: Log) -> Facts:
         common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
         forces = {name: _grasp_force(log, i) for i, name in enumerate(_grasps(log))}
         own = {name: facts(each) for name, each in log.agents.items()}
-        return {name: info[name] for name in common} | {"agents": own} | ({"grasp_forces": forces} if forces else {})
+        said = {name: info[name] for name in common} | {"cause": info["cause"] or None, "agents": own}
+        return said | ({"grasp_forces": forces} if forces else {})
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    values["cause"] = values["cause"] or None
     if "autopilot" in info:
         values["autopilot"] = info["autopilot"]
     if not log.time.size or not _took_off(values):
@@ -211,7 +213,8 @@ def sentences(values: Facts) -> list[str]:
         lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
     for each in values.get("contacts", ()):
         touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
-        lines.append(f"{touch}: lost {each['losses']} times, largest force {each['peak']:.3g} N")
+        times = "once" if each["losses"] == 1 else f"{each['losses']} times"
+        lines.append(f"{touch}: lost {times}, largest force {each['peak']:.3g} N")
     for each in values.get("mechanisms", ()):
         first, furthest, last = (shown_number(each[name]) for name in ("first", "furthest", "last"))
         lines.append(

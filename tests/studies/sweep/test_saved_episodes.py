@@ -103,10 +103,25 @@ def test_what_cannot_be_saved_is_one_line(here: Path, words: tuple[str, ...], sa
 def test_no_episode_that_is_meant_and_a_folder_of_rows_are_one_line(here: Path, tmp_path: Path) -> None:
     (tmp_path / "easy.toml").write_text(text_of(name="easy", episodes=3, success={}, vary={}))
     sweep(str(tmp_path / "easy.toml"), "--out", str(tmp_path / "easy"), "--workers", "1")
-    with pytest.raises(ValueError, match=r"^--save = 'failed': must be true of an episode of paper_ct in .*easy"):
+    with pytest.raises(ValueError, match=r"^--save = 'failed': is true of no episode of paper_ct in .*easy"):
         sweep(str(tmp_path / "easy.toml"), "--out", str(tmp_path / "easy"), "--save", "failed")
     with pytest.raises(ValueError, match=re.escape("--save")):
         sweep(str(here / "rows_of_it"), "--save", "failed")
+
+
+def test_a_controller_without_such_an_episode_leaves_those_of_the_others(tmp_path: Path) -> None:
+    """By a limit between the errors of the two laws, at which the better one never fails."""
+    study, first, out = tmp_path / "apart.toml", tmp_path / "first", tmp_path / "second"
+    vary = {MASS: {"uniform": [0.99, 1.01]}}
+    study.write_text(text_of(episodes=3, success={}, vary=vary))
+    sweep(str(study), "--out", str(first), "--workers", "1")
+    better, worse = sorted(row["position_error_mean"].max() for row in read(first).values())
+    study.write_text(text_of(episodes=3, success={"position_error_mean": 0.5 * (better + worse)}, vary=vary))
+    sweep(str(study), "--out", str(out), "--workers", "1")
+    words = ["sweep", str(study), "--out", str(out), "--save", "failed"]
+    result = CliRunner().invoke(program(["sweep"]), words, catch_exceptions=False)
+    assert [path.name.removeprefix("episode_0_") for path in out.glob("episode_*")] == ["paper_pd.toml"]
+    assert "note: --save = 'failed': is true of no episode of paper_ct in" in result.stderr
 
 
 def test_a_number_needs_no_rows(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def _answers(findings: Iterable[Finding]) -> list[Line]:
         parts.append(Mark(text=line, title=each.level))
     parts += ["", _rows(notes)] if notes else []
     short = "; ".join(dict.fromkeys(map(_in_short, well)))
-    return [*parts, "", Mark(text=f"{len(well)} without an alarm: {short}", title=OK), ""]
+    return [*parts, "", Mark(text=f"{len(well)} without an alarm" + (f": {short}" if short else ""), title=OK), ""]
 
 
 def _in_short(each: Finding) -> str:

@@ -37,7 +37,7 @@ _NOW = re.compile(r"is now '(?P<now>[^']+)'(?: = (?P<value>\w+)| with (?P<option
 _MISSING = re.compile(r"(?P<path>[^\s=:]+): is missing; is it '(?P<former>[^']+)'\? ")
 _LAW = re.compile(r"is no preset but a law: law = '(?P<law>[^']+)'")
 _FLIES = re.compile(r"is gone, '(?P<now>[^']+)' flies")
-_STATED = re.compile(r"(?P<option>\w+) = (?P<value>[\d.]+) says that you know")
+_STATED = re.compile(r"(?P<option>\w+) = (?P<value>[\d.]+) in the file ends this note")
 _GONE = ("is gone; leave it out", "there is one; ", "the next version does not read it")
 """Beginnings of messages on a key that this version does without."""
 

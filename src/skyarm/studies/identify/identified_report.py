@@ -79,7 +79,7 @@ class IdentifiedReport:
         pairs = correlated_pairs(identified)
         lines += [f"hard to separate: {a} and {b}, correlation {r:+.3f}" for a, b, r in pairs[:MOST]]
         if len(pairs) > MOST:
-            lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
+            lines.append(f"pairs with a correlation beyond {CLOSE:g} that are not shown: {len(pairs) - MOST}")
         lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
         for each in flights:
             clock = 1.0 / max(each["gyro"].rate, 1e-9)

@@ -125,7 +125,7 @@ class Rows:
             column = self.of(controller, which)
             matching = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
         if not matching.any():
-            raise StudyError(f"{which!r}: must be true of an episode of {controller} in {self.folder}; it is of none")
+            raise StudyError(f"{which!r}: is true of no episode of {controller} in {self.folder}; must be true of one")
         return int(self.of(controller, "episode")[int(matching.argmax())])
 
 
