@@ -144,7 +144,7 @@ def test_poses_lie_within_the_limits_that_are_stated(kind, limits, expected):
 )
 def test_a_line_about_units_becomes_field_and_remedy(line, field, remedy):
     found = finding_of_line(line, "units", WARNING)
-    assert (found.field, found.remedy) == (field, f"check {field}: {remedy}")
+    assert (found.field, found.remedy) == (field, f"check it: {remedy}")
 
 
 def test_an_alarm_without_a_number_shows_none(capsys):

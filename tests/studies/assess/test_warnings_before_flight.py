@@ -203,7 +203,7 @@ def test_parts_without_effect_are_findings():
     up = MovingAir(velocity_W=(0.0, 0.0, 1.0))
     (found,) = [each for each in warnings_of_scenario(dataclasses.replace(CASE, wind=up)) if each.level == WARNING]
     assert (found.question, found.field) == ("environment", "environment.wind")
-    assert found.remedy.startswith("check environment.wind: drag.area[2]")
+    assert found.remedy.startswith("check it: drag.area[2]")
 
 
 def test_a_weak_joint_and_a_lag_in_milliseconds_stay_two_alarms(tmp_path):

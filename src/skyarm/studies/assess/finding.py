@@ -118,5 +118,5 @@ def finding_of_line(line: str, question: str, level: str) -> Finding:
     field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
     # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
     said, _, hint = line.rpartition("; " if "; " in line else ": ")
-    remedy = f"check {field}: {hint}" if said else f"check {field}"
+    remedy = f"check it: {hint}" if said else "check it"
     return Finding(question, level, line, field, remedy)

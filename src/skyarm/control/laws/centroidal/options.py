@@ -271,5 +271,5 @@ def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
     seconds = number_within(name, delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
     if abs(periods * period - seconds) > 1e-9:
-        refuse(name, delay, f"a whole number of control periods of {period:g} s")
+        refuse(name, delay, f"a whole number of control periods of {period:g} s; left out, it is that of [delays]")
     return periods
