@@ -18,7 +18,6 @@ class Carry:
     """Instructions to a law whose tip holds a part of a load, world axes; an absent load is all zeros."""
 
     held: Annotated[Scalar, Unit("", "1 while the tip holds the load, also where that stands; else 0")] = 0.0
-    share: Annotated[Scalar, Unit("", "0 while the load stands, 1 while it is carried")] = 0.0
     force: Annotated[Vec3, Unit("N", "force of the load on the tip that is known in advance")] = ZERO3
     moment: Annotated[Vec3, Unit("N m", "moment of the load on the tip that is known in advance")] = ZERO3
     forgotten_force: Annotated[Vec3, Unit("N/s", "rate at which the observer forgets a force on the tip")] = ZERO3
@@ -42,4 +41,4 @@ class Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
         zero = Vec3(0.0, 0.0, 0.0)
         names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate")
-        return cls(held=0.0, share=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))
+        return cls(held=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))

@@ -72,5 +72,5 @@ class Decentralised(Sharing):
                 offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
             )
             after.append(moved)
-            carries.append(carry_of(inputs.holding, share, (moved.offset, moved.rate, bend), -asking))
+            carries.append(carry_of(inputs.holding, (moved.offset, moved.rate, bend), -asking))
         return tuple(after), tuple(carries)

@@ -86,5 +86,5 @@ class LeaderFollower(Sharing):
                 moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
             after.append(moved)
             shift = (line * moved.offset, line * moved.rate, line * bend)
-            carries.append(carry_of(inputs.holding, share, shift))
+            carries.append(carry_of(inputs.holding, shift))
         return tuple(after), tuple(carries)

@@ -136,8 +136,8 @@ class ObjectWrench(Sharing):
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []
-        rows = zip(forces, arms, inner, excess, own.shifts, inputs.moments, strict=True)
-        for force, arm, q, e, shift, moment in rows:
+        rows = zip(forces, arms, inner, excess, own.shifts, inputs.forces, inputs.moments, strict=True)
+        for force, arm, q, e, shift, f, moment in rows:
             target = place + turn.cross(arm) + R.apply(q)
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
@@ -145,8 +145,9 @@ class ObjectWrench(Sharing):
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
             moves = (moved.offset, moved.rate, bend)
-            forgotten = e * self.blind, moment * (-self.blind_moments * inputs.holding)
-            carries.append(carry_of(inputs.holding, share, moves, -force, forgotten))
+            free = e * share + (force - f) * ((1.0 - share) * inputs.holding)
+            forgotten = free * self.blind, moment * (-self.blind_moments * inputs.holding)
+            carries.append(carry_of(inputs.holding, moves, -force, forgotten))
         following = WrenchMemory(
             place=as_data(place),
             turn=as_data(turn),

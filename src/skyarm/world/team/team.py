@@ -39,6 +39,7 @@ from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.grasp import KINDS
 
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
@@ -67,6 +68,9 @@ class Member:
         Scalar,
         Unit("", "virtual mass, to which the member's share of the force is proportional", low=0.0, strict=True),
     ] = 1.0
+    kind: Annotated[
+        str, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(("", *KINDS)))
+    ] = ""
 
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
         """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
@@ -358,13 +362,12 @@ NOTHING = (ZERO3_DATA, ZERO3_DATA)
 
 
 def carry_of(
-    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Sequence[Vec3] = NOTHING
+    holding: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Sequence[Vec3] = NOTHING
 ) -> Scalars:
     """Instructions to one member as numbers.
 
     Args:
         holding: 1 while the members hold the body.
-        share: fraction of the load that they bear.
         shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
         force: known force of the body on the tip, N, world axes.
         forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
@@ -372,7 +375,6 @@ def carry_of(
     offset, rate, acceleration = map(as_data, shift)
     return Carry(
         held=data(holding),
-        share=data(share),
         force=as_data(force),
         moment=ZERO3_DATA,
         forgotten_force=as_data(forgotten[0]),

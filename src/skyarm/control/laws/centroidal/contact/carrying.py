@@ -43,7 +43,7 @@ class CarryingMemory:
         bias: what the observer has without a load.
     """
 
-    share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried")] = 0.0
+    share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried; filtered")] = 0.0
     ahead: Disturbance
     earlier: tuple[Disturbance, ...]
     bias: Disturbance
@@ -78,7 +78,7 @@ class CarryingGains(OptionalPart):
             strict=True,
             effect="higher values suit a fixed grasp and make the estimated force noisier",
         ),
-    ] = 0.002
+    ] = 0.1
     settling: Annotated[Scalar, Unit("rad/s", "bandwidth of the bias filter before the load is taken")] = 3.0
     errors: ForceErrors = ForceErrors()
     delay_periods: int = 0
@@ -115,7 +115,8 @@ class CarryingGains(OptionalPart):
             step.dt,
         )
         borne, holding = disturbance(observed) + given[0], carry.held > 0.5
-        share = where(holding, 0.0, low_pass_share(self.settling, dt))
+        settled = low_pass_share(self.settling, dt)
+        share = where(holding, 0.0, settled)
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
@@ -126,7 +127,7 @@ class CarryingGains(OptionalPart):
         signals = [*moved, *effect.signals[3:]]
         effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
-            share=data(carry.share),
+            share=data(memory.share + (carry.held - memory.share) * settled),
             ahead=given[1],
             earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
             bias=bias,
