@@ -20,6 +20,7 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import reduce
 from typing import Annotated, cast
 
@@ -49,7 +50,7 @@ PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
 speed (m/s) of that."""
 
 LEAST_LEVER = 0.02
-"""Lever (m) of the weight that no force of the members bears, from which the body tips."""
+"""Lever (m) of the weight that no force of the members bears, from which the body tips where no fixed grasp bears it."""
 
 
 @immutable
@@ -84,7 +85,7 @@ class WrenchMemory:
     inner: tuple[Vec3, ...]
     eases: tuple[Scalar, ...]
     overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
-    stay: Annotated[Vec3, Unit("m", "position from which the body is set down, world axes")] = ZERO3_DATA
+    stop: Annotated[Scalar, Unit("s", "time of the desired motion at which the body is, or is set down")] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[Message, ...]
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
@@ -188,14 +189,16 @@ class ObjectWrench(Sharing):
         assert self.motion is not None
         held = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
-        desired, R = inputs.desired, inputs.desired.R
         start, down = self.motion.z.derivatives(0.0)[0], maximum(own.overload - PATIENCE, 0.0)
-        stay = desired.position + (own.stay - desired.position) * where(own.overload < PATIENCE, 0.0, 1.0)
-        height = maximum(stay.z - start, 0.0)
-        goal = stay - E_Z * minimum(SINKING * down, height)
+        moves = where(own.overload < PATIENCE, 1.0, 0.0)
+        stop = where(moves > 0.5, inputs.time, own.stop)
+        planned, desired = inputs.desired, self.motion.at(stop)
+        R, height = desired.R, maximum(desired.position.z - start, 0.0)
+        goal = desired.position - E_Z * minimum(SINKING * down, height)
         landed = clip(divide(SINKING * down - height, SINKING * self.rise), 0.0, 1.0)
-        share, arms = self.fraction(inputs.time) * (1.0 - landed), self.arms(R)
-        force, moment = weight_of(self, desired, inputs.gravity)
+        share, arms = self.fraction(stop) * (1.0 - landed), self.arms(R)
+        stopping = {name: getattr(desired, name) * moves for name in ("acceleration", "rate", "turning")}
+        force, moment = weight_of(self, replace(desired, **stopping), inputs.gravity)
         loads = team.shares(force, moment, arms)
         ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
@@ -205,7 +208,10 @@ class ObjectWrench(Sharing):
             moment = moment - arm.cross(load)
         fixed = [h if each.kind == "fixed" else 0.0 for h, each in zip(held, self.members, strict=True)]
         of_fixed = divide(1.0, maximum(sum(fixed, 0.0), 1.0))
-        tipping = sqrt(moment.dot(moment)) - LEAST_LEVER * sqrt(force.dot(force)) - sum(fixed, 0.0) / SMALL
+        rows = zip(fixed, inputs.moment_limits or [SLACK / SMALL] * len(fixed), strict=True)
+        turned = sum((h * limit for h, limit in rows), 0.0)
+        tipping = sqrt(moment.dot(moment)) - LEAST_LEVER * sqrt(force.dot(force)) - turned
+        moment = shorten(moment, turned)
         short = minimum(reduce(minimum, ratios) - 1.0 + TOLERANCE, -tipping)
         lost = inputs.holding * len(held) - sum(held, 0.0)
         counts = where(lost * share > 0.25, where(short < 0.0, 1.0, 0.0), 0.0)
@@ -227,9 +233,11 @@ class ObjectWrench(Sharing):
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries, blind = [], [], self.blind * (1.0 + STANDING * standing)
-        rows = zip(forces, arms, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
-        for f, arm, q, e, shift, borne, h, turns in rows:
-            target = place + turn.cross(arm) + R.apply(q) + goal - desired.position
+        ways = self.arms(planned.R)
+        rows = zip(forces, arms, ways, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
+        for f, arm, way, q, e, shift, borne, h, turns in rows:
+            aside = (goal + arm) - (planned.position + way)
+            target = place + turn.cross(arm) + R.apply(q) + aside
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
@@ -248,7 +256,7 @@ class ObjectWrench(Sharing):
             inner=tuple(map(as_data, inner)),
             eases=tuple(map(data, eases)),
             overload=data(overload),
-            stay=as_data(stay),
+            stop=data(stop),
             shifts=tuple(shifts),
             sent=sent,
             since=data(since),

@@ -96,7 +96,7 @@ class TeamInputs:
         time: s. desired: desired motion of the body. body: its measured pose and velocity.
         gravity: m/s^2.
         holding: 1 while the members hold the body, else 0.
-        limits: largest weight that each member bears, N; () for any.
+        limits, moment_limits: largest weight (N) and moment (N m) that each member bears; () for any.
         drawn: uniform random numbers, as many as the law draws in a control period.
         forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
     """
@@ -109,6 +109,7 @@ class TeamInputs:
     forces: Sequence[Vec3]
     moments: Sequence[Vec3]
     limits: Sequence[Scalar] = ()
+    moment_limits: Sequence[Scalar] = ()
     drawn: Scalars = ()
 
 
@@ -228,12 +229,10 @@ class Team(Component[TeamMemory]):
             by_agent |= {grasp.agent: by.force} if of == index else {}
             closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
-        limits = [largest_load(motion.of(each.agent)) * closed.get(each.agent, 1.0) for each in self.members]
-        masses = [
-            where(each.mass > 0.0, each.mass, limit) * closed.get(each.agent, 1.0)
-            for each, limit in zip(self.members, limits, strict=True)
-        ]
-        team = self.with_masses(masses)
+        limits, moment_limits = zip(*(largest_load(motion.of(each.agent)) for each in self.members), strict=True)
+        rows = zip(self.members, limits, strict=True)
+        masses = (where(m.mass > 0.0, m.mass, limit) * closed.get(m.agent, 1.0) for m, limit in rows)
+        team = self.with_masses(list(masses))
         desired = self.motion.at(t)
         borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
         inputs = TeamInputs(
@@ -245,6 +244,7 @@ class Team(Component[TeamMemory]):
             forces=[-each.force for each in borne],
             moments=[-each.torque for each in borne],
             limits=limits,
+            moment_limits=moment_limits,
             drawn=memory.drawn,
         )
         own, carries = team.lead(memory.own, inputs, dt)
