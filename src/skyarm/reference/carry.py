@@ -25,6 +25,9 @@ class Carry:
     offset: Annotated[Vec3, Unit("m", "shift of the tip's reference")] = ZERO3
     offset_rate: Annotated[Vec3, Unit("m/s", "rate of that shift")] = ZERO3
     offset_acceleration: Annotated[Vec3, Unit("m/s^2", "acceleration of that shift")] = ZERO3
+    heading: Annotated[Vec3, Unit("rad", "turn of the reference's heading about the tip, its rate and acceleration")] = (
+        ZERO3
+    )
 
     @property
     def numbers(self) -> Scalars:
@@ -40,5 +43,5 @@ class Carry:
     def none(cls) -> Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
         zero = Vec3(0.0, 0.0, 0.0)
-        names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate")
+        names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate", "heading")
         return cls(held=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))

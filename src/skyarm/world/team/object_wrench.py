@@ -20,7 +20,6 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from functools import reduce
 from typing import Annotated, cast
 
@@ -46,8 +45,8 @@ EASING, LEAST_EASE, SLACK = 2.0, 0.02, 0.1
 """Rate (1/s) at which a member that bears too much passes load to others, its least part, and a negligible load (N)."""
 
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
-"""Time (s) and share of an overload, after a member was lost, that the others bear before they set the body down;
-speed (m/s) of that."""
+"""Time (s) and share of an overload, after a member was lost, that the others bear before they stop within 1 s and set
+the body down; speed (m/s) of that."""
 
 LEAST_LEVER = 0.02
 """Lever (m) of the weight that no force of the members bears, from which the body tips where no fixed grasp bears it."""
@@ -85,7 +84,7 @@ class WrenchMemory:
     inner: tuple[Vec3, ...]
     eases: tuple[Scalar, ...]
     overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
-    stop: Annotated[Scalar, Unit("s", "time of the desired motion at which the body is, or is set down")] = 0.0
+    clock: Annotated[Scalar, Unit("s", "time of the desired motion, which stops when the body is set down")] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[Message, ...]
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
@@ -189,16 +188,19 @@ class ObjectWrench(Sharing):
         assert self.motion is not None
         held = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
-        start, down = self.motion.z.derivatives(0.0)[0], maximum(own.overload - PATIENCE, 0.0)
-        moves = where(own.overload < PATIENCE, 1.0, 0.0)
-        stop = where(moves > 0.5, inputs.time, own.stop)
-        planned, desired = inputs.desired, self.motion.at(stop)
+        pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
+        clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
+        change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
+        desired = self.motion.at(clock).slowed(pace, change)
+        now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
+        heading = Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3])
+        start, down = self.motion.z.derivatives(0.0)[0], SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
         R, height = desired.R, maximum(desired.position.z - start, 0.0)
-        goal = desired.position - E_Z * minimum(SINKING * down, height)
-        landed = clip(divide(SINKING * down - height, SINKING * self.rise), 0.0, 1.0)
-        share, arms = self.fraction(stop) * (1.0 - landed), self.arms(R)
-        stopping = {name: getattr(desired, name) * moves for name in ("acceleration", "rate", "turning")}
-        force, moment = weight_of(self, replace(desired, **stopping), inputs.gravity)
+        lower = E_Z * -minimum(down, height)
+        goal = desired.position + lower
+        landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
+        share, arms = self.fraction(clock) * (1.0 - landed), self.arms(R)
+        force, moment = weight_of(self, desired, inputs.gravity)
         loads = team.shares(force, moment, arms)
         ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
@@ -233,19 +235,19 @@ class ObjectWrench(Sharing):
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries, blind = [], [], self.blind * (1.0 + STANDING * standing)
-        ways = self.arms(planned.R)
-        rows = zip(forces, arms, ways, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
-        for f, arm, way, q, e, shift, borne, h, turns in rows:
-            aside = (goal + arm) - (planned.position + way)
-            target = place + turn.cross(arm) + R.apply(q) + aside
+        rows = zip(self.members, forces, arms, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
+        for each, f, arm, q, e, shift, borne, h, turns in rows:
+            target = place + turn.cross(arm) + R.apply(q) + lower
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
-            moves, known = (moved.offset, moved.rate, bend), moment * (share * of_fixed * turns)
+            pairs = zip(desired.of_place(each.place), inputs.desired.of_place(each.place), strict=True)
+            rows = zip((moved.offset, moved.rate, bend), pairs, strict=True)
+            moves, known = [own + (a - b) for own, (a, b) in rows], moment * (share * of_fixed * turns)
             forgotten = e * blind, (known - borne) * (self.blind_moments * turns)
-            carries.append(carry_of(h, moves, -f * h, -known, forgotten))
+            carries.append(carry_of(h, moves, -f * h, -known, forgotten, heading))
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
@@ -256,7 +258,7 @@ class ObjectWrench(Sharing):
             inner=tuple(map(as_data, inner)),
             eases=tuple(map(data, eases)),
             overload=data(overload),
-            stop=data(stop),
+            clock=data(clock),
             shifts=tuple(shifts),
             sent=sent,
             since=data(since),

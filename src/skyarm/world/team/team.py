@@ -452,6 +452,7 @@ def carry_of(
     force: Vec3 = ZERO3_DATA,
     moment: Vec3 = ZERO3_DATA,
     forgotten: Sequence[Vec3] = NOTHING,
+    heading: Vec3 = ZERO3_DATA,
 ) -> Scalars:
     """Instructions to one member as numbers.
 
@@ -459,6 +460,7 @@ def carry_of(
         holding: 1 while the member holds the body.
         shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
         force, moment: known wrench of the body on the tip, N and N m, world axes.
+        heading: turn of its heading about the tip, rad, with rate and acceleration.
         forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
     """
     offset, rate, acceleration = map(as_data, shift)
@@ -471,4 +473,5 @@ def carry_of(
         offset=offset,
         offset_rate=rate,
         offset_acceleration=acceleration,
+        heading=as_data(heading),
     ).numbers
