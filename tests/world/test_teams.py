@@ -161,6 +161,7 @@ def test_members_forget_a_pull_beyond_the_desired_one_and_part_less():
 
 def test_members_forget_the_moments_of_fixed_grasps():
     whole = team(blind_moments=4.0)
+    whole = dataclasses.replace(whole, members=tuple(dataclasses.replace(m, kind="fixed") for m in whole.members))
     given = dataclasses.replace(inputs(whole, 5.0), moments=[Vec3(0.1, 0.0, -0.2), Vec3(0.0, 0.3, 0.0)])
     _, rows = whole.lead(whole.first(DT), given, DT)
     found = [[*Carry.of(row).forgotten_moment] for row in rows]

@@ -18,7 +18,6 @@ class Carry:
     """Instructions to a law whose tip holds a part of a load, world axes; an absent load is all zeros."""
 
     held: Annotated[Scalar, Unit("", "1 while the tip holds the load, also where that stands; else 0")] = 0.0
-    share: Annotated[Scalar, Unit("", "0 while the load stands, 1 while it is carried")] = 0.0
     force: Annotated[Vec3, Unit("N", "force of the load on the tip that is known in advance")] = ZERO3
     moment: Annotated[Vec3, Unit("N m", "moment of the load on the tip that is known in advance")] = ZERO3
     forgotten_force: Annotated[Vec3, Unit("N/s", "rate at which the observer forgets a force on the tip")] = ZERO3
@@ -26,6 +25,9 @@ class Carry:
     offset: Annotated[Vec3, Unit("m", "shift of the tip's reference")] = ZERO3
     offset_rate: Annotated[Vec3, Unit("m/s", "rate of that shift")] = ZERO3
     offset_acceleration: Annotated[Vec3, Unit("m/s^2", "acceleration of that shift")] = ZERO3
+    heading: Annotated[Vec3, Unit("rad", "turn of the reference's heading about the tip, its rate and acceleration")] = (
+        ZERO3
+    )
 
     @property
     def numbers(self) -> Scalars:
@@ -41,5 +43,5 @@ class Carry:
     def none(cls) -> Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
         zero = Vec3(0.0, 0.0, 0.0)
-        names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate")
-        return cls(held=0.0, share=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))
+        names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate", "heading")
+        return cls(held=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))

@@ -53,6 +53,24 @@ class BodyMotion:
     rate: Vec3
     turning: Vec3
 
+    def slowed(self, pace: Scalar, change: Scalar) -> BodyMotion:
+        """The same place in a motion whose time runs at a pace, which changes at a rate (1/s)."""
+        return BodyMotion(
+            position=self.position,
+            velocity=self.velocity * pace,
+            acceleration=self.acceleration * (pace * pace) + self.velocity * change,
+            R=self.R,
+            rate=self.rate * pace,
+            turning=self.turning * (pace * pace) + self.rate * change,
+        )
+
+    def of_place(self, place: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+        """Position, velocity and acceleration of a place on the body (m, its axes from its middle)."""
+        arm = self.R.apply(place)
+        turned = self.rate.cross(arm)
+        bent = self.turning.cross(arm) + self.rate.cross(turned)
+        return self.position + arm, self.velocity + turned, self.acceleration + bent
+
 
 def rotation_series(roll: Taylor, pitch: Taylor, yaw: Taylor) -> tuple[Vec3, Vec3, Vec3]:
     """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll) as Taylor series."""

@@ -129,6 +129,7 @@ class Setting:
         thrust_to_weight: highest thrust over weight; infinite if unknown.
         events, guards, phases, pushes, joint_moves: lists that are filled while phases are read.
         carried: path of the tip and change of the heading by which a team carries a body; None for another vehicle.
+        turned: roll, pitch and yaw over time of a body that the tip holds by a fixed grasp; () for none.
     """
 
     vehicle: Vehicle | None = None
@@ -141,6 +142,7 @@ class Setting:
     pushes: list[TipPush] = field(default_factory=list)
     joint_moves: list[JointMove] = field(default_factory=list)
     carried: Any = None
+    turned: tuple[Signal, ...] = ()
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:

@@ -267,14 +267,24 @@ class TipChoices:
             raise ValueError(f"orientation = {said}: must be three signals: roll, pitch, yaw")
 
 
-def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, duration: float) -> tuple[Signal, ...]:
+def plan(
+    vehicle: Vehicle,
+    tip: TipMotion,
+    yaw: Signal,
+    choices: TipChoices,
+    duration: float,
+    turned: tuple[Signal, ...] = (),
+) -> tuple[Signal, ...]:
     """Joint signals with which the tip of a vehicle follows a motion for ``duration`` seconds.
+
+    ``turned`` are roll, pitch and yaw of a body that turns the tip along, from its attitude at the beginning.
 
     Raises:
         ValueError: more samples than a plan may have.
     """
     needed = choices.base_share < 1.0
-    if not needed and choices.orientation is None:
+    angles = turned if choices.orientation is None else choices.orientation.signals
+    if not (needed or angles):
         return tuple(map(Constant, choices.posture))
     step = 1.0 / choices.rate
     count = math.ceil(duration * choices.rate) + 1
@@ -287,10 +297,14 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     headings = [float(yaw.derivatives(t)[0]) for t in times]
     positions = _arm_goals(task, tip, choices, times, headings) if needed else None
     turns = None
-    if choices.orientation is not None:
+    if angles:
         turns = [
-            _heading(-h) @ _turn(*map(float, choices.orientation.at(t))) for t, h in zip(times, headings, strict=True)
+            _heading(-h) @ _turn(*(float(each.derivatives(t)[0]) for each in angles))
+            for t, h in zip(times, headings, strict=True)
         ]
+    if turns and choices.orientation is None:
+        home = turns[BEYOND].T @ frame_pose(vehicle, task.frame, choices.posture).R
+        turns = [each @ home for each in turns]
     samples = follow(task, positions, turns, step)
     carriers = set(tip.arm.carriers)
     signals: list[Signal] = []
@@ -376,7 +390,7 @@ def tip_trajectory(
     choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields))
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     with errors_as(ValueError, f"{fields.where}."):
-        joints = plan(vehicle, tip, base.yaw, choices, setting.duration)
+        joints = plan(vehicle, tip, base.yaw, choices, setting.duration, setting.turned)
     planned = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
     return with_joint_moves(planned, setting.joint_moves, vehicle, choices.joint_speed)
 

@@ -61,10 +61,10 @@ class Decentralised(Sharing):
         """Next state of the law, and to each member its force and the shift of its tip."""
         own = cast("tuple[MemberState, ...]", own)
         share = self.fraction(inputs.time)
-        lines = self.outward(self.arms(inputs.desired.R))
+        pulls = self.along(self.desired_tensions(inputs.time), self.arms(inputs.desired.R))
         after, carries = [], []
-        for state, line, force in zip(own, lines, inputs.forces, strict=True):
-            asking = line * (self.internal_force * share) + E_Z * (state.mass * inputs.gravity * share)
+        for state, pull, force in zip(own, pulls, inputs.forces, strict=True):
+            asking = pull + E_Z * (state.mass * inputs.gravity * share)
             bend = ((asking - force) * (self.gain * share) - state.rate) * self.filter
             rate = state.rate + bend * dt
             mass = state.mass - self.adaptation * inputs.gravity * dt * rate.z * share
@@ -72,5 +72,5 @@ class Decentralised(Sharing):
                 offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
             )
             after.append(moved)
-            carries.append(carry_of(inputs.holding, share, (moved.offset, moved.rate, bend), -asking))
+            carries.append(carry_of(inputs.holding, (moved.offset, moved.rate, bend), -asking))
         return tuple(after), tuple(carries)

@@ -22,7 +22,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
-from skyarm.world.team.team import Sharing, Team, TeamInputs, carry_of, weight_of
+from skyarm.world.team.team import Sharing, TeamInputs, carry_of, weight_of
 
 FARTHEST = 0.1
 """Largest yield (m) of a follower."""
@@ -56,7 +56,7 @@ class LeaderFollower(Sharing):
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members as the base class does, and a leader that is none of them."""
-        Team.require_members(self, names, period)
+        Sharing.require_members(self, names, period)
         members = [each.agent for each in self.members]
         if self.leader and self.leader not in members:
             raise RecordError(f"leader = {shown(self.leader)}: {must_be_one_of(members, self.leader)}")
@@ -72,13 +72,13 @@ class LeaderFollower(Sharing):
         arms = self.arms(inputs.desired.R)
         loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
         after, carries = [], []
-        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, strict=True)
-        for member, body, line, force, load in rows:
+        pulls = self.along(self.desired_tensions(inputs.time), arms)
+        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, pulls, strict=True)
+        for member, body, line, force, load, pull in rows:
             bend: Scalar = 0.0
             moved = body
             if member.agent != leader:
-                expected = load.dot(line) + self.internal_force
-                excess = (force.dot(line) - expected * share) * inputs.holding
+                excess = (force - load * share - pull).dot(line) * inputs.holding
                 pushed = -excess - self.damping * body.rate - self.stiffness * body.offset
                 bend = divide(pushed, self.virtual_mass)
                 free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST  # at the bound the tip rests
@@ -86,5 +86,5 @@ class LeaderFollower(Sharing):
                 moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
             after.append(moved)
             shift = (line * moved.offset, line * moved.rate, line * bend)
-            carries.append(carry_of(inputs.holding, share, shift))
+            carries.append(carry_of(inputs.holding, shift))
         return tuple(after), tuple(carries)

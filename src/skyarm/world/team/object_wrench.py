@@ -19,22 +19,37 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
+from functools import reduce
 from typing import Annotated, cast
 
-from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import where
-from skyarm.records.coerce import RecordError
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, sqrt, where
+from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
-from skyarm.world.team.team import Sharing, Team, TeamInputs, as_data, carry_of, shorten, weight_of
+from skyarm.world.component import Column
+from skyarm.world.team.team import SMALL, Sharing, TeamInputs, as_data, carry_of, shorten, weight_of
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
 
 LIFTED = 0.01
 """Desired height (m) above the start from which the pose of the body is corrected."""
+
+STANDING = 4.0
+"""Factor, less one, on the rate at which all force on a body that stands is forgotten: its support bears it."""
+
+EASING, LEAST_EASE, SLACK = 2.0, 0.02, 0.1
+"""Rate (1/s) at which a member that bears too much passes load to others, its least part, and a negligible load (N)."""
+
+PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
+"""Time (s) and share of an overload, after a member was lost, that the others bear before they stop within 1 s and set
+the body down; speed (m/s) of that."""
+
+LEAST_LEVER = 0.02
+"""Lever (m) of the weight that no force of the members bears, from which the body tips where no fixed grasp bears it."""
 
 
 @immutable
@@ -46,19 +61,34 @@ class TipShift:
 
 
 @immutable
+class Message:
+    """Force of a member on the body as others have it, and number of lost messages."""
+
+    force: Annotated[Vec3, Unit("N", "estimated force on the body, world axes")] = ZERO3_DATA
+    age: Annotated[Scalar, Unit("s", "time since the message")] = 0.0
+    lost: Annotated[Scalar, Unit("", "number of lost messages")] = 0.0
+
+
+@immutable
 class WrenchMemory:
     """State of the law: integrals of pose and internal forces, filters, and forces under way from member to member.
 
     Attributes:
         inner: integral of each member's internal force, as a shift (m) in the axes of the body.
-        late: forces of all members, newest first, as many as messages are late by.
+        eases: part of its virtual mass with which each member takes part, less where its limits ask for it.
+        sent: last message of each member that was not lost. late: those before, newest first, as many as it is late by.
     """
 
     place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
     turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
     inner: tuple[Vec3, ...]
+    eases: tuple[Scalar, ...]
+    overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
+    clock: Annotated[Scalar, Unit("s", "time of the desired motion, which stops when the body is set down")] = 0.0
     shifts: tuple[TipShift, ...]
-    late: tuple[tuple[Vec3, ...], ...] = ()
+    sent: tuple[Message, ...]
+    since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
+    late: tuple[tuple[Message, ...], ...] = ()
 
 
 @immutable
@@ -91,7 +121,7 @@ class ObjectWrench(Sharing):
             low=0.0,
             effect="higher values leave less moment in a fixed grasp",
         ),
-    ] = 0.0
+    ] = 10.0
     pull_gain: Annotated[
         Scalar,
         Unit(
@@ -100,71 +130,154 @@ class ObjectWrench(Sharing):
             low=0.0,
             effect="higher values remove an internal force sooner and oscillate without blind observers",
         ),
-    ] = 0.02
+    ] = 0.06
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
     delay: Annotated[
         float,
         Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, high=1.0, fixed=True),
     ] = 0.0
 
+    rate: Annotated[
+        Scalar, Unit("Hz", "rate at which members send their forces to the others; 0: in every control period", low=0.0)
+    ] = 0
+    loss: Annotated[Scalar, Unit("", "probability that a message is lost", low=0.0, high=1.0)] = 0
+    timeout: Annotated[
+        Scalar,
+        Unit("s", "time without a message, beside the delay, after which no internal force is forgotten", low=0.0),
+    ] = 0.5
+
+    @property
+    def uniforms(self) -> int:
+        """One random number a message where messages get lost."""
+        return 0 if absent(self.loss) else len(self.members)
+
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
-        Team.require_members(self, names, period)
+        Sharing.require_members(self, names, period)
         if abs(round(self.delay / period) * period - self.delay) > 1e-9:
             raise RecordError(f"delay = {self.delay:g}: must be a whole number of control periods of {period:g} s")
 
+    def further_columns(self) -> tuple[Column, ...]:
+        """Log columns of the messages."""
+        agents = [each.agent for each in self.members]
+        ages = (Column("message_age", each, "s", "age of the force that others have of a member") for each in agents)
+        lost = (Column("messages_lost", each, "", "number of a member's messages that were lost") for each in agents)
+        return (*ages, *lost)
+
     def first(self, period: float) -> WrenchMemory:
         """Initial state of the law: nothing shifted."""
-        still = (ZERO3_DATA,) * len(self.members)
-        late = (still,) * round(self.delay / period)
-        return WrenchMemory(inner=still, shifts=(TipShift(),) * len(still), late=late)
+        count = len(self.members)
+        sent = (Message(),) * count
+        return WrenchMemory(
+            inner=(ZERO3_DATA,) * count,
+            eases=(1.0,) * count,
+            shifts=(TipShift(),) * count,
+            sent=sent,
+            late=(sent,) * round(self.delay / period),
+        )
+
+    def further_logged(self, own: Tree) -> Scalars:
+        """Age of the received messages (s), and number of those that were lost."""
+        own = cast("WrenchMemory", own)
+        received = own.late[-1] if own.late else own.sent
+        return (*(each.age + self.delay for each in received), *(each.lost for each in own.sent))
 
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         own = cast("WrenchMemory", own)
         assert self.motion is not None
-        desired, R = inputs.desired, inputs.desired.R
-        share, arms = self.fraction(inputs.time), self.arms(R)
-        forces = [f * share for f in self._load(inputs, arms)]
-        set_point = self.internal(forces, arms)
-        late = (tuple(map(as_data, inputs.forces)), *own.late)
-        excess = self._excess(late, set_point, arms, inputs.holding)
-        flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
-        rate = where(flies, self.pose_gain * dt, 0.0)
-        place = shorten(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
-        turn = shorten(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
+        held = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
+        team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
+        pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
+        clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
+        change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
+        desired = self.motion.at(clock).slowed(pace, change)
+        now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
+        heading = Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3])
+        start, down = self.motion.z.derivatives(0.0)[0], SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
+        R, height = desired.R, maximum(desired.position.z - start, 0.0)
+        lower = E_Z * -minimum(down, height)
+        goal = desired.position + lower
+        landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
+        share, arms = self.fraction(clock) * (1.0 - landed), self.arms(R)
+        force, moment = weight_of(self, desired, inputs.gravity)
+        loads = team.shares(force, moment, arms)
+        ratios = [
+            divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
+            for limit, load in zip(inputs.limits or [SLACK / SMALL] * len(loads), loads, strict=True)
+        ]
+        for arm, load in zip(arms, loads, strict=True):
+            moment = moment - arm.cross(load)
+        fixed = [h if each.kind == "fixed" else 0.0 for h, each in zip(held, self.members, strict=True)]
+        of_fixed = divide(1.0, maximum(sum(fixed, 0.0), 1.0))
+        rows = zip(fixed, inputs.moment_limits or [SLACK / SMALL] * len(fixed), strict=True)
+        turned = sum((h * limit for h, limit in rows), 0.0)
+        tipping = sqrt(moment.dot(moment)) - LEAST_LEVER * sqrt(force.dot(force)) - turned
+        moment = shorten(moment, turned)
+        short = minimum(reduce(minimum, ratios) - 1.0 + TOLERANCE, -tipping)
+        lost = inputs.holding * len(held) - sum(held, 0.0)
+        counts = where(lost * share > 0.25, where(short < 0.0, 1.0, 0.0), 0.0)
+        overload = where(own.overload < PATIENCE, (own.overload + dt) * counts, own.overload + dt)
+        pulls = team.along(self.desired_tensions(inputs.time), arms)
+        forces = [load * share + pull for load, pull in zip(loads, pulls, strict=True)]
+        sent, since = self._send(own, inputs, dt)
+        late = (sent, *own.late)
+        heard = [each.force * h for each, h in zip(late[-1], held, strict=True)]
+        fresh = 1.0
+        for each, h in zip(late[-1], held, strict=True):
+            fresh = fresh * where(each.age * h > self.timeout, 0.0, 1.0)
+        rows = zip(pulls, team.internal(heard, arms), forces, inputs.forces, held, strict=True)
+        standing = 1.0 - share
+        excess = [((p - s) * (share * fresh) + (f - each) * standing) * h for p, s, f, each, h in rows]
+        rate = where(goal.z - start > LIFTED, self.pose_gain * dt, 0.0)
+        place = shorten(own.place + (goal - inputs.body.position) * rate, FARTHEST)
+        turn = shorten(own.turn + team.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
-        shifts, carries = [], []
-        rows = zip(forces, arms, inner, excess, own.shifts, inputs.moments, strict=True)
-        for force, arm, q, e, shift, moment in rows:
-            target = place + turn.cross(arm) + R.apply(q)
+        shifts, carries, blind = [], [], self.blind * (1.0 + STANDING * standing)
+        rows = zip(self.members, forces, arms, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
+        for each, f, arm, q, e, shift, borne, h, turns in rows:
+            target = place + turn.cross(arm) + R.apply(q) + lower
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
-            moves = (moved.offset, moved.rate, bend)
-            forgotten = e * self.blind, moment * (-self.blind_moments * inputs.holding)
-            carries.append(carry_of(inputs.holding, share, moves, -force, forgotten))
+            pairs = zip(desired.of_place(each.place), inputs.desired.of_place(each.place), strict=True)
+            rows = zip((moved.offset, moved.rate, bend), pairs, strict=True)
+            moves, known = [own + (a - b) for own, (a, b) in rows], moment * (share * of_fixed * turns)
+            forgotten = e * blind, (known - borne) * (self.blind_moments * turns)
+            carries.append(carry_of(h, moves, -f * h, -known, forgotten, heading))
+        eases = (
+            ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
+            for ease, ratio in zip(own.eases, ratios, strict=True)
+        )
         following = WrenchMemory(
             place=as_data(place),
             turn=as_data(turn),
             inner=tuple(map(as_data, inner)),
+            eases=tuple(map(data, eases)),
+            overload=data(overload),
+            clock=data(clock),
             shifts=tuple(shifts),
+            sent=sent,
+            since=data(since),
             late=late[: len(own.late)],
         )
         return following, tuple(carries)
 
-    def _load(self, inputs: TeamInputs, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force (N) of each member on the body in its desired motion, with the desired internal force."""
-        shared = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
-        pulling = [line * self.internal_force for line in self.outward(arms)]
-        return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
-
-    def _excess(
-        self, late: Sequence[Sequence[Vec3]], set_point: Sequence[Vec3], arms: Sequence[Vec3], holding: Scalar
-    ) -> list[Vec3]:
-        """Desired internal force of each member (N) less its estimated one; zero before the body is held."""
-        rows = zip(set_point, self.internal(late[-1], arms), strict=True)
-        return [(desired - f) * holding for desired, f in rows]
+    def _send(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> tuple[tuple[Message, ...], Scalar]:
+        """Last messages of the members that were not lost, and the time (s) since the members sent some."""
+        since = own.since + dt
+        now = 1.0 if absent(self.rate) else where(since * self.rate < 1.0 - 1e-6, 0.0, 1.0)
+        sent = []
+        for each, force, u in zip(own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True):
+            through = now * where(u < self.loss, 0.0, 1.0)
+            sent.append(
+                Message(
+                    force=as_data(each.force + (force - each.force) * through),
+                    age=data((each.age + dt) * (1.0 - through)),
+                    lost=data(each.lost + now - through),
+                )
+            )
+        return tuple(sent), since * (1.0 - now)

@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
+from itertools import combinations
 from typing import Annotated, Self
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
-from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, sqrt, where
+from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
@@ -39,6 +41,8 @@ from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.grasp import KINDS
+from skyarm.world.team.limits import largest_load
 
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
@@ -65,8 +69,14 @@ class Member:
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
-        Unit("", "virtual mass, to which the member's share of the force is proportional", low=0.0, strict=True),
-    ] = 1.0
+        Unit(
+            "", "virtual mass, to which the member's share of the force is proportional; 0: the load that it can bear",
+            low=0.0,
+        ),
+    ] = 0.0
+    kind: Annotated[
+        str, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(("", *KINDS)))
+    ] = ""
 
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
         """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
@@ -86,6 +96,8 @@ class TeamInputs:
         time: s. desired: desired motion of the body. body: its measured pose and velocity.
         gravity: m/s^2.
         holding: 1 while the members hold the body, else 0.
+        limits, moment_limits: largest weight (N) and moment (N m) that each member bears; () for any.
+        drawn: uniform random numbers, as many as the law draws in a control period.
         forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
     """
 
@@ -96,6 +108,9 @@ class TeamInputs:
     gravity: Scalar
     forces: Sequence[Vec3]
     moments: Sequence[Vec3]
+    limits: Sequence[Scalar] = ()
+    moment_limits: Sequence[Scalar] = ()
+    drawn: Scalars = ()
 
 
 @immutable
@@ -104,6 +119,7 @@ class TeamMemory:
 
     own: Tree = ()
     carries: tuple[Scalars, ...] = ()
+    drawn: Scalars = ()
     logged: Scalars = ()
 
 
@@ -172,7 +188,12 @@ class Team(Component[TeamMemory]):
     def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
         """Initial internal state of the team."""
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
-        return TeamMemory(own=self.first(period), carries=carries, logged=(0.0,) * len(self.columns))
+        logged = (0.0,) * len(self.columns)
+        return TeamMemory(own=self.first(period), carries=carries, drawn=(0.0,) * self.uniforms, logged=logged)
+
+    def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
+        """Internal state with the random numbers of the control period that begins."""
+        return replace(memory, drawn=tuple(draws[: self.uniforms]))
 
     def instructions(self, memory: TeamMemory) -> dict[str, Scalars]:
         """Instructions of the law to each member, by its name."""
@@ -203,9 +224,15 @@ class Team(Component[TeamMemory]):
             return memory
         index = [each.name for each in contact.carriers].index(self.object)
         body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_wrenches, ZERO3)
+        closed: dict[str, Scalar] = {}
         for grasp, of, by, _ in contact.pulls(touching, motion, t):
             by_agent |= {grasp.agent: by.force} if of == index else {}
+            closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
+        limits, moment_limits = zip(*(largest_load(motion.of(each.agent)) for each in self.members), strict=True)
+        rows = zip(self.members, limits, strict=True)
+        masses = (where(m.mass > 0.0, m.mass, limit) * closed.get(m.agent, 1.0) for m, limit in rows)
+        team = self.with_masses(list(masses))
         desired = self.motion.at(t)
         borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
         inputs = TeamInputs(
@@ -216,35 +243,80 @@ class Team(Component[TeamMemory]):
             gravity=motion.gravity,
             forces=[-each.force for each in borne],
             moments=[-each.torque for each in borne],
+            limits=limits,
+            moment_limits=moment_limits,
+            drawn=memory.drawn,
         )
-        own, carries = self.lead(memory.own, inputs, dt)
+        own, carries = team.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
-        lines = zip(self.internal(pulls, arms), self.outward(arms), strict=True)
-        pull = sum((f.dot(line) for f, line in lines), 0.0) * (1.0 / len(arms))
+        tensions = team.tensions(team.internal(pulls, arms), arms)
         whole = sum((f.z for f in pulls), 0.0)
         whole = where(absolute(whole) > LEAST, whole, 1e12)
-        off, turn = body.position - desired.position, self.turn_error(body.rotation, desired.R)
+        off, turn = body.position - desired.position, team.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, whole) for f in pulls)
-        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), pull, self.desired_pull(t), *shares)
-        return TeamMemory(own=own, carries=carries, logged=tuple(data(each) for each in logged))
+        desired_tensions = team.desired_tensions(t)
+        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), *tensions, *desired_tensions, *shares, *self.further_logged(own))
+        return TeamMemory(own=own, carries=carries, drawn=memory.drawn, logged=tuple(data(each) for each in logged))
 
-    def desired_pull(self, t: Scalar) -> Scalar:
-        """Desired pull (N) along the lines of the grasps at a time (s)."""
-        return 0.0
+    def with_masses(self, masses: Sequence[Scalar]) -> Self:
+        """Team with other virtual masses; 0 for a member that has lost its grasp."""
+        rows = zip(self.members, masses, strict=True)
+        return replace(self, members=tuple(replace(each, mass=data(m)) for each, m in rows))
+
+    def further_columns(self) -> tuple[Column, ...]:
+        """Log columns of the team's law alone."""
+        return ()
+
+    def further_logged(self, own: Tree) -> Scalars:
+        """Numbers of these columns, from the state of the law."""
+        return ()
+
+    def desired_tensions(self, t: Scalar) -> list[Scalar]:
+        """Desired pull (N) along the line of each pair of grasps at a time (s)."""
+        return [0.0] * len(self.pairs)
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Numbers of each two members: 0 and 1, 0 and 2, 1 and 2 ..."""
+        return list(combinations(range(len(self.members)), 2))
+
+    def along(self, tensions: Sequence[Scalar], arms: Sequence[Vec3]) -> list[Vec3]:
+        """Force (N) of each member for a pull (N) along the line of each pair of grasps, positive in tension."""
+        forces = [ZERO3] * len(arms)
+        for (i, j), tension, line in zip(self.pairs, tensions, self.lines(arms), strict=True):
+            forces[i], forces[j] = forces[i] + line * tension, forces[j] - line * tension
+        return forces
+
+    def lines(self, arms: Sequence[Vec3]) -> list[Vec3]:
+        """Unit vector from the second to the first grasp of each pair; zero where a member has lost its grasp."""
+        lines = []
+        for i, j in self.pairs:
+            line, held = arms[i] - arms[j], minimum(self.members[i].mass, self.members[j].mass) > 0.0
+            lines.append(line * where(held, divide(1.0, sqrt(line.dot(line))), 0.0))
+        return lines
+
+    def tensions(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Scalar]:
+        """Pull (N) along the line of each pair of grasps from internal forces (N), by least squares."""
+        lines, pairs = self.lines(arms), self.pairs
+        A: list[list[Scalar]] = [[0.0] * len(pairs) for _ in pairs]
+        for a, (i, j) in enumerate(pairs):
+            for b, (k, m) in enumerate(pairs):
+                sign = float((i == k) + (j == m) - (i == m) - (j == k))
+                A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
+        return ldl_solve(A, [line.dot(forces[i] - forces[j]) for line, (i, j) in zip(lines, pairs, strict=True)])
 
     def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
         """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
 
-        Two members do not turn the body about the line of their grasps: it is left out.
+        Members on one line do not turn the body about it: that turn is left out.
         """
         turn = ZERO3
         for i in range(3):
             turn = turn + R.column(i).cross(desired.column(i)) * 0.5
-        if len(self.members) == 2:
-            first, second = self.arms(desired)
-            line = second - first
-            turn = turn - line * divide(line.dot(turn), line.dot(line))
-        return turn
+        relative, ways = self.from_middle(self.arms(desired)), ZERO3
+        for each, r in zip(self.members, relative, strict=True):
+            ways = ways + r.cross(turn.cross(r)) * each.mass
+        return Vec3(*ldl_solve(self.moments(relative), list(ways)))
 
     def arms(self, R: Mat3) -> list[Vec3]:
         """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
@@ -263,9 +335,15 @@ class Team(Component[TeamMemory]):
     def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
         """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
         masses, relative = [each.mass for each in self.members], self.from_middle(arms)
-        whole = divide(1.0, sum(masses, 0.0))
+        whole, J = divide(1.0, sum(masses, 0.0)), self.moments(relative)
+        turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
+        rows = zip(masses, relative, strict=True)
+        return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+
+    def moments(self, relative: Sequence[Vec3]) -> list[list[Scalar]]:
+        """Matrix of the second moments of the virtual masses about their middle, with an inverse also on one line."""
         J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
-        for m, r in zip(masses, relative, strict=True):
+        for m, r in zip((each.mass for each in self.members), relative, strict=True):
             square, c = r.dot(r), tuple(r)
             for i in range(3):
                 for k in range(3):
@@ -273,9 +351,7 @@ class Team(Component[TeamMemory]):
         eased = (J[0][0] + J[1][1] + J[2][2]) * SMALL
         for i in range(3):
             J[i][i] = J[i][i] + eased
-        turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
-        rows = zip(masses, relative, strict=True)
-        return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+        return J
 
     def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
         """Internal part of the members' forces: without what accelerates the body."""
@@ -286,15 +362,17 @@ class Team(Component[TeamMemory]):
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns: error of the body's pose, internal pull, and the share of the load of each member."""
+        pairs = [f"{self.members[i].agent}_{self.members[j].agent}" for i, j in self.pairs]
         return (
             Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
             Column("team_turn_error", self.object, "rad", "angle of the body from its desired attitude"),
-            Column("team_pull", self.object, "N", "internal force along the lines of the grasps, positive in tension"),
-            Column("team_pull_reference", self.object, "N", "desired internal force along the lines of the grasps"),
+            *(Column("team_pull", pair, "N", "internal force along the line of two grasps, in tension") for pair in pairs),
+            *(Column("team_pull_reference", pair, "N", "desired internal force along that line") for pair in pairs),
             *(
                 Column("load_share", each.agent, "", "vertical force of a member over that of all")
                 for each in self.members
             ),
+            *self.further_columns(),
         )
 
     def logged(self, memory: TeamMemory, motion: PointMotion) -> Scalars:
@@ -314,14 +392,25 @@ class Sharing(Team):
     rise: Annotated[
         Scalar, Unit("s", "time before the lift in which the members take the load", low=0.0, strict=True)
     ] = 1.3
+    internal_forces: Annotated[
+        tuple[Scalar, ...],
+        Unit("N", "desired pulls of members 0 and 1, 0 and 2, 1 and 2 and so on; left out: all internal_force"),
+    ] = ()
+
+    def require_members(self, names: Collection[str], period: float) -> None:
+        """Refuse members as the base class does, and a wrong number of desired pulls."""
+        Team.require_members(self, names, period)
+        if len(self.internal_forces) not in (0, len(self.pairs)):
+            words = f"{len(self.internal_forces)} numbers: must be {len(self.pairs)}, one of each two members"
+            raise RecordError(f"internal_forces = {words}")
 
     def fraction(self, t: Scalar) -> Scalar:
         """Fraction of the load that the members bear at a time (s): 1 from lift to place."""
         return 0.0 if self.motion is None else load_fraction(self.motion, t, self.rise)
 
-    def desired_pull(self, t: Scalar) -> Scalar:
-        """Desired pull (N) along the lines of the grasps at a time (s)."""
-        return self.internal_force * self.fraction(t)
+    def desired_tensions(self, t: Scalar) -> list[Scalar]:
+        """Desired pull (N) along the line of each pair of grasps at a time (s)."""
+        return [pull * self.fraction(t) for pull in self.internal_forces or [self.internal_force] * len(self.pairs)]
 
 
 def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
@@ -358,26 +447,31 @@ NOTHING = (ZERO3_DATA, ZERO3_DATA)
 
 
 def carry_of(
-    holding: Scalar, share: Scalar, shift: Sequence[Vec3], force: Vec3 = ZERO3_DATA, forgotten: Sequence[Vec3] = NOTHING
+    holding: Scalar,
+    shift: Sequence[Vec3],
+    force: Vec3 = ZERO3_DATA,
+    moment: Vec3 = ZERO3_DATA,
+    forgotten: Sequence[Vec3] = NOTHING,
+    heading: Vec3 = ZERO3_DATA,
 ) -> Scalars:
     """Instructions to one member as numbers.
 
     Args:
-        holding: 1 while the members hold the body.
-        share: fraction of the load that they bear.
+        holding: 1 while the member holds the body.
         shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
-        force: known force of the body on the tip, N, world axes.
+        force, moment: known wrench of the body on the tip, N and N m, world axes.
+        heading: turn of its heading about the tip, rad, with rate and acceleration.
         forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
     """
     offset, rate, acceleration = map(as_data, shift)
     return Carry(
         held=data(holding),
-        share=data(share),
         force=as_data(force),
-        moment=ZERO3_DATA,
+        moment=as_data(moment),
         forgotten_force=as_data(forgotten[0]),
         forgotten_moment=as_data(forgotten[1]),
         offset=offset,
         offset_rate=rate,
         offset_acceleration=acceleration,
+        heading=as_data(heading),
     ).numbers

@@ -26,6 +26,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, at_shares
 from skyarm.control.laws.centroidal.step_records import Effect
+from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -43,7 +44,7 @@ class CarryingMemory:
         bias: what the observer has without a load.
     """
 
-    share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried")] = 0.0
+    share: Annotated[Scalar, Unit("", "0 before the load is taken, 1 while it is carried; filtered")] = 0.0
     ahead: Disturbance
     earlier: tuple[Disturbance, ...]
     bias: Disturbance
@@ -78,7 +79,7 @@ class CarryingGains(OptionalPart):
             strict=True,
             effect="higher values suit a fixed grasp and make the estimated force noisier",
         ),
-    ] = 0.002
+    ] = 0.1
     settling: Annotated[Scalar, Unit("rad/s", "bandwidth of the bias filter before the load is taken")] = 3.0
     errors: ForceErrors = ForceErrors()
     delay_periods: int = 0
@@ -101,7 +102,7 @@ class CarryingGains(OptionalPart):
             return None
         carry = Carry.of(reference.carry)
         before = memory.earlier[-1] if memory.earlier else memory.ahead
-        return before, planned_effect(par.model.vehicle, reference, carry.force, carry.moment)
+        return before, planned_effect(par.model.vehicle, reference, carry, carry.force, carry.moment)
 
     def affect(self, memory: CarryingMemory, step: Step, effect: Effect) -> tuple[CarryingMemory, Effect]:
         """Shift the tip's reference, let the observer forget, hold adaptation, and estimate the wrench at the tip."""
@@ -115,18 +116,24 @@ class CarryingGains(OptionalPart):
             step.dt,
         )
         borne, holding = disturbance(observed) + given[0], carry.held > 0.5
-        share = where(holding, 0.0, low_pass_share(self.settling, dt))
+        settled = low_pass_share(self.settling, dt)
+        share = where(holding, 0.0, settled)
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
-        forgets = planned_effect(vehicle, step.reference, carry.forgotten_force * dt, carry.forgotten_moment * dt)
+        forgotten = carry.forgotten_force * dt, carry.forgotten_moment * dt
+        forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
-        moved = (s + Taylor((p, v, mul(0.5, a), 0, 0)) for s, (p, v, a) in zip(effect.signals[:3], shift, strict=True))
+        heading = effect.signals[3] + series(*carry.heading)
+        tip = frame_pose(vehicle, vehicle.frame(), step.reference.joints, summed=True).p
+        before, after = (turn_by_yaw(yaw, tip) for yaw in (effect.signals[3], heading))
+        moves = zip(effect.signals[:3], shift, before - after, strict=True)
+        moved = (s + series(*by) + round_tip for s, by, round_tip in moves)
         rate = (given[1].force - memory.ahead.force) * divide(1.0, dt)
-        signals = [*moved, *effect.signals[3:]]
+        signals = [*moved, heading, *effect.signals[4:]]
         effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
-            share=data(carry.share),
+            share=data(memory.share + (carry.held - memory.share) * settled),
             ahead=given[1],
             earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
             bias=bias,
@@ -136,9 +143,15 @@ class CarryingGains(OptionalPart):
         return memory, effect.isolating(where(holding, 0.0, 1.0))
 
 
-def planned_effect(vehicle: Vehicle, reference: Reference, force: Vec3, moment: Vec3) -> Disturbance:
+def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
+    """Taylor series of a number with two derivatives."""
+    return Taylor((value, rate, mul(0.5, acceleration), 0, 0))
+
+
+def planned_effect(vehicle: Vehicle, reference: Reference, carry: Carry, force: Vec3, moment: Vec3) -> Disturbance:
     """Disturbance by a wrench at the tip (N, N m, world axes) at the pose of the reference, with a level base."""
-    c, s = cos(reference.yaw), sin(reference.yaw)
+    heading = reference.yaw + carry.heading.x
+    c, s = cos(heading), sin(heading)
     R = Mat3.columns(Vec3(c, s, 0), Vec3(-s, c, 0), Vec3(0, 0, 1))
     f, n, frame = R.apply_T(force), R.apply_T(moment), vehicle.frame()
     columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)

@@ -1,0 +1,34 @@
+"""Largest load that a member of a team bears at its tip, by its rotors and joints."""
+
+from __future__ import annotations
+
+from skyarm.algebra import E_Z, ZERO3, Scalar
+from skyarm.algebra.scalars import absolute, divide, maximum, minimum, where
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.point_motion import PointMotion
+
+SPENT = 0.85
+"""Share of thrust and joint efforts that weights may take; the rest controls the motion."""
+
+LARGEST, LEVER = 1e4, 1e-3
+"""Force (N) of a member without limits, and least lever (m) of a force about a joint."""
+
+
+def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
+    """Largest weight (N) that a vehicle bears at its tip in its present pose, and largest moment (N m); at least 0.
+
+    Beside the weights of vehicle and arm, which the same rotors and joints bear. A moment may have any direction.
+    Servos count as their joints.
+    """
+    vehicle, gravity = motion.vehicle, motion.gravity
+    most, turning = minimum(SPENT * highest_thrust(vehicle) - vehicle.mass * gravity, LARGEST), LARGEST
+    own: list[Scalar] = [0.0] * vehicle.n
+    for i, link in enumerate(vehicle.links):
+        _, efforts = motion.generalized_force(E_Z * (link.body.mass * gravity), ZERO3, link.body.com, i)
+        own = [a + b for a, b in zip(own, efforts, strict=True)]
+    _, levers = motion.generalized_force(E_Z, ZERO3, *motion.frame())
+    for link, weight, lever in zip(vehicle.links, own, levers, strict=True):
+        limit = where(link.joint.effort_limit > 0.0, link.joint.effort_limit, LARGEST)
+        spare = maximum(SPENT * limit - absolute(weight), 0.0)
+        most, turning = minimum(most, divide(spare, maximum(absolute(lever), LEVER))), minimum(turning, spare)
+    return maximum(most, 0.0), turning
