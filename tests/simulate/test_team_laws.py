@@ -81,6 +81,7 @@ def assert_scored(log: Any) -> None:
         {
             "team_position_mean": log.team_position_error[during].mean(),
             "team_position_max": log.team_position_error.max(),
+            "team_position_last": log.team_position_error[-1, 0],
             "team_turn_mean": log.team_turn_error[during].mean(),
             "team_turn_max": log.team_turn_error.max(),
             "team_pull_rms": float(np.sqrt((pull[during] ** 2).mean())),

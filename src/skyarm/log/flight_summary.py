@@ -47,9 +47,9 @@ def facts(log: Log) -> Facts:
         common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
         forces = {name: _grasp_force(log, i) for i, name in enumerate(_grasps(log))}
         own = {name: facts(each) for name, each in log.agents.items()}
-        values = {name: info[name] for name in common} | {"agents": own}
+        shared = {name: info[name] for name in common} | {"agents": own}
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
-        return values | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
+        return shared | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     if "autopilot" in info:

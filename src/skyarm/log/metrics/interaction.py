@@ -206,9 +206,9 @@ def _of_part(name: str, index: int, absent: Scalar | None = None) -> Quantity:
 
 
 def _pull_error(now: MetricInstant, _: MetricGoal) -> Scalar:
-    """Pull of a team along the lines of its grasps, minus the desired one (N); NaN without a team."""
+    """Size of the error of a team's pull along the lines of its grasps (N); NaN without a team."""
     pull, desired = now.part("team_pull"), now.part("team_pull_reference")
-    return pull[0] - desired[0] if pull else math.nan
+    return absolute(pull[0] - desired[0]) if pull else math.nan
 
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -220,16 +220,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "team_position": _of_part("team_position_error", 0, math.nan),
     "team_turn": _of_part("team_turn_error", 0, math.nan),
     "team_pull": _pull_error,
-    "team_pull_size": lambda now, goal: absolute(_pull_error(now, goal)),
     "load_share": _of_part("load_share", 0, math.nan),
 }
 """Quantity -> function: force at all points (N), position of the first object (m), coordinate of the first
 mechanism, largest force at a grasp (N), height of the tip (m); of a team the errors of its body's place (m), direction
 (rad) and pull (N), and the vehicle's share of the load."""
 
-SHARED = frozenset(
-    ("object_x", "object_y", "object_z", "mechanism", "team_position", "team_turn", "team_pull", "team_pull_size")
-)
+SHARED = frozenset(("object_x", "object_y", "object_z", "mechanism", "team_position", "team_turn", "team_pull"))
 """Quantities of the world, which are the same for all vehicles of a flight."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
