@@ -66,6 +66,10 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("contact-suite", "--only", "slide_up,slide_up"), "--only = 'slide_up': must be named once"),
         (("contact-suite", "--laws", "centroidal,centroidal"), "are one"),
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
+        (("team-suite", "--only", "nosy"), "--only = 'nosy': did you mean 'noisy'?"),
+        (("team-suite", "--laws", "own_path"), "team-suite: 'own_path': did you mean 'own_paths'?"),
+        (("team-suite", "--laws", "paper_ct"), "team-suite: 'paper_ct': must be one of own_paths, leader_follower"),
+        (("team-suite", "--quick"), "--quick: must be left out for team-suite; it is of envelope-suite and"),
         (("contact-suite", "--plants", "0"), "--plants = 0: must be from 1 to "),
         (("contact-suite", "--plants", "3", "--quick"), "--plants: must be left out beside --quick, which flies 16"),
         (("case3", "--only", "circle"), "--only: must be left out for scenario case3; it is of paper-suite and env"),
@@ -83,9 +87,9 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         ),
         (
             ("envelope-suite", "--seeds", "4"),
-            "--seeds: must be left out for envelope-suite; it is of paper-suite and a scenario",
+            "--seeds: must be left out for envelope-suite; it is of paper-suite and team-suite and a scenario",
         ),
-        (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, or a scenario"),
+        (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, team-suite, or a scenario"),
     ],
 )
 def test_what_it_does_not_know_is_refused_in_one_line(

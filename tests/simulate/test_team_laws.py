@@ -26,6 +26,7 @@ OFF = {"members": [{"agent": "left", "place": [-0.55, 0.0, 0.02]}, {"agent": "ri
 def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict[str, Any]:
     """Tables of the shipped flight under a law, with grasps of a stiffness (N/m)."""
     tables: dict[str, Any] = copy.deepcopy(TABLES)
+    del tables["windows"]  # of the whole flight
     tables["team"] = {"law": law, "object": "bar", **team}
     for grasp in tables["world"]["grasps"]:
         grasp |= {"stiffness": stiffness, "damping": 0.6 * (0.06 * stiffness) ** 0.5}
@@ -63,13 +64,34 @@ def test_a_misplaced_grasp_does_not_make_the_members_fight():
     ]
     for grasp in tables["world"]["grasps"]:
         grasp["close"] = 0.8
-    log = flown(tables | {"duration": 5.0})
+    log = flown(tables | {"duration": 5.0, "windows": {"steady": [3.0, 5.0]}})
     assert np.abs(log.grasp_force[log.time < 0.79]).max() == 0.0  # the grasps are open
     assert np.abs(log.team_pull).max() < 0.5  # N; own paths are at 5 N by then
     assert log.object_position[-1, 2] == pytest.approx(0.32, abs=0.02)
     assert np.allclose(log.load_share[-1], 0.5, atol=0.02)
     # what the members exert at their grasps carries the bar
     assert log.grasp_pull[-1].reshape(2, 3).sum(axis=0)[2] == pytest.approx(1.6 * 9.81, abs=0.5)
+    assert_scored(log)
+
+
+def assert_scored(log: Any) -> None:
+    """Compare the metrics of the carried body with the arrays of the log."""
+    during, pull = log.time >= 3.0, (log.team_pull - log.team_pull_reference)[:, 0]
+    assert skyarm.score(log, ["team"]) == pytest.approx(
+        {
+            "team_position_mean": log.team_position_error[during].mean(),
+            "team_position_max": log.team_position_error.max(),
+            "team_position_last": log.team_position_error[-1, 0],
+            "team_turn_mean": log.team_turn_error[during].mean(),
+            "team_turn_max": log.team_turn_error.max(),
+            "team_pull_rms": float(np.sqrt((pull[during] ** 2).mean())),
+            "team_pull_max": np.abs(pull).max(),
+            "left/load_share_mean": log.load_share[during, 0].mean(),
+            "right/load_share_mean": log.load_share[during, 1].mean(),
+        }
+    )
+    # of the two largest errors of the pull at least one is a push: a maximum with the sign would miss it
+    assert -pull.min() > pull.max()
 
 
 @pytest.mark.thorough

@@ -34,7 +34,17 @@ from skyarm.control.option_units import OptionText, option_texts
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
-from skyarm.log.metrics.metric_catalogue import FREE, GRASPS, GROUPS, GUST, INTERACTION, PAPER, TRACKING, measures
+from skyarm.log.metrics.metric_catalogue import (
+    FREE,
+    GRASPS,
+    GROUPS,
+    GUST,
+    INTERACTION,
+    PAPER,
+    TEAMS,
+    TRACKING,
+    measures,
+)
 from skyarm.records.field_rules import defaults
 from skyarm.records.registry import find, names
 from skyarm.records.registry.registrations import registrations
@@ -389,13 +399,14 @@ def metrics_block(group: str) -> str:
     every = measures(1)
     if group == "groups":
         listed = [(f"`{name}`", ", ".join(f"`{each}`" for each in GROUPS[name])) for name in GROUPS if name != "all"]
-        return table(("group", "metrics"), [*listed, ("`all`", "all below, without those of contact")])
+        return table(("group", "metrics"), [*listed, ("`all`", "all below, without those of contact and of teams")])
     twins = {name for name in every if name.endswith(CONTINUOUS)}
     chosen = {
         "tracking": (*TRACKING, *PAPER),
         "gust": tuple(GUST),
         "free": tuple(FREE),
         "contact": (*INTERACTION, *GRASPS),
+        "teams": tuple(TEAMS),
         "registered": tuple(name for name in names("metric")),
     }[group]
     if 0 < sum(f"{name}{CONTINUOUS}" in twins for name in chosen) < len(chosen):

@@ -35,15 +35,16 @@ from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
+from skyarm.studies.compare.team_suite import ROWS, TEAM
 from skyarm.studies.flights.executor import require_place
 
 MOST = 1_000_000
 """Largest number of flights of a cell of the comparison; more belong into a sweep, which stores them on disk."""
 
 READ_BY = {
-    "--only": (SUITE, ENVELOPE, CONTACT),
+    "--only": (SUITE, ENVELOPE, CONTACT, TEAM),
     "--plants": (SUITE, CONTACT),
-    "--seeds": (SUITE, "a scenario"),
+    "--seeds": (SUITE, TEAM, "a scenario"),
     "--vehicle": (ENVELOPE,),
     "--quick": (ENVELOPE, CONTACT),
 }
@@ -58,7 +59,7 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-suite, envelope-suite, contact-suite, or a scenario",
+            help="paper-suite, envelope-suite, contact-suite, team-suite, or a scenario",
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,
@@ -105,6 +106,8 @@ def compare(
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
         options |= {"tasks": chosen_names("--only", only, TASKS), "worlds": plants or (QUICK if quick else WORLDS)}
+    elif suite == TEAM:
+        options |= {"rows": chosen_names("--only", only, ROWS), "seeds": seeds}
     elif suite == SUITE:
         there = conditions_of(plants or PLANTS, seeds)
         options["conditions"] = {name: there[name] for name in chosen_names("--only", only, there)}

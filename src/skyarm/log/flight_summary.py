@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.log_columns import columns, component_labels
+from skyarm.log.metrics.metric_catalogue import TEAMS, metric_words
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows, windows_of
@@ -45,8 +47,9 @@ def facts(log: Log) -> Facts:
         common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
         forces = {name: _grasp_force(log, i) for i, name in enumerate(_grasps(log))}
         own = {name: facts(each) for name, each in log.agents.items()}
-        said = {name: info[name] for name in common} | {"cause": info["cause"] or None, "agents": own}
-        return said | ({"grasp_forces": forces} if forces else {})
+        shared = {name: info[name] for name in common} | {"cause": info["cause"] or None, "agents": own}
+        carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
+        return shared | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     values["cause"] = values["cause"] or None
@@ -63,9 +66,7 @@ def facts(log: Log) -> Facts:
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
-    commands = score(log, COMMANDS)
-    values |= {name: value if math.isfinite(value) else None for name, value in commands.items()}
-    values |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
+    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         values["lag_found_s"] = log.lag_found[-1]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
@@ -85,6 +86,11 @@ def facts(log: Log) -> Facts:
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
         values["governor"] = {what: summary(distance) for what, distance in distances.items()}
     return values
+
+
+def _finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Metrics by name, None for NaN."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
 def _grasps(log: Log) -> list[str]:
@@ -163,7 +169,12 @@ def summary(log: Log, values: Facts) -> list[Line]:
             (name, *(shown_number(each, 4) for each in force.values()))
             for name, force in values.get("grasp_forces", {}).items()
         ]
-        return [*lines, table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)] if rows else lines
+        lines += [table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)] if rows else []
+        rows = [
+            (", ".join(filter(None, metric_words(name))), "-" if value is None else shown_number(value, 4))
+            for name, value in values.get("carried", {}).items()
+        ]
+        return [*lines, table_of(("carried body", "value"), rows)] if rows else lines
     if not _took_off(values):
         return [heading(headline(log, values))]
     lines = [heading(headline(log, values)), printable(_flight_words(log))]

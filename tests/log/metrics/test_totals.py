@@ -12,7 +12,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.accumulate import advance_totals, first_totals, roll_and_pitch, tilt
 from skyarm.log.metrics.metric import MetricGoal, MetricInstant
-from skyarm.log.metrics.metric_catalogue import GRASPS, GROUPS, measures, metric_names, required_totals, values
+from skyarm.log.metrics.metric_catalogue import GRASPS, GROUPS, TEAMS, measures, metric_names, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip
@@ -35,8 +35,8 @@ WINDOWS = Windows(
     holds=(Window(0.2, 0.4), Window(1.0, 1.1)),
     last=0.5,
 )
-NAMES = tuple(name for name in measures(2) if name not in (*GROUPS["contact"], *GRASPS))
-"""Those of contact and of grasps have tests of their own."""
+NAMES = tuple(name for name in measures(2) if name not in (*GROUPS["contact"], *GRASPS, *TEAMS))
+"""Those of contact, of grasps and of teams have tests of their own."""
 
 
 def flight(**changes):
@@ -198,7 +198,7 @@ def test_a_level_tool_is_where_the_table_of_a_log_has_it():
 
 def test_the_settling_time_is_refused_and_what_there_is_is_told():
     with pytest.raises(
-        ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, contact, all"
+        ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, contact, team, all"
     ):
         metric_names(["settling_time"], 2)
 

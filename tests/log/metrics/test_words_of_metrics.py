@@ -22,6 +22,7 @@ def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
         "joint_saturation",
         "mechanism_last",
         "mechanism_furthest",
+        "load_share_mean",
     )
     assert "_" not in words
     for part, named in (("ee_", "tip"), ("joint_error", "joint"), ("pitch", "pitch"), ("tau2", "joint 2")):

@@ -56,7 +56,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"vary": {"plant.payload.hand.mass": {"uniform": [0, 1]}}}, "no 'hand' here; there are mass, tip"),
     (
         {"metrics": ["speed"]},
-        "metrics: 'speed': must be one of standard, gust, wind, paper, effort, contact, all, or of position",
+        "metrics: 'speed': must be one of standard, gust, wind, paper, effort, contact, team, all, or of position",
     ),
     ({"metrics": "all"}, "metrics = 'all': must be a list of names"),
     ({"windows": {"holds": [[1, 2, 3]]}}, "windows.holds[0] = [1, 2, 3]: must be [start, stop] in s"),

@@ -8,6 +8,7 @@ is the first object and the first mechanism of the world.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
@@ -199,9 +200,15 @@ Quantity = Callable[[MetricInstant, MetricGoal], Scalar | None]
 """Function (instant, reference) -> number that is totalled; None in a flight without it."""
 
 
-def _of_part(name: str, index: int) -> Quantity:
+def _of_part(name: str, index: int, absent: Scalar | None = None) -> Quantity:
     """Make a function that reads one component of an array logged by a contact or gripper model."""
-    return lambda now, _: now.part(name)[index] if now.part(name) else None
+    return lambda now, _: now.part(name)[index] if now.part(name) else absent
+
+
+def _pull_error(now: MetricInstant, _: MetricGoal) -> Scalar:
+    """Size of the error of a team's pull along the lines of its grasps (N); NaN without a team."""
+    pull, desired = now.part("team_pull"), now.part("team_pull_reference")
+    return absolute(pull[0] - desired[0]) if pull else math.nan
 
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -210,11 +217,16 @@ QUANTITIES: Mapping[str, Quantity] = {
     "mechanism": _of_part("mechanism_position", 0),
     "grasp": lambda now, _: reduce(maximum, now.part("grasp_force")) if now.part("grasp_force") else None,
     "tip_height": lambda now, _: now.tool.z,
+    "team_position": _of_part("team_position_error", 0, math.nan),
+    "team_turn": _of_part("team_turn_error", 0, math.nan),
+    "team_pull": _pull_error,
+    "load_share": _of_part("load_share", 0, math.nan),
 }
 """Quantity -> function: force at all points (N), position of the first object (m), coordinate of the first
-mechanism, largest force at a grasp (N), height of the tip (m)."""
+mechanism, largest force at a grasp (N), height of the tip (m); of a team the errors of its body's place (m), direction
+(rad) and pull (N), and the vehicle's share of the load."""
 
-SHARED = frozenset(("object_x", "object_y", "object_z", "mechanism"))
+SHARED = frozenset(("object_x", "object_y", "object_z", "mechanism", "team_position", "team_turn", "team_pull"))
 """Quantities of the world, which are the same for all vehicles of a flight."""
 
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {

@@ -113,6 +113,9 @@ INTERACTION = {
 GRASPS = _rows("grasps")
 """Metrics of the joints by which vehicles hold a body."""
 
+TEAMS = _rows("teams")
+"""Metrics of the body that a team carries."""
+
 REFERRED = TRACKING | GUST | PAPER
 
 STANDARD = (
@@ -134,6 +137,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "altitude_error_max",
     ),
     "contact": tuple(INTERACTION),
+    "team": tuple(TEAMS),
     "all": (*REFERRED, *FREE, "efforts"),
 }
 """Names of groups of metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
@@ -146,6 +150,7 @@ def measures(joints: int) -> dict[str, Measure]:
         | FREE
         | INTERACTION
         | GRASPS
+        | TEAMS
         | {
             f"tau{i + 1}_rms": _measure("rms", "steady", f"effort{i}", f"RMS torque of joint {i + 1}", "N m")
             for i in range(joints)

@@ -17,13 +17,15 @@ from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Suite, fly_suite
+from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite]] = {
+SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite] | type[TeamSuite]] = {
     SUITE: Comparison,
     ENVELOPE: Envelope,
     CONTACT: ContactSuite,
+    TEAM: TeamSuite,
 }
 
 
@@ -57,7 +59,8 @@ def compare(
     """Compare laws on a scenario or a suite, as ``skyarm compare`` does; a repeated call resumes a stopped comparison.
 
     Args:
-        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite".
+        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite",
+            "team-suite".
         laws: names of controllers; the usual ones of the suite if left out.
         out: folder of the results.
         workers: threads or processes that fly; results do not depend on it.
@@ -91,5 +94,6 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
         options["entrants"] = chosen_entrants(names, field)
     elif names is not None:
         # of an own scenario any controller flies
-        options["laws"] = chosen_laws(names, field, OWN if what == CONTACT else () if kind else names)
+        own = OWN if what == CONTACT else () if kind else names
+        options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
     return OwnScenario(scenario=what, **options) if kind is None else kind(**options)
