@@ -227,6 +227,12 @@ def test_without_a_plan_its_mode_is_refused(caught: Plan, followed: skyarm.Scena
     other = dataclasses.replace(agent, reference=dataclasses.replace(agent.reference, planned=fewer))
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.planned\.rotors = 4 signals: must be 6"):
         skyarm.run(followed.with_agent(other))
+    short = {"efforts": planned.efforts[:2], "force": (planned.times[1:],) * 3}
+    for (name, rows), count in zip(short.items(), (3, 3), strict=True):
+        wrong = dataclasses.replace(agent.reference, planned=dataclasses.replace(planned, **{name: rows}))
+        words = rf"reference\.planned\.{name}: must be {count} lists of 121 numbers, one for each time"
+        with pytest.raises(skyarm.ScenarioError, match=words):
+            skyarm.run(followed.with_agent(dataclasses.replace(agent, reference=wrong)))
 
 
 def test_laws_that_do_not_follow_the_state_do_not_get_it(

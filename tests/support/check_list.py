@@ -211,6 +211,13 @@ CHECKS: tuple[Check, ...] = (
     ),
     Check(
         SCENARIO,
+        "contact along the reference",
+        "warning, fault",
+        "largest force on the tip that a plan counts on in a world without surfaces; fault above the weight",
+        "what the tip touches in the plan",
+    ),
+    Check(
+        SCENARIO,
         "load share",
         "note",
         "weight of the bodies that the vehicle's grasps carry at the start; thrust and joint efforts that this takes",

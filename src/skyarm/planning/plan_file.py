@@ -18,7 +18,8 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
 
     ``t`` s; ``position``, ``center``, ``tip`` (N + 1, 3) m, world axes; ``yaw`` rad; ``joints``, ``joint_rates``;
     ``quaternion`` (N + 1, 4); ``velocity``, ``rate``; ``rotor_speeds`` rad/s; ``inputs`` (N, nu);
-    ``gains`` (N, nu, nt); ``phase`` (N + 1,) index; ``force`` (N + 1, 3) N, of a contact on the tip.
+    ``torques`` (N + 1, n) N m or N, of the joints; ``gains`` (N, nu, nt);
+    ``phase`` (N + 1,) index; ``force`` (N + 1, 3) N, of a contact on the tip.
     """
     vehicle = plan.task.vehicle
     n, m = vehicle.n, len(vehicle.rotors)
@@ -42,7 +43,7 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
         "yaw": yaw, "joints": joints, "joint_rates": x[:, 13 + n : 13 + 2 * n], "quaternion": x[:, 3:7],
         "velocity": x[:, 7:10], "rate": x[:, 10:13],
         "rotor_speeds": x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover),
-        "inputs": plan.u, "gains": plan.K, "phase": phase, "force": force,
+        "torques": plan.torques, "inputs": plan.u, "gains": plan.K, "phase": phase, "force": force,
     }  # fmt: skip
 
 

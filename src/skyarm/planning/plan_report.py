@@ -66,7 +66,7 @@ def summary(plan: Plan) -> Summary:
     torque = rate = None
     if n:
         rate = _tightest(plan.t, np.abs(plan.x[:, 13 + n : 13 + 2 * n]) / task.limits.joint_rate, joints)
-        torque = _tightest(plan.t[:-1], np.abs(plan.torques) / efforts, joints)
+        torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
     gap = plan.nearest.gap if plan.nearest is not None else math.inf
     return Summary(

@@ -67,9 +67,9 @@ class Plan:
 
     @property
     def torques(self) -> Array:
-        """Joint torques (N m or N) at the beginning of each stage, (N, n)."""
+        """Joint torques (N m or N) at the nodes, (N + 1, n)."""
         vehicle, stage = self.task.vehicle, self.stage
-        limits = self.compiled.values(self.x, self.u, self.data)[0][:-1, self.compiled.limits]
+        limits = self.compiled.values(self.x, self.u, self.data)[0][:, self.compiled.limits]
         columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
         most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
         return np.asarray((limits[:, columns] + 1.0) * most)

@@ -20,7 +20,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra import Quaternion, Scalar, Scalars
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, shown, unreadable
 from skyarm.records.files.toml import Entry
@@ -35,12 +36,20 @@ FORMAT = 1
 @immutable
 @checked("planned")
 class PlannedBody:
-    """Planned motion of centre of mass, tip, attitude and rotors: three, three, four and one for each rotor."""
+    """Planned motion of centre of mass, tip, attitude and rotors: three, three, four and one for each rotor.
+
+    Efforts of the joints and force on the tip tell a check what the plan asks and counts on; no law reads them.
+    """
 
     center: Annotated[tuple[Signal, ...], Unit("m", "planned position of the centre of mass, world axes")]
     tip: Annotated[tuple[Signal, ...], Unit("m", "planned position of the tip, world axes; empty: no tip")] = ()
     attitude: Annotated[tuple[Signal, ...], Unit("", "planned attitude, a quaternion; empty: unknown")] = ()
     rotors: Annotated[tuple[Signal, ...], Unit("rad/s", "planned speeds of the rotors")] = ()
+    times: Annotated[Scalars, Unit("s", "nodes of the plan")] = ()
+    efforts: Annotated[
+        tuple[Scalars, ...], Unit("N m or N", "planned efforts of each joint at the nodes; empty: unknown")
+    ] = ()
+    force: Annotated[tuple[Scalars, ...], Unit("N", "planned force on the tip at the nodes, world axes")] = ()
 
     def center_at(self, t: Scalar) -> Scalars:
         """Position (m) of the centre of mass at time t and its first four derivatives, fifteen numbers."""
@@ -51,6 +60,15 @@ class PlannedBody:
         """Quaternion and rotor speeds (rad/s) at time t, then their derivatives."""
         rows = [signal.derivatives(t) for signal in (*self.attitude, *self.rotors)]
         return tuple(row[k] for k in range(2) for row in rows)
+
+    def actuation_at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Attitudes R_WB (3, 3, K), rotor speeds (rotors, K; rad/s) and joint efforts (n or 0, K) at K times (s)."""
+        attitude, rotors = (
+            stack_values(len(t), [signal.derivatives(t)[0] for signal in each]) for each in (self.attitude, self.rotors)
+        )
+        # straight between the nodes: they jump where a contact begins or ends
+        efforts = stack_values(len(t), [np.interp(t, *np.array([self.times, row])) for row in self.efforts])
+        return np.array([[*row] for row in Quaternion(*attitude).normalized().rotation().rows]), rotors, efforts
 
 
 def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
@@ -85,6 +103,7 @@ def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
     planned: dict[str, Entry] = {
         name: [spline(column) for column in arrays[array].T] for name, array in names.items() if arrays[array].size
     }
+    planned |= {"times": times, "efforts": arrays["torques"].T.tolist(), "force": arrays["force"].T.tolist()}
     tables: dict[str, Entry] = {
         "base": {"kind": "signals", **axes},
         "yaw": spline(arrays["yaw"]),
@@ -107,8 +126,9 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
             arrays = {name: archive[name] for name in archive.files}
     except UNREADABLE:
         raise ValueError(f"{at}: must be a file of 'skyarm plan'") from None
-    if {"format", "t", *SHAPES} - set(arrays) or not np.array_equal(arrays["format"], FORMAT):
+    if {"format", "t", *SHAPES} - {*LATER} - set(arrays) or not np.array_equal(arrays["format"], FORMAT):
         raise ValueError(f"{at}: must be a file of 'skyarm plan' of this version")
+    arrays = {name: np.zeros((np.size(arrays["t"]), columns)) for name, columns in LATER.items()} | arrays
     _require_arrays(arrays, at)
     return arrays
 
@@ -120,9 +140,13 @@ UNREADABLE = (
 
 SHAPES: dict[str, tuple[int, ...]] = {
     "position": (3,), "center": (3,), "tip": (3, 0), "quaternion": (4,), "yaw": (), "joints": (-1,),
-    "rotor_speeds": (-1,),
+    "rotor_speeds": (-1,), "torques": (), "force": (3,),
 }  # fmt: skip
 """Allowed numbers of columns of each array of a plan, a row for each node; -1: any number, none: no columns."""
+
+
+LATER = {"torques": 0, "force": 3}
+"""Arrays that a file of an earlier version lacks, and the number of columns that stand for them."""
 
 
 def _require_arrays(arrays: dict[str, Any], at: str) -> None:
@@ -138,7 +162,8 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
     t = arrays["t"]
     if t.ndim != 1 or len(t) < 2:
         raise ValueError(f"{at}: t of shape {t.shape}: must be a list of two times or more")
-    for name, columns in SHAPES.items():
+    for name, usual in SHAPES.items():
+        columns = (arrays["joints"].shape[1], 0) if name == "torques" else usual
         shape, rank = arrays[name].shape, 2 if columns else 1
         if len(shape) != rank or shape[0] != len(t) or (columns and columns != (-1,) and shape[1] not in columns):
             words = "" if not columns else " any number" if columns == (-1,) else f" {columns[0]}"

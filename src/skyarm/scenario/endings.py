@@ -238,14 +238,17 @@ PHASE_FAILED = "phase_failed"
 STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED, Clearance.status)
 
 
-def clearances_of(scenario: Scenario, *, moving: bool = True) -> Clearances:
-    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and with each other."""
+def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = True) -> Clearances:
+    """Pairs of the bodies of the only vehicle with surfaces, ``moving`` ones too, and with each other.
+
+    Bodies with contact points may touch surfaces, unless ``touching`` is False.
+    """
     from skyarm.world.scene.clearance import clearances
 
     vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
     contacts = [each.of_agent(name) for each in scenario.worlds]
     surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
-    return clearances(vehicle, surfaces, {body for each in contacts for body in each.touching(vehicle)})
+    return clearances(vehicle, surfaces, {body for each in contacts * touching for body in each.touching(vehicle)})
 
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:

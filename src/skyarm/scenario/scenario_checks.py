@@ -236,15 +236,19 @@ def reference_fits(scenario: Scenario) -> None:
 
 @rule("controller", "reference", numbers=False)
 def plan_is_there(scenario: Scenario) -> None:
-    """Check that a law that follows a plan's whole state has one, of as many rotors as its model."""
+    """Check that a law that follows a plan's whole state has one, and a plan as many rotors as the model."""
     par, planned = scenario.agent.controller.par, scenario.agent.reference.planned
-    if not follows_plan(par):
-        return
-    if planned is None or not planned.attitude:
+    if follows_plan(par) and not (planned and planned.attitude):
         raise ValueError("controller.mode = 'plan': must be left out without a reference of kind \"plan\"")
-    if len(planned.rotors) != len(par.model.vehicle.rotors):
-        own = len(par.model.vehicle.rotors)
+    if planned is None:
+        return
+    own, nodes = len(par.model.vehicle.rotors), len(planned.times)
+    if planned.attitude and len(planned.rotors) != own:
         raise ValueError(f"reference.planned.rotors = {len(planned.rotors)} signals: must be {own}, one for each rotor")
+    for name, count in (("efforts", par.model.vehicle.n), ("force", 3)):
+        lengths = [len(row) for row in getattr(planned, name)]
+        if lengths and lengths != [nodes] * count:
+            raise ValueError(f"reference.planned.{name}: must be {count} lists of {nodes} numbers, one for each time")
 
 
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")

@@ -34,6 +34,7 @@ from skyarm.records.units import Unit
 from skyarm.records.words import STRUCTURAL, Word, groups
 from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
+from skyarm.reference.planned_motion import PlannedBody
 from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
@@ -426,7 +427,8 @@ class Agent:
         planned = self.reference.planned
         if planned is None or follows_plan(self.controller.par):
             return self.reference
-        return dataclasses.replace(self.reference, planned=dataclasses.replace(planned, attitude=(), rotors=()))
+        only = PlannedBody(center=planned.center, tip=planned.tip)
+        return dataclasses.replace(self.reference, planned=only)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:

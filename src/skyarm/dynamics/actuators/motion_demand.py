@@ -80,6 +80,7 @@ def demand_of_motion(
     gravity: float,
     motion: MotionSamples,
     settled: Callable[[Array], Array] = np.asarray,
+    rotation: Array | None = None,
 ) -> ActuatorDemand:
     """Rotor speeds and joint efforts that follow a motion exactly.
 
@@ -88,17 +89,18 @@ def demand_of_motion(
         gravity: m/s^2.
         motion: at instants near enough that attitude may be differentiated between them.
         settled: part of the force (3, K) that the attitude follows; all of it if left out.
+        rotation: (3, 3, K) R_WB, if the attitude is known and follows no force.
     """
     a, yaw = motion.acceleration, motion.yaw
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
     lanes = partial(stack_values, len(motion.time))
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
-    for _ in range(REACTIONS):
+    for _ in range(REACTIONS if rotation is None else 0):
         R = attitude(settled(needed), yaw)
         base = proper_acceleration(_matrix(R), Vec3(*a), ZERO3_DATA, gravity)
         force, _ = dynamics.inverse_dynamics(vehicle, q, ZERO3_DATA, qd, base, qdd)
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force))
-    R = attitude(settled(needed), yaw)
+    R = attitude(settled(needed), yaw) if rotation is None else rotation
     rate, turning = rates_of(R, motion.time)
     inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
     base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from skyarm.records.leaves import field_names
 from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
-from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding, at_least
+from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding, at_least, at_most
 from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
@@ -31,6 +32,9 @@ INSTANTS, FEWEST = 2000, 9
 
 SHORTEST = 1e-3
 """Shortest interval (s) between two jumps of the reference that is examined."""
+
+FINE = 1e-3
+"""Time (s) between two instants of a plan, as the planner looks at its clearance."""
 
 POSES_HELD = 100
 """Number of poses of the reference, while a load is held, whose static hover is examined."""
@@ -59,7 +63,8 @@ def along_reference(scenario: Scenario, *, clearance: bool = False) -> list[Find
     """Check the reference against joint limits, and find when rotors or joints would saturate.
 
     The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
-    out.
+    out. A reference that is a plan says itself how its base turns and what it asks of rotors and joints; other
+    references follow by differential flatness.
 
     Args:
         scenario: scenario of one vehicle.
@@ -78,7 +83,7 @@ def along_reference(scenario: Scenario, *, clearance: bool = False) -> list[Find
         findings += servo_speeds(scenario, demand.time, demand.rates)
     if clearance:
         findings += _clearance(scenario, followed)
-    return [*findings, *_hovers_with_loads(parts)]
+    return [*findings, *_planned_force(scenario), *_hovers_with_loads(parts)]
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
@@ -97,7 +102,9 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
     """Smallest distances of the vehicle's bodies, from surfaces and from each other."""
-    every, demand, findings = clearances_of(scenario), followed.demand, []
+    planned, demand, findings = scenario.agent.reference.planned, followed.demand, []
+    # the arm of a plan without contact keeps off as the other bodies do
+    every = clearances_of(scenario, touching=planned is None or bool(np.any(np.array(planned.force))))
     place = Vec3(*followed.position), Mat3(*(Vec3(*row) for row in demand.rotation)), tuple(demand.joints)
     for question, surfaces in CLEARANCES.items():
         some = replace(every, pairs=tuple(each for each in every.pairs if (each.surface is not None) == surfaces))
@@ -111,6 +118,21 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
         remedy = "a path farther from it, or another arm pose"
         findings.append(at_least(question, float(rows[i, k]), text, "reference", remedy, warning=0.0, unit="m"))
     return findings
+
+
+def _planned_force(scenario: Scenario) -> list[Finding]:
+    """Alarm of a plan that counts on a contact of the tip in a world without any: a fault where it hangs from it."""
+    planned = scenario.agent.reference.planned
+    if planned is None or scenario.world is not None:
+        return []
+    force = np.linalg.norm(np.array(planned.force), axis=0)
+    if not force.any():
+        return []
+    k = int(force.argmax())
+    text = f"the plan counts on {force[k]:.3g} N on the tip at {planned.times[k]:.3g} s; the world has no surface"
+    weight = float(scenario.agent.plant.vehicle.mass * scenario.agent.plant.gravity)
+    words = text, "world.surfaces", "what the tip touches in the plan"
+    return [at_most("contact along the reference", float(force[k]), *words, warning=0.0, fault=weight, unit="N")]
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
@@ -150,11 +172,11 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         end: end of the flight, s.
     """
     cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
-    intervals = []
+    every, intervals = max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0), []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
-        count = max(FEWEST, round(INSTANTS * (b - a) / end))
+        count = max(FEWEST, round(every * (b - a) / end))
         intervals.append(a + (b - a) * (np.arange(count) + 0.5) / count)
     return intervals
 
@@ -169,7 +191,17 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
     reference = reference_at(scenario, time)
     motion = motion_of(reference, time)
-    demand = demand_of_motion(vehicle, float(scenario.agent.plant.gravity), motion)
+    asked = partial(demand_of_motion, gravity=float(scenario.agent.plant.gravity), motion=motion)
+    planned = scenario.agent.reference.planned
+    if planned is None or not planned.attitude:
+        demand = asked(vehicle)
+    else:
+        rotation, speeds, efforts = planned.actuation_at(time)
+        demand = asked(vehicle, rotation=rotation)
+        # what the plan states is of the law's model: loads come on top
+        bare = asked(scenario.agent.controller.par.model.vehicle, rotation=rotation)
+        efforts = efforts + demand.efforts - bare.efforts if len(efforts) else demand.efforts
+        demand = replace(demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     position = stack_values(len(time), reference.position)
     return Followed(demand, demand.squared / top, _effort_shares(part, demand), position)
