@@ -598,8 +598,8 @@ class Contact(Force[ContactMemory]):
         return (
             *tilted,
             f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
-            f"about {step / least:.0f} in place of each of rates.physics, and cost that much more; is it so light, or its "
-            "contact so stiff?",
+            f"about {step / least:.0f} in place of each of rates.physics, and cost that much more; "
+            "is it so light, or its contact so stiff?",
         )
 
 
