@@ -42,7 +42,7 @@ LIFTED = 0.01
 STANDING = 4.0
 """Factor, less one, on the rate at which all force on a body that stands is forgotten: its support bears it."""
 
-EASING, LEAST_EASE, SLACK = 2.0, 0.02, 0.1
+EASING, LEAST_EASE, SLACK = 5.0, 0.02, 0.1
 """Rate (1/s) at which a member that bears too much passes load to others, its least part, and a negligible load (N)."""
 
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
@@ -78,6 +78,7 @@ class WrenchMemory:
         inner: integral of each member's internal force, as a shift (m) in the axes of the body.
         eases: part of its virtual mass with which each member takes part, less where its limits ask for it.
         sent: last message of each member that was not lost. late: those before, newest first, as many as it is late by.
+        ages: age (s) of the message of each member that the others have.
     """
 
     place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
@@ -88,6 +89,7 @@ class WrenchMemory:
     clock: Annotated[Scalar, Unit("s", "time of the desired motion, which stops when the body is set down")] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[ForceMessage, ...]
+    ages: tuple[Scalar, ...]
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
     late: tuple[tuple[ForceMessage, ...], ...] = ()
 
@@ -191,14 +193,14 @@ class ObjectWrench(Sharing):
             eases=(1.0,) * count,
             shifts=(TipShift(),) * count,
             sent=sent,
+            ages=(0.0,) * count,
             late=(sent,) * round(self.delay / period),
         )
 
     def further_logged(self, own: Tree) -> Scalars:
         """Age of the received messages (s), and number of those that were lost."""
         own = cast("WrenchMemory", own)
-        received = own.late[-1] if own.late else own.sent
-        return (*(each.age + self.delay for each in received), *(each.lost for each in own.sent))
+        return (*own.ages, *(each.lost for each in own.sent))
 
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
@@ -254,6 +256,7 @@ class ObjectWrench(Sharing):
             clock=data(course.clock),
             shifts=tuple(shifts),
             sent=sent,
+            ages=tuple(each.age + self.delay for each in late[-1]),
             since=data(since),
             late=late[: len(own.late)],
         )
