@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.teams import TEAMS
 
 import skyarm
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.suite import NOISE
+from support.teams import TEAMS
 
 TABLES = tomllib.loads((Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
 

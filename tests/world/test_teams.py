@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skyarm.algebra import Mat3, Vec3
+import skyarm
+from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files import Fields
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import motion_of_object
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised, MemberState
 from skyarm.world.team.leader_follower import LeaderFollower
+from skyarm.world.team.limits import largest_load
 from skyarm.world.team.object_wrench import ObjectWrench
 from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
 
@@ -291,7 +295,7 @@ def test_what_the_others_cannot_bear_is_set_down_where_it_was():
             whole.motion.yaw.derivatives(t)[1] + carry.heading.y,
         ])  # fmt: skip
     path, time = np.array(path), 4.5 + SLOW * np.arange(200)
-    stopped, still = time > 6.6, [vec(v) for v in LINE][0]
+    stopped, still = time > 6.6, vec(LINE[0])
     assert path[time < 5.4][:, 6].max() < -13.0  # 1.5 kg
     # the motion of 4.5 s to 5.5 s goes on for half a second more while it slows
     middle = whole.motion.at(6.0)
@@ -319,10 +323,44 @@ def test_a_body_that_tips_without_a_lost_member_is_set_down_and_fixed_grasps_bea
     assert seconds == 0.0
     arms, on_body = np.array(PLATE), np.array([[*(-row.force)] for row in rows])
     moments = np.array([[*(-row.moment)] for row in rows])
-    force, moment = weight_of(whole, whole.motion.at(5.0), 9.81)
+    _, moment = weight_of(whole, whole.motion.at(5.0), 9.81)
     assert np.allclose(wrench_of(arms, on_body)[3:] + moments.sum(axis=0), [*moment], atol=1e-6)
     assert np.allclose(moments[0], 2.0 * moments[2])  # by what they can bear
     assert [*moments[1]] == [0.0, 0.0, 0.0]
+
+
+def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
+    vehicle, q = skyarm.load_vehicle("hexarotor_arm6"), (0.3, 0.6, -1.0, 0.2, 0.5, 0.1)
+    R, p, frames = Rotation.identity(), np.zeros(3), []
+    for link, angle in zip(vehicle.links, q, strict=True):  # a chain of turning joints
+        p = p + R.apply([*link.joint.position])
+        axis = R.apply([*link.joint.axis])
+        R = R * Rotation.from_rotvec(angle * np.array([*link.joint.axis]))
+        frames.append((p, axis, p + R.apply([*link.body.com]), float(link.body.mass) * 9.81))
+    tip = p + R.apply([*vehicle.frame().position])
+
+    def torque(i, force, at):
+        return frames[i][1] @ np.cross(at - frames[i][0], [0.0, 0.0, force])
+
+    thrust = sum(float(r.axis.z * r.thrust_coefficient * r.max_speed**2) for r in vehicle.rotors)
+    bounds, spare = [0.85 * thrust - 9.81 * float(vehicle.mass)], []
+    for i, link in enumerate(vehicle.links):
+        own = sum(torque(i, weight, com) for _, _, com, weight in frames[i:])
+        spare.append(0.85 * float(link.joint.effort_limit) - abs(own))
+        bounds.append(spare[-1] / max(abs(torque(i, 1.0, tip)), 1e-3))
+
+    def found(thing):
+        state = State(
+            position=vec((0, 0, 1)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=vec((0, 0, 0)),
+            rate=vec((0, 0, 0)), joints=q, joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
+        )  # fmt: skip
+        return largest_load(PointMotion(thing, state, gravity=9.81))
+
+    assert found(vehicle) == pytest.approx((min(bounds), min(spare)))
+    elbow = dataclasses.replace(vehicle.links[2], joint=dataclasses.replace(vehicle.links[2].joint, effort_limit=1.0))
+    weak = dataclasses.replace(vehicle, links=(*vehicle.links[:2], elbow, *vehicle.links[3:]))
+    assert found(weak)[0] == pytest.approx(bounds[3] * (spare[2] - 0.85 * 3.0) / spare[2])
+    assert bounds[0] < bounds[3]
 
 
 def heard_pull(whole, count, drawn=lambda k: ()):
