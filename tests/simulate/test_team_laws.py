@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
@@ -11,11 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.suite import NOISE
+from support.teams import TEAMS
 
 TABLES = tomllib.loads((Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
 
@@ -135,17 +138,186 @@ def test_a_misplaced_grasp_of_any_stiffness_is_borne(stiffness):
 @pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_noise_and_late_messages_are_borne(delay):
-    tables = bar(delay=delay)
-    tables["sensors"] = {name: float(getattr(NOISE, name)) for name in ("position", "velocity", "attitude", "rate")}
-    tables["sensors"] |= {"joints": float(NOISE.joints), "joint_rates": float(NOISE.joint_rates)}
-    tables["delays"] = {"measurement": 0.005}
-    log = flown(tables)
+    log = flown(noisy(bar(delay=delay)))
     found = scores(log)
     assert placed(log)
     assert found["place"] < 15.0
     assert found["direction"] < 1.5
     assert found["pull"] < 0.2
     assert found["rms"] < 0.05
+
+
+def fixed(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables with fixed grasps of 20 N m/rad."""
+    for grasp in tables["world"]["grasps"]:
+        grasp |= {"kind": "fixed", "radius": (20.0 / grasp["stiffness"]) ** 0.5}
+    return tables
+
+
+def noisy(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables with the noise of the comparison and its known delay."""
+    tables["sensors"] = {name: float(getattr(NOISE, name)) for name in ("position", "velocity", "attitude", "rate")}
+    tables["sensors"] |= {"joints": float(NOISE.joints), "joint_rates": float(NOISE.joint_rates)}
+    return tables | {"delays": {"measurement": 0.005}}
+
+
+def heavier(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
+    """Scenario whose vehicles have other masses than the models of their laws."""
+
+    def scaled(body: Any, k: float) -> Any:
+        turned = dataclasses.replace(body.inertia, **{n: k * v for n, v in vars_of(body.inertia).items()})
+        return dataclasses.replace(body, mass=k * body.mass, inertia=turned)
+
+    def vars_of(record: Any) -> Mapping[str, float]:
+        return {each.name: getattr(record, each.name) for each in dataclasses.fields(record)}
+
+    def other(name: str, agent: Any) -> Any:
+        vehicle, k = agent.plant.vehicle, factors[name]
+        links = tuple(dataclasses.replace(each, body=scaled(each.body, k)) for each in vehicle.links)
+        vehicle = dataclasses.replace(vehicle, base=scaled(vehicle.base, k), links=links)
+        return dataclasses.replace(agent, plant=dataclasses.replace(agent.plant, vehicle=vehicle))
+
+    return dataclasses.replace(scenario, agents={n: other(n, each) for n, each in scenario.agents.items()})
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("row", "team"), [("noise", {}), ("2 cm off", OFF), ("masses", {}), ("late", {"delay": 0.1})])
+def test_fixed_grasps_are_borne_as_ball_grasps_are(row, team):
+    tables = noisy(fixed(bar(**team)))
+    if row == "masses":
+        tables["world"]["objects"][0]["mass"] *= 1.2
+        tables["team"]["mass"] = 1.6
+    factors = {"left": 1.2, "right": 0.8} if row == "masses" else {"left": 1.0, "right": 1.0}
+    log = flown(tables, lambda scenario: heavier(scenario, factors))
+    found = scores(log)
+    assert placed(log)
+    assert found["place"] < (28.0 if row == "masses" else 15.0)
+    assert found["direction"] < 3.0
+    assert found["pull"] < (0.6 if row == "2 cm off" else 0.4)  # while the grasp creeps by 2 cm on the floor
+    assert found["rms"] < (0.12 if row == "2 cm off" else 0.1)
+
+
+def test_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body_and_that_of_a_ball_is_not():
+    tables = fixed(bar())
+    tables["reference"]["object"]["phases"][4] |= {"roll": 0.15}
+    tables["world"]["grasps"][1] |= {"kind": "ball"}
+    given = skyarm.scenario_from(tables)
+
+    def hand(name: str, t: float) -> Rotation:
+        agent = given.agents[name]
+        at, vehicle = agent.reference.at(t), agent.plant.vehicle
+        turn = Rotation.from_euler("z", float(at.yaw))
+        for link, q in zip(vehicle.links, at.joints, strict=True):  # a chain
+            turn = turn * Rotation.from_rotvec(float(q) * np.array([*link.joint.axis]))
+        return turn
+
+    for t in (11.9, 15.2, 17.0):
+        desired = Rotation.from_matrix([[*row] for row in given.team.motion.at(t).R.rows])
+        off = {name: (desired.inv() * hand(name, t) * hand(name, 0.0).inv()).magnitude() for name in given.agents}
+        assert off["left"] < 0.02
+        assert t < 12.0 or off["right"] > 0.15
+
+
+def plate(**team: Any) -> dict[str, Any]:
+    """Tables of three members that carry a plate."""
+    tables = tomllib.loads((TEAMS / "plate.toml").read_text("utf-8"))
+    tables["team"] |= team
+    return tables
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("given", [{}, {"internal_forces": [2.0, -1.0, 1.5]}])
+@pytest.mark.parametrize("edit", [dict, noisy])
+def test_three_carry_a_plate_with_desired_pulls_along_all_lines(given, edit):
+    log = flown(edit(plate(**given)))
+    assert log.info["status"] == "completed"
+    carried = (log.time > 2.4) & (log.time < 13.4)
+    assert log.team_position_error[carried].max() < 0.02
+    assert np.degrees(log.team_turn_error[carried].max()) < 2.0
+    error = (log.team_pull - log.team_pull_reference)[log.time > 1.0]
+    assert np.abs(error).max() < 1.4  # of 69 N that they bear, while they turn
+    assert np.sqrt((error**2).mean(axis=0)).max() < 0.35
+    hover = (log.time > 4.2) & (log.time < 4.6)
+    assert np.allclose(log.team_pull_reference[hover], given.get("internal_forces", 0.0))
+    assert np.abs((log.team_pull - log.team_pull_reference)[hover]).max() < 0.3
+    places = np.array([each["place"] for each in plate()["world"]["grasps"]])
+    share = np.linalg.solve([[1.0, 1.0, 1.0], *places[:, :2].T], [1.0, 0.0, 0.0])
+    assert np.allclose(log.load_share[hover].mean(axis=0), share, atol=0.01)
+    assert np.allclose(log.object_position[-1], [1.0, 0.0, 0.02], atol=0.01)
+
+
+def three_on_a_bar(mass: float, lost: str, at: float) -> dict[str, Any]:
+    """Tables of three members on one bar, one of which loses its grasp at a time (s)."""
+    tables = noisy(bar())
+    tables["agents"] = {"left": {}, "middle": {}, "right": {}}
+    tables["world"]["objects"][0] |= {"size": [2.6, 0.04, 0.04], "mass": mass}
+    grasp, places = tables["world"]["grasps"][0], (-1.2, 0.15, 1.2)
+    own = [{"agent": name, "place": [x, 0.0, 0.02]} for name, x in zip(tables["agents"], places, strict=True)]
+    tables["world"]["grasps"] = [grasp | each | ({"release": at} if each["agent"] == lost else {}) for each in own]
+    return tables
+
+
+@pytest.mark.thorough
+def test_two_of_three_carry_on_when_one_is_lost():
+    log = flown(three_on_a_bar(2.4, "middle", 8.0))
+    found = scores(log)
+    assert placed(log)
+    assert found["place"] < 15.0
+    assert found["direction"] < 1.5
+    pull = log.team_pull[log.time > 1.4]
+    assert np.abs(pull).max() < 0.2
+    assert np.abs(pull[log.time[log.time > 1.4] > 8.1][:, [0, 2]]).max() == 0.0
+    after = (log.time > 9.0) & (log.time < 13.0)
+    assert np.allclose(log.load_share[after].mean(axis=0), [0.5, 0.0, 0.5], atol=0.01)
+
+
+@pytest.mark.thorough
+def test_two_that_cannot_carry_on_set_the_body_down(monkeypatch):
+    monkeypatch.setattr("skyarm.world.team.limits.SPENT", 0.6)  # 11 N each, for the 15 N that it takes
+    log = flown(three_on_a_bar(3.0, "middle", 8.0))
+    assert log.info["status"] == "completed"
+    stands = log.time > 14.0
+    assert np.abs(log.object_position[stands, 2] - 0.02).max() < 5e-3
+    assert np.abs(np.diff(log.object_position[stands], axis=0)).max() < 1e-3
+    falls = (log.time > 10.5) & (log.time < 12.0)
+    assert log.object_velocity[falls, 2].min() > -0.25
+    assert np.abs(log.grasp_force[log.time > 16.0]).max() < 1.0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("edit", [dict, noisy])
+def test_a_quadrotor_and_a_hexarotor_carry_a_bar(edit):
+    tables = edit(bar(members=[{"agent": n, "place": [x, 0, 0.02], "mass": m} for n, x, m in DIFFERENT]))
+    own = {"law": "centroidal", "mode": "tip", "adaptation": 0.0, "carrying": 0.7}
+    posture = {"tip": {"posture": [0.0, 0.0]}}
+    tables["agents"]["left"] = {"plant": {"vehicle": "quadrotor_roll_arm2"}, "controller": own, "reference": posture}
+    tables["world"]["objects"][0]["mass"] = 0.8
+    log = flown(tables)
+    found = scores(log)
+    assert placed(log)
+    assert found["place"] < 12.0
+    assert found["direction"] < 1.5
+    assert found["pull"] < 0.3
+    assert found["rms"] < 0.05
+
+
+DIFFERENT = (("left", -0.55, 1.0), ("right", 0.55, 3.0))
+
+
+@pytest.mark.thorough
+def test_messages_at_a_rate_with_losses_are_borne_and_repeat_by_the_seed():
+    logs = [flown(noisy(bar(delay=0.1, rate=50.0, loss=0.2)) | {"seed": seed}) for seed in (3, 3, 4)]
+    found = scores(logs[0])
+    assert placed(logs[0])
+    assert found["place"] < 15.0
+    assert found["pull"] < 0.2
+    assert found["rms"] < 0.05
+    lost = [log.messages_lost[-1] for log in logs]
+    assert np.array_equal(lost[0], lost[1])
+    assert not np.array_equal(lost[0], lost[2])
+    assert np.allclose(lost, 0.2 * 22.0 * 50.0, rtol=0.25)
+    assert logs[0].message_age[logs[0].time > 0.5].min() >= 0.1
+    assert 0.12 < logs[0].message_age.mean() < 0.2
 
 
 @pytest.mark.thorough
@@ -169,6 +341,12 @@ def test_mujoco_flies_the_same():
         ({"delay": 0.007}, "team.delay = 0.007: must be a whole number of control periods"),
         ({"blind": -1.0}, "team.blind = -1.0: must be at least 0"),
         ({"gain": 1.0}, "team.gain = 1.0: unknown field"),
+        ({"loss": 1.5}, "team.loss = 1.5: must be at most 1"),
+        ({"internal_forces": [1.0, 2.0]}, "team.internal_forces = 2 numbers: must be 1, one of each two members"),
+        (
+            {"members": [{"agent": "left", "place": [-0.5, 0, 0]}, {"agent": "right", "place": [5.0, 0, 0]}]},
+            "team.members[1].place = [5.0, 0.0, 0.0]: lies 5 m from the middle of 'bar', must be within 1.8 m",
+        ),
     ],
 )
 def test_a_wrong_team_is_refused_in_one_line(change, words):

@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skyarm.algebra import Mat3, Vec3
+import skyarm
+from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files import Fields
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import motion_of_object
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised, MemberState
 from skyarm.world.team.leader_follower import LeaderFollower
+from skyarm.world.team.limits import largest_load
 from skyarm.world.team.object_wrench import ObjectWrench
 from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
 
@@ -189,6 +193,204 @@ def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
     assert np.allclose(track[:, 0], 0.3 * (1.0 - (1.0 + 10.0 * t) * np.exp(-10.0 * t)), atol=0.01)
     assert np.allclose(np.diff(track[:, 0]) / DT, track[1:, 1], atol=1e-9)
     assert np.allclose(np.diff(track[:, 1]) / DT, track[1:, 2], atol=1e-9)
+
+
+LINE = [(-1.2, 0.0, 0.02), (0.15, 0.0, 0.02), (1.2, 0.0, 0.02)]
+
+
+def wrench_of(arms, forces):
+    """Force and moment about the middle of a body (6,) of forces (N, 3) at places (N, 3)."""
+    return np.concatenate([np.sum(forces, axis=0), np.cross(arms, forces).sum(axis=0)])
+
+
+@pytest.mark.parametrize("places", [PLATE, LINE])
+def test_pulls_along_each_pair_of_grasps_are_the_internal_forces_and_the_other_way_round(places):
+    whole, arms = team(places), [vec(place) for place in places]
+    given = np.array([2.0, -1.0, 1.5])
+    forces = np.array([[*f] for f in whole.along([*given], arms)])
+    columns = []
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        line, column = np.subtract(places[i], places[j]), np.zeros((3, 3))
+        column[i] = line / np.linalg.norm(line)
+        columns.append((column - np.eye(3)[j][:, None] * column[i]).ravel())
+    A = np.array(columns).T
+    assert np.allclose(forces.ravel(), A @ given)
+    assert np.allclose(wrench_of(places, forces), 0.0, atol=1e-12)
+    found = whole.tensions([vec(f) for f in forces], arms)
+    assert np.allclose(A @ found, A @ given, atol=1e-6)
+    assert np.allclose(found, np.linalg.pinv(A, rcond=1e-9) @ forces.ravel(), atol=1e-4)  # on one line many would do
+
+
+def test_three_desired_pulls_stand_in_the_known_forces_and_two_are_refused():
+    whole = team(PLATE, internal_forces=(2.0, -1.0, 1.5))
+    _, rows = instructions(whole, 6.3)
+    arms = [[*arm] for arm in whole.arms(whole.motion.at(6.3).R)]
+    on_body = np.array([[*(-row.force)] for row in rows])
+    force, moment = weight_of(whole, whole.motion.at(6.3), 9.81)
+    assert np.allclose(wrench_of(arms, on_body), [*force, *moment], atol=1e-6)
+    left = on_body.ravel() - np.linalg.pinv(grasp_matrix(arms)) @ [*force, *moment]
+    pulls = whole.along([2.0, -1.0, 1.5], [vec(arm) for arm in arms])
+    assert np.allclose(left, np.concatenate([[*f] for f in pulls]), atol=1e-6)
+    with pytest.raises(ValueError, match=r"internal_forces = 2 numbers: must be 3, one of each two members"):
+        team(PLATE, internal_forces=(2.0, -1.0)).require_members(("a0", "a1", "a2"), DT)
+
+
+def test_members_on_one_line_do_not_turn_the_body_about_it_and_others_do():
+    turn = Rotation.from_rotvec([0.05, 0.01, -0.02])
+    found = {n: team(p).turn_error(matrix(turn), matrix(Rotation.identity())) for n, p in ((3, LINE), (0, PLATE))}
+    assert np.allclose([*found[3]], [0.0, -0.01, 0.02], atol=1e-4)
+    assert np.allclose([*found[0]], [-0.05, -0.01, 0.02], atol=1e-4)
+
+
+def test_the_others_bear_the_body_when_a_member_has_lost_its_grasp():
+    whole = team(LINE, masses=(1.0, 2.0, 0.5))
+    after = whole.with_masses([1.0, 0.0, 0.5])
+    _, rows = instructions(after, 5.0, forces=[(-3.0, 0.0, 7.0), (9.0, 9.0, 9.0), (3.0, 0.0, 7.0)])
+    force, moment = weight_of(whole, whole.motion.at(5.0), 9.81)
+    arms = np.array(LINE)[[0, 2]]
+    G, M = grasp_matrix(arms), np.kron(np.diag((1.0, 0.5)), np.eye(3))
+    wrench = np.array([*force, *moment]) - [0, 0, 0, -0.02 * force.y, 0, 0]
+    expected = (M @ G.T @ np.linalg.pinv(G @ M @ G.T, rcond=1e-10) @ wrench).reshape(2, 3)
+    assert np.allclose([[*(-rows[i].force)] for i in (0, 2)], expected, atol=1e-5)
+    assert rows[1].held == 0.0
+    assert [*rows[1].force] == [*rows[1].forgotten_force] == [0.0, 0.0, 0.0]
+    # what the lost member believes to feel is not taken for a pull of the others: they forget 3 N each
+    assert np.allclose([*rows[0].forgotten_force], [30.0, 0.0, 0.0], atol=1e-4)
+
+
+SLOW = 0.04
+"""Period (s) of a law that is evaluated for seconds."""
+
+
+def limited(whole, t, limits, count, **given):
+    own, rows = whole.first(DT), ()
+    for _ in range(count):
+        own, rows = whole.lead(own, dataclasses.replace(inputs(whole, t), limits=limits, **given), SLOW)
+        t += SLOW
+    return own, np.array([[*(-Carry.of(row).force)] for row in rows])
+
+
+def test_a_member_at_its_limit_passes_its_load_to_those_that_can_bear_it():
+    whole = team(LINE, mass=3.0, inertia=Vec3(1e-3, 1.5, 1.5))
+    _, free = limited(whole, 4.96, (50.0, 50.0, 50.0), 1)
+    own, found = limited(whole, 3.0, (50.0, 5.0, 50.0), 50)
+    assert free[1, 2] > 8.0
+    assert found[1, 2] == pytest.approx(5.0, abs=0.25)
+    force, moment = weight_of(whole, whole.motion.at(4.96), 9.81)
+    arms = [[*arm] for arm in whole.arms(whole.motion.at(4.96).R)]
+    assert np.allclose(wrench_of(arms, found)[[0, 1, 2, 4, 5]], [*force, moment.y, moment.z], atol=1e-5)
+    assert own.overload == 0.0
+
+
+def test_what_the_others_cannot_bear_is_set_down_where_it_was():
+    whole = team(LINE, mass=3.0, pose_gain=0.0, pull_gain=0.0).with_masses([1.0, 0.0, 1.0])
+    own, path = whole.first(DT), []
+    for k in range(200):
+        t = 4.5 + k * SLOW
+        own, rows = whole.lead(own, dataclasses.replace(inputs(whole, t), limits=(9.0, 0.0, 9.0)), SLOW)
+        way, carry = whole.motion.at(t).of_place(whole.members[0].place), Carry.of(rows[0])
+        path.append([
+            *(way[0] + carry.offset), *(way[1] + carry.offset_rate), carry.force.z,
+            whole.motion.yaw.derivatives(t)[0] + carry.heading.x,
+            whole.motion.yaw.derivatives(t)[1] + carry.heading.y,
+        ])  # fmt: skip
+    path, time = np.array(path), 4.5 + SLOW * np.arange(200)
+    stopped, still = time > 6.6, vec(LINE[0])
+    assert path[time < 5.4][:, 6].max() < -13.0  # 1.5 kg
+    # the motion of 4.5 s to 5.5 s goes on for half a second more while it slows
+    middle = whole.motion.at(6.0)
+    assert np.allclose(path[stopped][:, :2], [*(middle.position + middle.R.apply(still))][:2], atol=0.05)
+    assert np.allclose(path[stopped][:, 7], whole.motion.yaw.derivatives(6.0)[0], atol=0.05)
+    fell = path[np.searchsorted(time, 7.5), 2] - path[np.searchsorted(time, 8.5), 2]
+    assert fell == pytest.approx(0.15, abs=0.01)
+    assert path[-1, 2] == pytest.approx(0.04, abs=2e-3)  # on the support
+    assert path[-1, 6] == 0.0
+    assert np.allclose(np.diff(path[:, :3], axis=0) / SLOW, path[1:, 3:6], atol=0.06)
+    assert np.allclose(np.diff(path[:, 7]) / SLOW, path[1:, 8], atol=0.06)
+
+
+def test_a_body_that_tips_without_a_lost_member_is_set_down_and_fixed_grasps_bear_a_moment():
+    def overload(kind, moments):
+        whole = team(PLATE, mass=2.0).with_masses([1.0, 0.0, 1.0])
+        whole = dataclasses.replace(whole, members=tuple(dataclasses.replace(m, kind=kind) for m in whole.members))
+        given = dataclasses.replace(inputs(whole, 5.0), moment_limits=moments)
+        own, rows = whole.lead(whole.first(DT), given, DT)
+        return own.overload, [Carry.of(row) for row in rows], whole
+
+    assert overload("ball", (9.0,) * 3)[0] > 0.0
+    assert overload("fixed", (0.5,) * 3)[0] > 0.0
+    seconds, rows, whole = overload("fixed", (6.0, 6.0, 3.0))
+    assert seconds == 0.0
+    arms, on_body = np.array(PLATE), np.array([[*(-row.force)] for row in rows])
+    moments = np.array([[*(-row.moment)] for row in rows])
+    _, moment = weight_of(whole, whole.motion.at(5.0), 9.81)
+    assert np.allclose(wrench_of(arms, on_body)[3:] + moments.sum(axis=0), [*moment], atol=1e-6)
+    assert np.allclose(moments[0], 2.0 * moments[2])  # by what they can bear
+    assert [*moments[1]] == [0.0, 0.0, 0.0]
+
+
+def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
+    vehicle, q = skyarm.load_vehicle("hexarotor_arm6"), (0.3, 0.6, -1.0, 0.2, 0.5, 0.1)
+    R, p, frames = Rotation.identity(), np.zeros(3), []
+    for link, angle in zip(vehicle.links, q, strict=True):  # a chain of turning joints
+        p = p + R.apply([*link.joint.position])
+        axis = R.apply([*link.joint.axis])
+        R = R * Rotation.from_rotvec(angle * np.array([*link.joint.axis]))
+        frames.append((p, axis, p + R.apply([*link.body.com]), float(link.body.mass) * 9.81))
+    tip = p + R.apply([*vehicle.frame().position])
+
+    def torque(i, force, at):
+        return frames[i][1] @ np.cross(at - frames[i][0], [0.0, 0.0, force])
+
+    thrust = sum(float(r.axis.z * r.thrust_coefficient * r.max_speed**2) for r in vehicle.rotors)
+    bounds, spare = [0.85 * thrust - 9.81 * float(vehicle.mass)], []
+    for i, link in enumerate(vehicle.links):
+        own = sum(torque(i, weight, com) for _, _, com, weight in frames[i:])
+        spare.append(0.85 * float(link.joint.effort_limit) - abs(own))
+        bounds.append(spare[-1] / max(abs(torque(i, 1.0, tip)), 1e-3))
+
+    def found(thing):
+        state = State(
+            position=vec((0, 0, 1)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=vec((0, 0, 0)),
+            rate=vec((0, 0, 0)), joints=q, joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
+        )  # fmt: skip
+        return largest_load(PointMotion(thing, state, gravity=9.81))
+
+    assert found(vehicle) == pytest.approx((min(bounds), min(spare)))
+    elbow = dataclasses.replace(vehicle.links[2], joint=dataclasses.replace(vehicle.links[2].joint, effort_limit=1.0))
+    weak = dataclasses.replace(vehicle, links=(*vehicle.links[:2], elbow, *vehicle.links[3:]))
+    assert found(weak)[0] == pytest.approx(bounds[3] * (spare[2] - 0.85 * 3.0) / spare[2])
+    assert bounds[0] < bounds[3]
+
+
+def heard_pull(whole, count, drawn=lambda k: ()):
+    own, seen = whole.first(DT), []
+    for k in range(count):
+        pull = float(k + 1)
+        given = inputs(whole, 5.0, forces=[(-pull, 0.0, 0.0), (pull, 0.0, 0.0)])
+        own, rows = whole.lead(own, dataclasses.replace(given, drawn=drawn(k)), DT)
+        seen.append(Carry.of(rows[0]).forgotten_force.x / whole.blind)
+    return seen, whole.further_logged(own)
+
+
+def test_messages_at_a_rate_are_those_of_the_last_sending():
+    seen, (*ages, a, b) = heard_pull(team(rate=50.0), 9)
+    assert np.allclose(seen, [1, 1, 1, 1, 5, 5, 5, 5, 9], atol=1e-5)
+    assert [*ages, a, b] == [0.0] * 4
+    late, (age, *_) = heard_pull(team(rate=50.0, delay=2 * DT), 8)
+    assert np.allclose(late, [0, 0, 1, 1, 1, 1, 5, 5], atol=1e-5)
+    assert age == pytest.approx(3 * DT)  # sent with the fifth force, heard two periods later and held for one
+
+
+def test_lost_messages_leave_the_last_force_until_it_is_too_old():
+    whole = team(loss=0.5, timeout=2.5 * DT)
+    assert whole.uniforms == 2
+    assert team().uniforms == 0
+    lost = {2, 3, 4, 5}
+    seen, (age, other, gone, none) = heard_pull(whole, 7, lambda k: (0.4 if k in lost else 0.6, 0.6))
+    # the pull is half of the difference of both forces, the first of which is the second period's
+    assert np.allclose(seen, [1.0, 2.0, 2.5, 3.0, 0.0, 0.0, 7.0], atol=1e-5)
+    assert (age, other, gone, none) == (0.0, 0.0, 4.0, 0.0)
 
 
 def test_late_messages_are_those_of_some_periods_before():

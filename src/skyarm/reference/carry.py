@@ -25,9 +25,9 @@ class Carry:
     offset: Annotated[Vec3, Unit("m", "shift of the tip's reference")] = ZERO3
     offset_rate: Annotated[Vec3, Unit("m/s", "rate of that shift")] = ZERO3
     offset_acceleration: Annotated[Vec3, Unit("m/s^2", "acceleration of that shift")] = ZERO3
-    heading: Annotated[Vec3, Unit("rad", "turn of the reference's heading about the tip, its rate and acceleration")] = (
-        ZERO3
-    )
+    heading: Annotated[
+        Vec3, Unit("rad", "turn of the reference's heading about the tip, its rate and acceleration")
+    ] = ZERO3
 
     @property
     def numbers(self) -> Scalars:

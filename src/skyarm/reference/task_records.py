@@ -12,6 +12,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
+from skyarm.reference.signals import Signal
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle import Vehicle
 

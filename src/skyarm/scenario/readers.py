@@ -349,6 +349,8 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         if each.agent not in places:
             words = f"must hold {shown(record.object)} by one of [[world.grasps]]"
             raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
+        with errors_as(ValueError, f"{path}.members[{i}]."):
+            body.require_near(each.place)
     taken = ((each, each.taken or places[each.agent]) for each in members)
     members = tuple(
         dataclasses.replace(each, taken=None if at == each.place else at, kind=each.kind or kinds[each.agent])

@@ -86,6 +86,9 @@ class Carrier(Generic[Memory]):
         """Largest inverse effective mass (1/kg) of the movable body at a place in its axes (m)."""
         return self.mobility
 
+    def require_near(self, place: Vec3) -> None:
+        """Refuse a place (m, its axes) that is too far from the movable body to be of a grasp."""
+
     @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration (m^2) of the movable body; 0 for a mechanism."""

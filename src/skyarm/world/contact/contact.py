@@ -274,11 +274,13 @@ class Contact(Force[ContactMemory]):
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
         """Refuse a contact model that does not fit the vehicles or needs too short integration steps."""
         carriers = self.carriers
-        bodies = [each.name for each in carriers]
+        bodies = {each.name: each for each in carriers}
         for i, grasp in enumerate(self.grasps):
             if grasp.body not in bodies:
                 known = must_be_one_of(bodies, grasp.body) if bodies else "there are no objects or mechanisms"
                 raise RecordError(f"world.grasps[{i}].body = {shown(grasp.body)}: {known}")
+            with errors_as(RecordError, f"world.grasps[{i}]."):
+                bodies[grasp.body].require_near(grasp.place)
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
         if not self.points and not carriers:

@@ -128,6 +128,13 @@ class FreeObject(Carrier[ObjectMotion]):
         """Contact surface of the free object."""
         return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
 
+    def require_near(self, place: Vec3) -> None:
+        """Refuse a place (m, its axes) farther from the surface of the body than the body is large."""
+        far, most = sqrt(place.dot(place)), 3.0 * self.surfaces[0].farthest
+        if concrete(far, most) and far > most:
+            words = f"lies {far:.3g} m from the middle of {shown(self.name)}, must be within {most:.3g} m"
+            raise RecordError(f"place = {shown([float(c) for c in place])}: {words}")
+
     @property
     def mobility(self) -> Scalar:
         """Largest inverse effective mass over all contacts of the object, 1/kg."""

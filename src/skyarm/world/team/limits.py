@@ -21,7 +21,8 @@ def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
     Servos count as their joints.
     """
     vehicle, gravity = motion.vehicle, motion.gravity
-    most, turning = minimum(SPENT * highest_thrust(vehicle) - vehicle.mass * gravity, LARGEST), LARGEST
+    most = minimum(SPENT * highest_thrust(vehicle) - vehicle.mass * gravity, LARGEST)
+    turning: Scalar = LARGEST
     own: list[Scalar] = [0.0] * vehicle.n
     for i, link in enumerate(vehicle.links):
         _, efforts = motion.generalized_force(E_Z * (link.body.mass * gravity), ZERO3, link.body.com, i)

@@ -19,16 +19,17 @@ of the body, removes the rest. All shifts pass (p + filter)^2, of which the memb
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import reduce
 from typing import Annotated, cast
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, sqrt, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import clip, data, divide, logical_or, maximum, minimum, mul, sqrt, where
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
+from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column
 from skyarm.world.team.team import SMALL, Sharing, TeamInputs, as_data, carry_of, shorten, weight_of
 
@@ -41,7 +42,7 @@ LIFTED = 0.01
 STANDING = 4.0
 """Factor, less one, on the rate at which all force on a body that stands is forgotten: its support bears it."""
 
-EASING, LEAST_EASE, SLACK = 2.0, 0.02, 0.1
+EASING, LEAST_EASE, SLACK = 5.0, 0.02, 0.1
 """Rate (1/s) at which a member that bears too much passes load to others, its least part, and a negligible load (N)."""
 
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
@@ -49,7 +50,7 @@ PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
 the body down; speed (m/s) of that."""
 
 LEAST_LEVER = 0.02
-"""Lever (m) of the weight that no force of the members bears, from which the body tips where no fixed grasp bears it."""
+"""Lever (m) of the weight, beyond what forces and fixed grasps of the members bear, from which the body tips."""
 
 
 @immutable
@@ -61,7 +62,7 @@ class TipShift:
 
 
 @immutable
-class Message:
+class ForceMessage:
     """Force of a member on the body as others have it, and number of lost messages."""
 
     force: Annotated[Vec3, Unit("N", "estimated force on the body, world axes")] = ZERO3_DATA
@@ -77,6 +78,7 @@ class WrenchMemory:
         inner: integral of each member's internal force, as a shift (m) in the axes of the body.
         eases: part of its virtual mass with which each member takes part, less where its limits ask for it.
         sent: last message of each member that was not lost. late: those before, newest first, as many as it is late by.
+        ages: age (s) of the message of each member that the others have.
     """
 
     place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
@@ -86,9 +88,27 @@ class WrenchMemory:
     overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
     clock: Annotated[Scalar, Unit("s", "time of the desired motion, which stops when the body is set down")] = 0.0
     shifts: tuple[TipShift, ...]
-    sent: tuple[Message, ...]
+    sent: tuple[ForceMessage, ...]
+    ages: tuple[Scalar, ...]
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
-    late: tuple[tuple[Message, ...], ...] = ()
+    late: tuple[tuple[ForceMessage, ...], ...] = ()
+
+
+@immutable
+class CarryCourse:
+    """Motion of the body that the law asks for.
+
+    Attributes:
+        clock: time (s) of the desired motion that it is at. desired: motion there.
+        lower: displacement from it, m, world axes. share: part of the weight that the members bear.
+        heading: turn (rad) from the desired heading of now, with rate and acceleration.
+    """
+
+    clock: Scalar
+    desired: BodyMotion
+    lower: Vec3
+    share: Scalar
+    heading: Vec3
 
 
 @immutable
@@ -167,87 +187,62 @@ class ObjectWrench(Sharing):
     def first(self, period: float) -> WrenchMemory:
         """Initial state of the law: nothing shifted."""
         count = len(self.members)
-        sent = (Message(),) * count
+        sent = (ForceMessage(),) * count
         return WrenchMemory(
             inner=(ZERO3_DATA,) * count,
             eases=(1.0,) * count,
             shifts=(TipShift(),) * count,
             sent=sent,
+            ages=(0.0,) * count,
             late=(sent,) * round(self.delay / period),
         )
 
     def further_logged(self, own: Tree) -> Scalars:
         """Age of the received messages (s), and number of those that were lost."""
         own = cast("WrenchMemory", own)
-        received = own.late[-1] if own.late else own.sent
-        return (*(each.age + self.delay for each in received), *(each.lost for each in own.sent))
+        return (*own.ages, *(each.lost for each in own.sent))
 
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         own = cast("WrenchMemory", own)
-        assert self.motion is not None
-        held = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
+        holding = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
-        pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
-        clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
-        change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
-        desired = self.motion.at(clock).slowed(pace, change)
-        now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
-        heading = Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3])
-        start, down = self.motion.z.derivatives(0.0)[0], SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
-        R, height = desired.R, maximum(desired.position.z - start, 0.0)
-        lower = E_Z * -minimum(down, height)
-        goal = desired.position + lower
-        landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
-        share, arms = self.fraction(clock) * (1.0 - landed), self.arms(R)
-        force, moment = weight_of(self, desired, inputs.gravity)
-        loads = team.shares(force, moment, arms)
-        ratios = [
-            divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
-            for limit, load in zip(inputs.limits or [SLACK / SMALL] * len(loads), loads, strict=True)
-        ]
-        for arm, load in zip(arms, loads, strict=True):
-            moment = moment - arm.cross(load)
-        fixed = [h if each.kind == "fixed" else 0.0 for h, each in zip(held, self.members, strict=True)]
-        of_fixed = divide(1.0, maximum(sum(fixed, 0.0), 1.0))
-        rows = zip(fixed, inputs.moment_limits or [SLACK / SMALL] * len(fixed), strict=True)
-        turned = sum((h * limit for h, limit in rows), 0.0)
-        tipping = sqrt(moment.dot(moment)) - LEAST_LEVER * sqrt(force.dot(force)) - turned
-        moment = shorten(moment, turned)
-        short = minimum(reduce(minimum, ratios) - 1.0 + TOLERANCE, -tipping)
-        lost = inputs.holding * len(held) - sum(held, 0.0)
-        counts = where(lost * share > 0.25, where(short < 0.0, 1.0, 0.0), 0.0)
-        overload = where(own.overload < PATIENCE, (own.overload + dt) * counts, own.overload + dt)
+        course = self._course(own, inputs, dt)
+        desired, R, arms = course.desired, course.desired.R, self.arms(course.desired.R)
+        share, standing = course.share, 1.0 - course.share
+        loads, moments, ratios, short = team._loads(desired, inputs, arms, holding)
+        after_loss = where((inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0)
+        overload = (own.overload + dt) * where(own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0)
         pulls = team.along(self.desired_tensions(inputs.time), arms)
         forces = [load * share + pull for load, pull in zip(loads, pulls, strict=True)]
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
-        heard = [each.force * h for each, h in zip(late[-1], held, strict=True)]
-        fresh = 1.0
-        for each, h in zip(late[-1], held, strict=True):
-            fresh = fresh * where(each.age * h > self.timeout, 0.0, 1.0)
-        rows = zip(pulls, team.internal(heard, arms), forces, inputs.forces, held, strict=True)
-        standing = 1.0 - share
-        excess = [((p - s) * (share * fresh) + (f - each) * standing) * h for p, s, f, each, h in rows]
-        rate = where(goal.z - start > LIFTED, self.pose_gain * dt, 0.0)
+        fresh = reduce(mul, (where(m.age * h > self.timeout, 0.0, 1.0) for m, h in zip(late[-1], holding, strict=True)))
+        internal = team.internal([m.force * h for m, h in zip(late[-1], holding, strict=True)], arms)
+        excess = [
+            ((pull - inner) * (share * fresh) + (force - own_force) * standing) * h
+            for pull, inner, force, own_force, h in zip(pulls, internal, forces, inputs.forces, holding, strict=True)
+        ]
+        goal = desired.position + course.lower
+        rate = where(goal.z - self._start > LIFTED, self.pose_gain * dt, 0.0)
         place = shorten(own.place + (goal - inputs.body.position) * rate, FARTHEST)
         turn = shorten(own.turn + team.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
-        shifts, carries, blind = [], [], self.blind * (1.0 + STANDING * standing)
-        rows = zip(self.members, forces, arms, inner, excess, own.shifts, inputs.moments, held, fixed, strict=True)
-        for each, f, arm, q, e, shift, borne, h, turns in rows:
-            target = place + turn.cross(arm) + R.apply(q) + lower
-            w = self.filter
+        shifts, carries, blind, w = [], [], self.blind * (1.0 + STANDING * standing), self.filter
+        for i, member in enumerate(self.members):
+            shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
+            target = place + turn.cross(arms[i]) + R.apply(inner[i]) + course.lower
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
             shifts.append(moved)
-            pairs = zip(desired.of_place(each.place), inputs.desired.of_place(each.place), strict=True)
-            rows = zip((moved.offset, moved.rate, bend), pairs, strict=True)
-            moves, known = [own + (a - b) for own, (a, b) in rows], moment * (share * of_fixed * turns)
-            forgotten = e * blind, (known - borne) * (self.blind_moments * turns)
-            carries.append(carry_of(h, moves, -f * h, -known, forgotten, heading))
+            aside = zip((moved.offset, moved.rate, bend), desired.of_place(member.place), planned, strict=True)
+            moves = [s + (there - here) for s, there, here in aside]
+            moment = moments[i] * share
+            of_moment = (moment - inputs.moments[i]) * (h * self.blind_moments if member.kind == "fixed" else 0.0)
+            forgotten = excess[i] * blind, of_moment
+            carries.append(carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading))
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
@@ -258,15 +253,64 @@ class ObjectWrench(Sharing):
             inner=tuple(map(as_data, inner)),
             eases=tuple(map(data, eases)),
             overload=data(overload),
-            clock=data(clock),
+            clock=data(course.clock),
             shifts=tuple(shifts),
             sent=sent,
+            ages=tuple(each.age + self.delay for each in late[-1]),
             since=data(since),
             late=late[: len(own.late)],
         )
         return following, tuple(carries)
 
-    def _send(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> tuple[tuple[Message, ...], Scalar]:
+    @property
+    def _start(self) -> Scalar:
+        """Height (m) at which the body begins."""
+        assert self.motion is not None
+        height: Scalar = self.motion.z.derivatives(0.0)[0]
+        return height
+
+    def _course(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> CarryCourse:
+        """Motion of the body that the law asks for: the desired one, until the members set the body down."""
+        assert self.motion is not None
+        pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
+        clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
+        change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
+        desired = self.motion.at(clock).slowed(pace, change)
+        now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
+        down = SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
+        height = maximum(desired.position.z - self._start, 0.0)
+        landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
+        return CarryCourse(
+            clock=clock,
+            desired=desired,
+            lower=E_Z * -minimum(down, height),
+            share=self.fraction(clock) * (1.0 - landed),
+            heading=Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3]),
+        )
+
+    def _loads(
+        self, desired: BodyMotion, inputs: TeamInputs, arms: Sequence[Vec3], holding: Sequence[Scalar]
+    ) -> tuple[list[Vec3], list[Vec3], list[Scalar], Scalar]:
+        """Force (N) and moment (N m) of each member, limits over forces, and whether all together bear too little.
+
+        Fixed grasps bear what the forces leave of the moment.
+        """
+        force, moment = weight_of(self, desired, inputs.gravity)
+        loads, endless = self.shares(force, moment, arms), [SLACK / SMALL] * len(arms)
+        ratios: list[Scalar] = [
+            divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
+            for limit, load in zip(inputs.limits or endless, loads, strict=True)
+        ]
+        left = moment - sum((arm.cross(load) for arm, load in zip(arms, loads, strict=True)), ZERO3)
+        rows = zip(self.members, holding, inputs.moment_limits or endless, strict=True)
+        most = [h * limit if member.kind == "fixed" else 0.0 for member, h, limit in rows]
+        whole = sum(most, 0.0)
+        tips = sqrt(left.dot(left)) > whole + LEAST_LEVER * sqrt(force.dot(force))
+        borne = shorten(left, whole) * divide(1.0, maximum(whole, SMALL))
+        short = logical_or(tips, reduce(minimum, ratios) < 1.0 - TOLERANCE)
+        return loads, [borne * each for each in most], ratios, short
+
+    def _send(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> tuple[tuple[ForceMessage, ...], Scalar]:
         """Last messages of the members that were not lost, and the time (s) since the members sent some."""
         since = own.since + dt
         now = 1.0 if absent(self.rate) else where(since * self.rate < 1.0 - 1e-6, 0.0, 1.0)
@@ -274,7 +318,7 @@ class ObjectWrench(Sharing):
         for each, force, u in zip(own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True):
             through = now * where(u < self.loss, 0.0, 1.0)
             sent.append(
-                Message(
+                ForceMessage(
                     force=as_data(each.force + (force - each.force) * through),
                     age=data((each.age + dt) * (1.0 - through)),
                     lost=data(each.lost + now - through),

@@ -70,13 +70,14 @@ class Member:
     mass: Annotated[
         Scalar,
         Unit(
-            "", "virtual mass, to which the member's share of the force is proportional; 0: the load that it can bear",
+            "",
+            "virtual mass, to which the member's share of the force is proportional; 0: the load that it can bear",
             low=0.0,
         ),
     ] = 0.0
     kind: Annotated[
-        str, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(("", *KINDS)))
-    ] = ""
+        str | None, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(KINDS))
+    ] = None
 
     def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
         """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
@@ -254,8 +255,8 @@ class Team(Component[TeamMemory]):
         whole = where(absolute(whole) > LEAST, whole, 1e12)
         off, turn = body.position - desired.position, team.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, whole) for f in pulls)
-        desired_tensions = team.desired_tensions(t)
-        logged = (sqrt(off.dot(off)), sqrt(turn.dot(turn)), *tensions, *desired_tensions, *shares, *self.further_logged(own))
+        errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
+        logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(own=own, carries=carries, drawn=memory.drawn, logged=tuple(data(each) for each in logged))
 
     def with_masses(self, masses: Sequence[Scalar]) -> Self:
@@ -291,8 +292,8 @@ class Team(Component[TeamMemory]):
         """Unit vector from the second to the first grasp of each pair; zero where a member has lost its grasp."""
         lines = []
         for i, j in self.pairs:
-            line, held = arms[i] - arms[j], minimum(self.members[i].mass, self.members[j].mass) > 0.0
-            lines.append(line * where(held, divide(1.0, sqrt(line.dot(line))), 0.0))
+            line, least = arms[i] - arms[j], minimum(self.members[i].mass, self.members[j].mass)
+            lines.append(line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0))
         return lines
 
     def tensions(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Scalar]:
@@ -366,7 +367,7 @@ class Team(Component[TeamMemory]):
         return (
             Column("team_position_error", self.object, "m", "distance of the body from its desired position"),
             Column("team_turn_error", self.object, "rad", "angle of the body from its desired attitude"),
-            *(Column("team_pull", pair, "N", "internal force along the line of two grasps, in tension") for pair in pairs),
+            *(Column("team_pull", pair, "N", "internal force along the line of two grasps") for pair in pairs),
             *(Column("team_pull_reference", pair, "N", "desired internal force along that line") for pair in pairs),
             *(
                 Column("load_share", each.agent, "", "vertical force of a member over that of all")
@@ -459,7 +460,8 @@ def carry_of(
     Args:
         holding: 1 while the member holds the body.
         shift: displacement of the tip's reference (m), its rate and its acceleration, world axes.
-        force, moment: known wrench of the body on the tip, N and N m, world axes.
+        force: known force of the body on the tip, N, world axes.
+        moment: known moment of the body on the tip, N m, world axes.
         heading: turn of its heading about the tip, rad, with rate and acceleration.
         forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
     """
