@@ -18,6 +18,7 @@ import skyarm
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.suite import NOISE
+from skyarm.view.figures.flight_plot import plot
 from support.teams import TEAMS
 
 TABLES = tomllib.loads((Path(skyarm.__file__).parent / "scenario/library/two_carry_a_bar.toml").read_text("utf-8"))
@@ -75,6 +76,20 @@ def test_a_misplaced_grasp_does_not_make_the_members_fight():
     # what the members exert at their grasps carries the bar
     assert log.grasp_pull[-1].reshape(2, 3).sum(axis=0)[2] == pytest.approx(1.6 * 9.81, abs=0.5)
     assert_scored(log)
+    assert_drawn(log)
+
+
+def assert_drawn(log: Any) -> None:
+    """Compare the panels of the team with the arrays of the log; each vehicle has its own share."""
+    lines = {
+        ax.get_ylabel().replace("_\n", "_").split("\n")[0].split(" ")[0]: ax.get_lines()
+        for ax in plot(log, kind="team").axes
+    }
+    assert np.array_equal(lines["team_position_error_bar"][0].get_ydata(), log.team_position_error[:, 0])
+    for i, agent in enumerate(("left", "right")):
+        (line,) = [each for each in lines[f"load_share_{agent}"] if not each.get_label().startswith("_")]
+        assert line.get_label() == agent
+        assert np.array_equal(line.get_ydata(), log.load_share[:, i])
 
 
 def assert_scored(log: Any) -> None:
@@ -93,8 +108,7 @@ def assert_scored(log: Any) -> None:
             "right/load_share_mean": log.load_share[during, 1].mean(),
         }
     )
-    # of the two largest errors of the pull at least one is a push: a maximum with the sign would miss it
-    assert -pull.min() > pull.max()
+    assert -pull.min() > pull.max()  # a maximum with the sign would miss the push
 
 
 @pytest.mark.thorough

@@ -129,7 +129,7 @@ def test_a_structural_zero_may_be_varied() -> None:
 
 
 def test_every_shipped_study_loads_and_can_be_prepared() -> None:
-    assert list_studies() == ("robustness",)
+    assert list_studies() == ("carrying", "robustness")
     for name in list_studies():
         study = load_study(name)
         assert study.name == name

@@ -156,14 +156,15 @@ def own_forces(log: Log, array: str) -> Array:
 
 
 def parts_of_others(log: Log) -> frozenset[str]:
-    """Names of contact points, grippers and grasps of the vehicles that fly beside that of a log."""
+    """Names of the vehicles that fly beside that of a log, and of their contact points, grippers and grasps."""
     scenario = scenario_of(log)
     if scenario is None or scenario.world is None:
         return frozenset()
     world, own = scenario.world, ("", *scenario.agents)
     names = [each.name for each in world.points if each.agent not in own]
     names += [each.name for each in world.grippers if each.agent not in own]
-    return frozenset([*names, *(each.label for each in world.grasps if each.agent not in own)])
+    grasps = [each for each in world.grasps if each.agent not in own]
+    return frozenset([*names, *(each.label for each in grasps), *(each.agent for each in grasps)])
 
 
 def grasp_pulls(log: Log) -> dict[str, Array]:

@@ -136,35 +136,10 @@ def _tip(logs: Logs) -> Panels:
 
 
 def _team(logs: Logs) -> Panels:
-    """Make panels that compare vehicles: tip error, forces on the bodies in their grasps, total thrust."""
+    """Make panels that compare vehicles: tip error, forces on the bodies in their grasps, the team's, total thrust."""
     thrust = Panel(label="Thrust", unit="N", of=_thrust, magnitude=True, span=0.1)
-    return [TIP_ERROR, *_grasps(logs), *_carried(logs), thrust]
-
-
-def _carried(logs: Logs) -> Panels:
-    """Make panels of the body that a team carries: errors of its place and direction, pull, share of each vehicle."""
-    if not any(log.component("team_pull").size for log in logs):
-        return []
-    return [
-        Panel(label=label, unit=unit, of=_part(array, factor), desired=_part(f"{array}_reference", factor), span=0.1)
-        for label, unit, array, factor in (
-            ("Body error", "mm", "team_position_error", MILLIMETRES),
-            ("Body turn", "deg", "team_turn_error", math.degrees(1.0)),
-            ("Pull", "N", "team_pull", 1.0),
-            ("Share", "", "load_share", 1.0),
-        )
-    ]
-
-
-def _part(array: str, factor: float) -> Read:
-    """Make a function that reads the column of an array of a team: the vehicle's own, or the body's only one."""
-
-    def read(log: Log) -> Array | None:
-        values, labels = log.component(array), component_labels(log, array)
-        own = [k for k, label in enumerate(labels) if label in log.scenario.agents]
-        return factor * values[:, max(own, default=0)] if values.size else None
-
-    return read
+    carried = (replace(each, span=1e-3) for each in _parts(logs) if each.label.startswith(("team_", "load_share")))
+    return [TIP_ERROR, *_grasps(logs), *carried, thrust]
 
 
 def _thrust(log: Log) -> Array | None:
