@@ -268,6 +268,9 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
         trajectory = trajectory_from(rest, n_joints, where, setting)
+        if setting.carried is not None and "base" not in rest:
+            path, yaw = setting.carried, trajectory.yaw + setting.carried.yaw
+            trajectory = dataclasses.replace(trajectory, x=path.x, y=path.y, z=path.z, yaw=yaw)
         if setting.joint_moves:
             from skyarm.reference.phases import with_joint_moves
 

@@ -316,7 +316,7 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
         entry = {name: each for name, each in entry.items() if name != "object" or path != "reference"}
         for member in team.members:
             if member.agent == reading.name:
-                setting = dataclasses.replace(setting, carried=member.path(team.motion, team.take))
+                setting = dataclasses.replace(setting, carried=team.path_of(member, setting.gravity, setting.duration))
     return reference_from(with_files(entry, path, reading.folder), joints, path, setting)
 
 
@@ -332,7 +332,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     if record.object not in objects:
         raise ValueError(f"{path}.object = {shown(record.object)}: {must_be_one_of(objects, record.object)}")
     body, grasps = objects[record.object], [each for each in contact.grasps if each.body == record.object]
-    places = {each.agent: each.place for each in grasps}
+    places, lengths = ({each.agent: getattr(each, name) for each in grasps} for name in ("place", "length"))
     if isinstance(entry, Mapping) and entry.get("members") == []:
         raise ValueError(f"{path}.members = []: must be two or more, or left out")
     if len(places) < len(grasps):
@@ -349,7 +349,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
             words = f"must hold {shown(record.object)} by one of [[world.grasps]]"
             raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
     taken = ((each, each.taken or places[each.agent]) for each in members)
-    members = tuple(dataclasses.replace(each, taken=None if at == each.place else at) for each, at in taken)
+    members = tuple(
+        dataclasses.replace(each, taken=None if at == each.place else at, length=each.length or lengths[each.agent])
+        for each, at in taken
+    )
     motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)
     take = max(float(record.take), *(float(each.close) for each in grasps))
     if float(motion.lift) < take:

@@ -22,13 +22,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Annotated, cast
 
-from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import where
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
-from skyarm.world.team.team import Sharing, Team, TeamInputs, as_data, carry_of, shorten, weight_of
+from skyarm.world.team.team import Sharing, Team, TeamInputs, as_data, carry_of, shorten
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -101,6 +101,15 @@ class ObjectWrench(Sharing):
             effect="higher values remove an internal force sooner and oscillate without blind observers",
         ),
     ] = 0.02
+    swing: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "shift of all tips per error of the body's velocity, of bodies on cables",
+            low=0.0,
+            effect="higher values damp the swing sooner and shift the members more",
+        ),
+    ] = 0.0
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
     delay: Annotated[
         float,
@@ -125,7 +134,7 @@ class ObjectWrench(Sharing):
         assert self.motion is not None
         desired, R = inputs.desired, inputs.desired.R
         share, arms = self.fraction(inputs.time), self.arms(R)
-        forces = [f * share for f in self._load(inputs, arms)]
+        forces = [f * share for f in self.load(desired, inputs.gravity, self.internal_force)]
         set_point = self.internal(forces, arms)
         late = (tuple(map(as_data, inputs.forces)), *own.late)
         excess = self._excess(late, set_point, arms, inputs.holding)
@@ -133,12 +142,14 @@ class ObjectWrench(Sharing):
         rate = where(flies, self.pose_gain * dt, 0.0)
         place = shorten(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
         turn = shorten(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
+        missing, spin = desired.velocity - inputs.body.velocity, E_Z * (desired.rate.z - inputs.body.turning.z)
+        slip = Vec3(missing.x, missing.y, 0.0)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries = [], []
         rows = zip(forces, arms, inner, excess, own.shifts, inputs.moments, strict=True)
         for force, arm, q, e, shift, moment in rows:
-            target = place + turn.cross(arm) + R.apply(q)
+            target = place + turn.cross(arm) + R.apply(q) + (slip + spin.cross(arm)) * self.swing
             w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
@@ -155,12 +166,6 @@ class ObjectWrench(Sharing):
             late=late[: len(own.late)],
         )
         return following, tuple(carries)
-
-    def _load(self, inputs: TeamInputs, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force (N) of each member on the body in its desired motion, with the desired internal force."""
-        shared = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
-        pulling = [line * self.internal_force for line in self.outward(arms)]
-        return [f + pull for f, pull in zip(shared, self.internal(pulling, arms), strict=True)]
 
     def _excess(
         self, late: Sequence[Sequence[Vec3]], set_point: Sequence[Vec3], arms: Sequence[Vec3], holding: Scalar

@@ -15,9 +15,12 @@ Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Annotated, Self
+
+import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
@@ -34,6 +37,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
 from skyarm.reference.signals import Constant, Ramp, Signal, Sum
+from skyarm.reference.splines import BEYOND, sampled_curve
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
@@ -49,6 +53,9 @@ NEAREST = 0.01
 LEAST = 1e-3
 """Force (N) of all grasps below which their shares are not told apart."""
 
+STEP = 0.05
+"""Time (s) between the instants at which the end of a cable is planned."""
+
 NO_WRENCH = Wrench6(ZERO3, ZERO3)
 
 
@@ -62,6 +69,9 @@ class Member:
 
     agent: str
     place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
+    length: Annotated[Scalar, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0)] = field(
+        default=0, metadata=WRITTEN_IF_ANY
+    )
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
@@ -140,6 +150,24 @@ class Team(Component[TeamMemory]):
     def of_agent(self, name: str) -> Self:
         """Team as one member's own flight contains it: without the other members."""
         return replace(self, members=tuple(each for each in self.members if each.agent == name))
+
+    def path_of(self, member: Member, gravity: float, duration: float) -> Trajectory:
+        """Path of a member's tip, or of the vehicle's end of its cable, that carries the body.
+
+        The cable has the direction of the member's force. Its end is planned at instants of a flight of ``duration``
+        (s) under ``gravity`` (m/s^2), joined by curves with four derivatives.
+        """
+        assert self.motion is not None
+        path = member.path(self.motion, self.take)
+        if coerce.absent(member.length):
+            return path
+        t = np.arange(-BEYOND, math.ceil(duration / STEP) + 1 + BEYOND) * STEP
+        desired = self.motion.at(t)
+        force = self.load(desired, gravity, self.desired_pull(t))[self.members.index(member)]
+        along = force * (member.length / np.sqrt(force.dot(force) + SMALL))
+        ends = desired.position + desired.R.apply(member.place) + along
+        x, y, z = (sampled_curve(np.broadcast_to(each, t.shape), STEP) for each in ends)
+        return replace(path, x=x, y=y, z=z)
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.
@@ -276,6 +304,13 @@ class Team(Component[TeamMemory]):
         turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
         rows = zip(masses, relative, strict=True)
         return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+
+    def load(self, desired: BodyMotion, gravity: Scalar, pull: Scalar) -> list[Vec3]:
+        """Force (N) of each member on the body in a motion of it, with an internal force (N) along their lines."""
+        arms = self.arms(desired.R)
+        shared = self.shares(*weight_of(self, desired, gravity), arms)
+        pulling = [line * pull for line in self.outward(arms)]
+        return [f + inner for f, inner in zip(shared, self.internal(pulling, arms), strict=True)]
 
     def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
         """Internal part of the members' forces: without what accelerates the body."""
