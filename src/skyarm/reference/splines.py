@@ -140,7 +140,7 @@ BEYOND = 14
 
 
 def sampled_curve(samples: Sequence[float], step: float) -> Polynomials:
-    """Uniform quintic B-spline from 0 s on through samples (step in s) that begin and end ``BEYOND`` ones outside it."""
+    """Uniform quintic B-spline from 0 s on through samples (step in s) that go ``BEYOND`` ones farther at both ends."""
     return uniform_curve(interpolating_points(samples)[BEYOND - 2 : len(samples) - BEYOND + 2], 0.0, step)
 
 

@@ -138,7 +138,8 @@ class ObjectWrench(Sharing):
         set_point = self.internal(forces, arms)
         late = (tuple(map(as_data, inputs.forces)), *own.late)
         excess = self._excess(late, set_point, arms, inputs.holding)
-        flies = desired.position.z - self.motion.z.derivatives(0.0)[0] > LIFTED
+        height = desired.position.z - self.motion.z.derivatives(0.0)[0]
+        flies = where(self.motion.lift > 0.0, height, 1.0) > LIFTED  # what hangs from the start has no support
         rate = where(flies, self.pose_gain * dt, 0.0)
         place = shorten(own.place + (desired.position - inputs.body.position) * rate, FARTHEST)
         turn = shorten(own.turn + self.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
