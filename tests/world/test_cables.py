@@ -85,7 +85,9 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
         forces = (np.linalg.pinv(G, rcond=1e-10) @ wrench + inner).reshape(-1, 3)
         ends = x + arms + 0.5 * forces / np.linalg.norm(forces, axis=1)[:, None]
         for name, end in zip(scenario.agents, ends, strict=True):
-            assert np.allclose([*scenario.agents[name].reference.at(t).position], end, atol=2e-4)
+            reference = scenario.agents[name].reference.at(t)
+            assert np.allclose([*reference.position], end, atol=2e-4)
+            assert float(reference.yaw) == pytest.approx(np.arctan2(R[1, 0], R[0, 0]), abs=1e-6)
 
 
 def test_two_vehicles_carry_a_rod_on_cables():
@@ -281,6 +283,15 @@ def test_a_body_without_a_lift_and_a_wrong_path_are_refused():
     tables["reference"]["object"]["path"] = {"kind": "spiral"}
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.object\.path\.kind = 'spiral': did you mean 'signals'"):
         skyarm.scenario_from(tables)
+
+
+def test_a_path_is_added_to_the_phases():
+    path = {"kind": "signals", "x": {"kind": "sine", "amplitude": 0.5, "frequency_hz": 0.1}, "y": -0.2, "z": 0.1}
+    tables = {"phases": [{"kind": "lift", "height": 0.4, "duration": 1.0}], "path": path}
+    at = motion_of_object(Fields(tables, "reference.object"), Vec3(1.0, 2.0, 3.0)).at(4.0)
+    w = 0.2 * np.pi
+    assert [*at.position] == pytest.approx([1.0 + 0.5 * np.sin(4.0 * w), 1.8, 3.5])
+    assert [*at.acceleration] == pytest.approx([-0.5 * w * w * np.sin(4.0 * w), 0.0, 0.0])
 
 
 def test_a_member_has_the_length_of_its_cable_and_may_suppose_another():
