@@ -166,7 +166,7 @@ class Team(Component[TeamMemory]):
         force = self.load(desired, gravity, self.desired_pull(t))[self.members.index(member)]
         along = force * (member.length / np.sqrt(force.dot(force) + SMALL))
         ends = desired.position + desired.R.apply(member.place) + along
-        x, y, z = (sampled_curve(np.broadcast_to(each, t.shape), STEP) for each in ends)
+        x, y, z = (sampled_curve(np.broadcast_to(each, t.shape).tolist(), STEP) for each in ends)
         return replace(path, x=x, y=y, z=z)
 
     def require_members(self, names: Collection[str], period: float) -> None:
