@@ -38,6 +38,9 @@ PLATE = {
 }
 
 
+PLANTS = ("rigid_body", "mujoco")
+
+
 def rod(phases=TOUR, duration=4.0, **team):
     body = {**BAR, "position": [0.0, 0.0, 0.49]}
     return on_cables(body, RODS, team={**SWINGING, **team}, motion={"phases": phases}, duration=duration)
@@ -112,6 +115,13 @@ def test_two_vehicles_carry_a_rod_on_cables():
 
 
 @pytest.mark.thorough
+def test_mujoco_flies_a_rod_on_cables_alike():
+    ours, other = (skyarm.run(skyarm.scenario_from(rod(internal_force=0.2)).with_kind(kind)) for kind in PLANTS)
+    assert np.abs(ours.object_position - other.object_position).max() < 1e-4
+    assert np.abs(ours.team_pull - other.team_pull).max() < 1e-2
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("pull", [0.0, 0.3])
 def test_three_vehicles_carry_a_plate_on_cables(pull):
     log = skyarm.run(skyarm.scenario_from(plate(internal_force=pull)))
@@ -141,7 +151,7 @@ def test_slack_cables_take_a_rod_from_the_floor_and_set_it_down():
     )  # the vehicles take the load in the 1.3 s before the lift
     assert log.grasp_force[(log.time > 2.0) & (log.time < 7.5)].min() > 0.3
     assert log.grasp_force[-1].max() < 0.15  # N, of 0.51: the cables are just taut
-    assert log.team_position_error.max() < 4e-3
+    assert log.team_position_error.max() < 12e-3
     assert np.allclose(log.object_position[-1], [1.0, 0.0, 0.0138], atol=2e-3)
 
 
@@ -301,4 +311,6 @@ def test_a_member_has_the_length_of_its_cable_and_may_suppose_another():
                                                  {"agent": "right", "place": RODS["right"]}]))  # fmt: skip
     assert [float(each.length) for each in scenario.team.members] == [0.54, 0.5]
     heights = [float(each.reference.at(0.0).position.z) for each in scenario.agents.values()]
+    with pytest.raises(ValueError, match=r"team\.members\.0\.length': must be equal in all episodes"):
+        skyarm.with_numbers(scenario, {"team.members.0.length": 0.5})  # the paths were planned with it
     assert heights == pytest.approx([0.49 + 0.0097 + 0.54, 0.49 + 0.0097 + 0.5], abs=1e-6)

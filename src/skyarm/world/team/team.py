@@ -69,9 +69,9 @@ class Member:
 
     agent: str
     place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
-    length: Annotated[Scalar, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0)] = field(
-        default=0, metadata=WRITTEN_IF_ANY
-    )
+    length: Annotated[
+        float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
