@@ -266,6 +266,16 @@ def test_without_internal_force_a_beam_stays_and_its_own_weight_helps(pull, heig
 
 
 @pytest.mark.thorough
+def test_a_law_that_sees_the_attitude_levels_a_beam_under_compression():
+    tables = beam(-0.1, tilt=0.1, duration=8.0)
+    given = {"law": "object_wrench", "internal_force": -0.1, "pose_gain": 0.3, **SWINGING}
+    tables["team"] = {name: tables["team"][name] for name in ("object", "members")} | given
+    log = skyarm.run(skyarm.scenario_from(tables))
+    during = log.time > 1.0
+    assert np.polyfit(log.time[during], np.log(roll(log)[during]), 1)[0] == pytest.approx(-0.3, abs=0.03)
+
+
+@pytest.mark.thorough
 def test_thapas_numbers_survive_rotors_and_attitude_at_a_fifth_of_his_gain():
     log = skyarm.run(skyarm.scenario_from(thapa(0.02)))
     late = log.time > 15.0
