@@ -307,6 +307,19 @@ def test_a_body_without_a_lift_and_a_wrong_path_are_refused():
         skyarm.scenario_from(tables)
 
 
+def test_a_vehicle_hangs_its_cable_from_its_tip_where_it_has_one():
+    plain = skyarm.load_vehicle("dragonfly")
+    hook = dataclasses.replace(plain.frame("grip"), name="hook", position=Vec3(0.02, 0.01, -0.03))
+    able = dataclasses.replace(plain, frames=(*plain.frames, hook), end_effector="hook")
+    whole = law(phases=[*HANGING, {"kind": "turn", "angle": 0.5 * np.pi, "duration": 1.0}])
+    member = dataclasses.replace(whole.members[0], length=0.5)
+    whole = dataclasses.replace(whole, members=(member, whole.members[1]))
+    ends, bases = ([*whole.path_of(member, each, 9.81, 5.0).at(4.0).position] for each in (plain, able))
+    assert np.allclose(np.subtract(ends, bases), [-0.01, 0.02, -0.03], atol=1e-9)  # turned by 90 degrees
+    effect = planned_effect(able, Reference(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0))
+    assert np.allclose([*effect.torque], [-0.01, 0.02, 0.0])
+
+
 def test_a_path_is_added_to_the_phases():
     path = {"kind": "signals", "x": {"kind": "sine", "amplitude": 0.5, "frequency_hz": 0.1}, "y": -0.2, "z": 0.1}
     tables = {"phases": [{"kind": "lift", "height": 0.4, "duration": 1.0}], "path": path}

@@ -309,15 +309,16 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
-    joints, setting, team = reading.word("plant").vehicle.n, reading.setting, reading.word("team")
+    vehicle, setting, team = reading.word("plant").vehicle, reading.setting, reading.word("team")
     if team is None and isinstance(entry, dict) and "object" in entry:
         raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):
         entry = {name: each for name, each in entry.items() if name != "object" or path != "reference"}
         for member in team.members:
             if member.agent == reading.name:
-                setting = dataclasses.replace(setting, carried=team.path_of(member, setting.gravity, setting.duration))
-    return reference_from(with_files(entry, path, reading.folder), joints, path, setting)
+                path_of_member = team.path_of(member, vehicle, setting.gravity, setting.duration)
+                setting = dataclasses.replace(setting, carried=path_of_member)
+    return reference_from(with_files(entry, path, reading.folder), vehicle.n, path, setting)
 
 
 def team(entry: object, path: str, reading: ScenarioWords) -> Team:

@@ -151,11 +151,11 @@ class Team(Component[TeamMemory]):
         """Team as one member's own flight contains it: without the other members."""
         return replace(self, members=tuple(each for each in self.members if each.agent == name))
 
-    def path_of(self, member: Member, gravity: float, duration: float) -> Trajectory:
-        """Path of a member's tip, or of the vehicle's end of its cable, that carries the body.
+    def path_of(self, member: Member, vehicle: Vehicle, gravity: float, duration: float) -> Trajectory:
+        """Path of a member's tip that carries the body; of a vehicle without joints that of its base.
 
-        The cable has the direction of the member's force. Its end is planned at instants of a flight of ``duration``
-        (s) under ``gravity`` (m/s^2), joined by curves with four derivatives.
+        A cable has the direction of the member's force. Its end is planned at instants of a flight of ``duration`` (s)
+        under ``gravity`` (m/s^2), joined by curves with four derivatives.
         """
         assert self.motion is not None
         path = member.path(self.motion, self.take)
@@ -166,6 +166,13 @@ class Team(Component[TeamMemory]):
         force = self.load(desired, gravity, self.desired_pull(t))[self.members.index(member)]
         along = force * (member.length / np.sqrt(force.dot(force) + SMALL))
         ends = desired.position + desired.R.apply(member.place) + along
+        if vehicle.end_effector and not vehicle.n:
+            heading, hook = path.yaw.derivatives(t)[0], vehicle.frame().position
+            ends = ends - Vec3(
+                np.cos(heading) * hook.x - np.sin(heading) * hook.y,
+                np.sin(heading) * hook.x + np.cos(heading) * hook.y,
+                hook.z,
+            )
         x, y, z = (sampled_curve(np.broadcast_to(each, t.shape).tolist(), STEP) for each in ends)
         return replace(path, x=x, y=y, z=z)
 
