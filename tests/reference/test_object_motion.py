@@ -99,6 +99,7 @@ def test_it_says_when_the_body_leaves_its_support_and_stands_again():
     whole = motion()
     assert (whole.lift, whole.stop) == (1.0, 10.5)
     assert motion(PHASES[:3]).stop > 1e6  # it is never set down
+    assert motion(PHASES[1:]).lift == 0.0  # it hangs from the start
 
 
 @pytest.mark.parametrize(
@@ -107,7 +108,7 @@ def test_it_says_when_the_body_leaves_its_support_and_stands_again():
         ({"phases": []}, "phases = []: must be a list of phases"),
         ({"phases": [{"kind": "fly", "duration": 1.0}]}, "phases[0].kind = 'fly': must be one of"),
         ({"phases": [{"kind": "lift", "height": 1.0, "duration": 0.0}]}, "phases[0].duration = 0.0: must be above 0"),
-        ({"phases": PHASES[1:]}, "phases: must have a phase of kind 'lift' after one of kind 'hold'"),
+        ({"phases": PHASES[:1]}, "phases: must have a phase of kind 'lift' after one of kind 'hold'"),
         ({"phases": [{"kind": "hold", "duration": 1.0, "height": 1.0}]}, "phases[0].height"),
         ({"phases": PHASES, "posture": 1.0}, "posture"),
     ],

@@ -134,8 +134,8 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
                     absent.append(error)
             if len(meant) == before:
                 raise absent[0]
-            for error in absent:
-                say(f"note: --save = {error}")
+            for each in absent:
+                say(f"note: --save = {each}")
     files = [
         save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode) for label, episode in meant
     ]

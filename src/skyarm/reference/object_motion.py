@@ -13,6 +13,9 @@ derivative::
         { kind = "tilt", pitch = 0.35, duration = 2.0 },  # rad, to this pitch and roll
         { kind = "place", duration = 3.0 },              # level, and down to the height at which it began
     ]
+    path = { kind = "circle", radius = 1.0, frequency_hz = 0.1, start = 6, stop = 16 }  # left out: none; added
+
+A body that hangs on cables from the start has its first phase of kind "lift" at 0 s.
 
 A wrong table raises ValueError with one line: field, value, what is allowed.
 """
@@ -29,7 +32,9 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, filled_list
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
+from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import vector_derivatives
 
 PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
@@ -162,14 +167,17 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
     x, y, z = fields.vector("position", tuple(map(float, start)))
     pose, time = dict(zip(POSE, (x, y, z, 0.0, 0.0, 0.0), strict=True)), 0.0
     moves: dict[str, list[Signal]] = {name: [Constant(value)] for name, value in pose.items()}
-    lift, stop, at = 0.0, 0.0, fields.at("phases")
+    if "path" in fields.table:
+        path = motion_from(fields.take("path"), fields.at("path"), Setting())
+        moves |= {name: [*moves[name], getattr(path, name)] for name in "xyz"}
+    lift, stop, at = -1.0, 0.0, fields.at("phases")
     for i, entry in enumerate(filled_list(fields.take("phases"), at, "a list of phases")):
         phase = Fields(entry, f"{at}[{i}]")
         kind, duration = phase.choice("kind", PHASES), phase.number("duration", low=0.0, strict=True)
         goal = dict(pose)
         if kind == "lift":
             goal["z"] += phase.number("height")
-            lift = lift or time
+            lift = time if lift < 0.0 else lift
         elif kind == "carry":
             by = phase.vector("by")
             goal |= {name: pose[name] + step for name, step in zip("xyz", by, strict=True)}
@@ -187,7 +195,7 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
         pose, time = goal, time + duration
         stop = time if kind == "place" else stop
     fields.done()
-    if not lift:
+    if lift < 0.0:
         raise ValueError(
             f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold"
         )

@@ -243,10 +243,11 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
     """
     if isinstance(table, dict) and table.get("kind") == "plan":
         table = plan_tables(Fields(table, where), setting.vehicle.name if setting.vehicle else None)
-    own, rest = {}, table
+    own, rest, carried, own_base = {}, table, setting.carried, False
     if isinstance(table, dict):
         own = {name: table[name] for name in ("push", "load", "planned") if name in table}
         rest = {name: value for name, value in table.items() if name not in own}
+        own_base = "base" in table
     push = push_from(own["push"], f"{where}.push", setting.duration) if "push" in own else None
     load = signal_from(own["load"], f"{where}.load") if "load" in own else None
     planned = record_from(PlannedBody, Fields(own["planned"], f"{where}.planned")) if "planned" in own else None
@@ -258,7 +259,6 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         vehicle = _vehicle(setting, fields.where)
         if "joints" in rest:
             raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
-        carried = setting.carried
         if carried is None:
             path = motion_from(fields.take("path"), fields.at("path"), setting)
         else:
@@ -268,6 +268,9 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
         trajectory = trajectory_from(rest, n_joints, where, setting)
+        if carried is not None and not own_base:
+            yaw = trajectory.yaw + carried.yaw
+            trajectory = dataclasses.replace(trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw)
         if setting.joint_moves:
             from skyarm.reference.phases import with_joint_moves
 

@@ -135,6 +135,15 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
     return [float(p) for p in points]
 
 
+BEYOND = 14
+"""Number of samples before the start and after the end of a curve, over which effects of its ends decay."""
+
+
+def sampled_curve(samples: Sequence[float], step: float) -> Polynomials:
+    """Uniform quintic B-spline from 0 s on through samples (step in s) that go ``BEYOND`` ones farther at both ends."""
+    return uniform_curve(interpolating_points(samples)[BEYOND - 2 : len(samples) - BEYOND + 2], 0.0, step)
+
+
 FREE = 3
 """Number of free derivatives of a knot: velocity, acceleration, jerk."""
 

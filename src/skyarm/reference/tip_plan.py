@@ -32,7 +32,7 @@ from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.phases import with_joint_moves
 from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
-from skyarm.reference.splines import interpolating_points, uniform_curve
+from skyarm.reference.splines import BEYOND, interpolating_points, uniform_curve
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import TipMotion, arm_of
 from skyarm.reference.trajectory import Trajectory
@@ -202,9 +202,6 @@ def rotation_vector(R: Mat3) -> Vec3:
     axis = max(columns, key=lambda column: float(column.norm()))
     return axis * (math.pi / float(axis.norm()))
 
-
-BEYOND = 14
-"""Number of samples before the start and after the end of a flight, over which effects of the spline's ends decay."""
 
 MOST_SAMPLES = 4000
 

@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller, ControllerError
@@ -309,7 +309,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
-    joints, setting, team = reading.word("plant").vehicle.n, reading.setting, reading.word("team")
+    vehicle, setting, team = reading.word("plant").vehicle, reading.setting, reading.word("team")
     if team is None and isinstance(entry, dict) and "object" in entry:
         raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):
@@ -317,8 +317,9 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
         for member in team.members:
             if member.agent == reading.name:
                 turned = (team.motion.roll, team.motion.pitch, team.motion.yaw) if member.kind == "fixed" else ()
-                setting = dataclasses.replace(setting, carried=member.path(team.motion, team.take), turned=turned)
-    return reference_from(with_files(entry, path, reading.folder), joints, path, setting)
+                path_of_member = team.path_of(member, vehicle, setting.gravity, setting.duration)
+                setting = dataclasses.replace(setting, carried=path_of_member, turned=turned)
+    return reference_from(with_files(entry, path, reading.folder), vehicle.n, path, setting)
 
 
 def team(entry: object, path: str, reading: ScenarioWords) -> Team:
@@ -333,12 +334,16 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     if record.object not in objects:
         raise ValueError(f"{path}.object = {shown(record.object)}: {must_be_one_of(objects, record.object)}")
     body, grasps = objects[record.object], [each for each in contact.grasps if each.body == record.object]
-    places, kinds = {each.agent: each.place for each in grasps}, {each.agent: each.kind for each in grasps}
+    by_agent = {each.agent: each for each in grasps}
     if isinstance(entry, Mapping) and entry.get("members") == []:
         raise ValueError(f"{path}.members = []: must be two or more, or left out")
-    if len(places) < len(grasps):
+    for i, grasp in enumerate(contact.grasps):
+        if grasp.agent not in reading.agents:
+            words = must_be_one_of(reading.agents, grasp.agent)
+            raise ValueError(f"world.grasps[{i}].agent = {shown(grasp.agent)}: {words}")
+    if len(by_agent) < len(grasps):
         raise ValueError(f"world.grasps: must be one of each member of a team at {shown(record.object)}")
-    members = record.members or tuple(Member(agent=agent, place=place) for agent, place in places.items())
+    members = record.members or tuple(Member(agent=each.agent, place=each.place) for each in grasps)
     if len(members) < 2:
         words = f"{len(members)} members: must be two or more, each with a grasp of {shown(record.object)}"
         raise ValueError(f"{path}.members = {words}")
@@ -346,14 +351,21 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         named = dataclasses.replace(record, members=members)
         named.require_members(reading.agents, 1.0 / reading.word("rates").control)
     for i, each in enumerate(members):
-        if each.agent not in places:
+        if each.agent not in by_agent:
             words = f"must hold {shown(record.object)} by one of [[world.grasps]]"
             raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
         with errors_as(ValueError, f"{path}.members[{i}]."):
             body.require_near(each.place)
-    taken = ((each, each.taken or places[each.agent]) for each in members)
+    taken = ((each, each.taken or by_agent[each.agent].place) for each in members)
     members = tuple(
-        dataclasses.replace(each, taken=None if at == each.place else at, kind=each.kind or kinds[each.agent])
+        dataclasses.replace(
+            each,
+            taken=None if at == each.place else at,
+            kind=each.kind or by_agent[each.agent].kind,
+            length=each.length or cast("float", by_agent[each.agent].length),
+            # directions of cables are planned, so that their shares must be known before the flight
+            mass=each.mass or (1.0 if by_agent[each.agent].kind == "cable" else 0.0),
+        )
         for each, at in taken
     )
     motion = motion_of_object(Fields(reading.entry_at("reference.object"), "reference.object"), body.position)

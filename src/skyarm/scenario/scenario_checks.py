@@ -403,8 +403,9 @@ def laws_take_instructions(scenario: Scenario) -> None:
     deaf = [name for name, each in agents if part_of(each.controller.par, "carrying") is None]
     for each in team.members if team is not None and team.steers else ():
         if each.agent in deaf:
-            allowed = "must be above 0, as 0.7, under this law of [team]; the centroidal law has it in mode 'tip'"
-            raise ValueError(f"agents.{each.agent}.controller.carrying: {allowed}")
+            allowed = "must be above 0, as 0.7, under this law of [team]"
+            words = "the centroidal law has it in mode 'tip', or without joints"
+            raise ValueError(f"agents.{each.agent}.controller.carrying: {allowed}; {words}")
 
 
 @contextmanager

@@ -3,9 +3,9 @@
 Member i moves its tip at v_i = v_d + K (f_d - f_i), with f_i the force that it exerts on the body as it estimates, and
 f_d the desired pull outward and the weight m_i g of its part, which it adapts until it bears that part:
 
-    m_i' = -c g . (v_i - v_d)_z.
+    m_i' = -c_i g . (v_i - v_d)_z,   c_i = c times the member's virtual mass.
 
-The sum of the parts becomes the mass of the body; who bears how much of it follows from c and from the start. Nothing
+The sum of the parts becomes the mass of the body; who bears how much of it follows from c_i and from the start. Nothing
 corrects the place of the body: a constant error of a force estimate moves it on for ever. The velocity passes a
 low-pass, and the desired force is compensated in advance.
 
@@ -51,11 +51,14 @@ class Decentralised(Sharing):
         Scalar,
         Unit("kg s^2/m^2", "rate at which a velocity changes the adapted mass, over gravity", low=0.0),
     ] = 40.0
+    initial_mass: Annotated[
+        Scalar, Unit("kg", "part of the body's mass that each member supposes at first", low=0.0)
+    ] = 0.0
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the velocity", low=0.0, strict=True)] = 10.0
 
     def first(self, period: float) -> tuple[MemberState, ...]:
-        """Initial state of the law: nothing shifted, no mass."""
-        return (MemberState(),) * len(self.members)
+        """Initial state of the law: nothing shifted, the initial mass."""
+        return (MemberState(mass=data(self.initial_mass)),) * len(self.members)
 
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
         """Next state of the law, and to each member its force and the shift of its tip."""
@@ -63,11 +66,11 @@ class Decentralised(Sharing):
         share = self.fraction(inputs.time)
         pulls = self.along(self.desired_tensions(inputs.time), self.arms(inputs.desired.R))
         after, carries = [], []
-        for state, pull, force in zip(own, pulls, inputs.forces, strict=True):
+        for member, state, pull, force in zip(self.members, own, pulls, inputs.forces, strict=True):
             asking = pull + E_Z * (state.mass * inputs.gravity * share)
             bend = ((asking - force) * (self.gain * share) - state.rate) * self.filter
             rate = state.rate + bend * dt
-            mass = state.mass - self.adaptation * inputs.gravity * dt * rate.z * share
+            mass = state.mass - self.adaptation * member.mass * inputs.gravity * dt * rate.z * share
             moved = MemberState(
                 offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
             )

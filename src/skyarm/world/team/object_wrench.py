@@ -151,6 +151,15 @@ class ObjectWrench(Sharing):
             effect="higher values remove an internal force sooner and oscillate without blind observers",
         ),
     ] = 0.06
+    swing: Annotated[
+        Scalar,
+        Unit(
+            "s",
+            "shift of all tips per error of the body's velocity, of bodies on cables",
+            low=0.0,
+            effect="higher values damp the swing sooner and shift the members more",
+        ),
+    ] = 0.0
     filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
     delay: Annotated[
         float,
@@ -205,6 +214,7 @@ class ObjectWrench(Sharing):
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[WrenchMemory, tuple[Scalars, ...]]:
         """Next state of the law, and to each member its part of the load and the shift of its tip."""
         own = cast("WrenchMemory", own)
+        assert self.motion is not None
         holding = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses([each.mass * ease for each, ease in zip(self.members, own.eases, strict=True)])
         course = self._course(own, inputs, dt)
@@ -224,15 +234,19 @@ class ObjectWrench(Sharing):
             for pull, inner, force, own_force, h in zip(pulls, internal, forces, inputs.forces, holding, strict=True)
         ]
         goal = desired.position + course.lower
-        rate = where(goal.z - self._start > LIFTED, self.pose_gain * dt, 0.0)
+        height = where(self.motion.lift > 0.0, goal.z - self._start, 1.0)  # what hangs from the start has no support
+        rate = where(height > LIFTED, self.pose_gain * dt, 0.0)
         place = shorten(own.place + (goal - inputs.body.position) * rate, FARTHEST)
         turn = shorten(own.turn + team.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
+        missing, spin = desired.velocity - inputs.body.velocity, E_Z * (desired.rate.z - inputs.body.turning.z)
+        slip = Vec3(missing.x, missing.y, 0.0)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries, blind, w = [], [], self.blind * (1.0 + STANDING * standing), self.filter
         for i, member in enumerate(self.members):
             shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
             target = place + turn.cross(arms[i]) + R.apply(inner[i]) + course.lower
+            target = target + (slip + spin.cross(arms[i])) * self.swing
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))

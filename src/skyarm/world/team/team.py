@@ -15,10 +15,13 @@ Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import combinations
 from typing import Annotated, Self
+
+import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
@@ -36,6 +39,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
 from skyarm.reference.signals import Constant, Ramp, Signal, Sum
+from skyarm.reference.splines import BEYOND, sampled_curve
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
@@ -53,6 +57,9 @@ NEAREST = 0.01
 LEAST = 1e-3
 """Force (N) of all grasps below which their shares are not told apart."""
 
+STEP = 0.05
+"""Time (s) between the instants at which the end of a cable is planned."""
+
 NO_WRENCH = Wrench6(ZERO3, ZERO3)
 
 
@@ -66,12 +73,15 @@ class Member:
 
     agent: str
     place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
+    length: Annotated[
+        float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
+    ] = field(default=0, metadata=WRITTEN_IF_ANY)
     taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
     mass: Annotated[
         Scalar,
         Unit(
             "",
-            "virtual mass, to which the member's share of the force is proportional; 0: the load that it can bear",
+            "virtual mass, to which its share of the force is proportional; 0: the load that it can bear, on cables 1",
             low=0.0,
         ),
     ] = 0.0
@@ -157,6 +167,31 @@ class Team(Component[TeamMemory]):
     def of_agent(self, name: str) -> Self:
         """Team as one member's own flight contains it: without the other members."""
         return replace(self, members=tuple(each for each in self.members if each.agent == name))
+
+    def path_of(self, member: Member, vehicle: Vehicle, gravity: float, duration: float) -> Trajectory:
+        """Path of a member's tip that carries the body; of a vehicle without joints that of its base.
+
+        A cable has the direction of the member's force. Its end is planned at instants of a flight of ``duration`` (s)
+        under ``gravity`` (m/s^2), joined by curves with four derivatives.
+        """
+        assert self.motion is not None
+        path = member.path(self.motion, self.take)
+        if coerce.absent(member.length):
+            return path
+        t = np.arange(-BEYOND, math.ceil(duration / STEP) + 1 + BEYOND) * STEP
+        desired = self.motion.at(t)
+        force = self.load(desired, gravity, t)[self.members.index(member)]
+        along = force * (member.length / np.sqrt(force.dot(force) + SMALL))
+        ends = desired.position + desired.R.apply(member.place) + along
+        if vehicle.end_effector and not vehicle.n:
+            heading, hook = path.yaw.derivatives(t)[0], vehicle.frame().position
+            ends = ends - Vec3(
+                np.cos(heading) * hook.x - np.sin(heading) * hook.y,
+                np.sin(heading) * hook.x + np.cos(heading) * hook.y,
+                hook.z,
+            )
+        x, y, z = (sampled_curve(np.broadcast_to(each, t.shape).tolist(), STEP) for each in ends)
+        return replace(path, x=x, y=y, z=z)
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.
@@ -353,6 +388,12 @@ class Team(Component[TeamMemory]):
         for i in range(3):
             J[i][i] = J[i][i] + eased
         return J
+
+    def load(self, desired: BodyMotion, gravity: Scalar, t: Scalar) -> list[Vec3]:
+        """Force (N) of each member on the body in a motion of it at a time (s), with the desired pulls."""
+        arms = self.arms(desired.R)
+        shares = self.shares(*weight_of(self, desired, gravity), arms)
+        return [f + pull for f, pull in zip(shares, self.along(self.desired_tensions(t), arms), strict=True)]
 
     def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
         """Internal part of the members' forces: without what accelerates the body."""

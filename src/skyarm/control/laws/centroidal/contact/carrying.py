@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, cos, data, divide, mul, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import disturbance
@@ -32,7 +32,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
-from skyarm.vehicle import Vehicle
+from skyarm.vehicle import BASE, Frame, Vehicle
 
 
 @immutable
@@ -148,12 +148,17 @@ def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
     return Taylor((value, rate, mul(0.5, acceleration), 0, 0))
 
 
+def held_at(vehicle: Vehicle) -> Frame:
+    """Frame at which a vehicle holds a load: its tip; without one the origin of the base."""
+    return vehicle.frame() if vehicle.end_effector else Frame(name="base", link=BASE, position=ZERO3)
+
+
 def planned_effect(vehicle: Vehicle, reference: Reference, carry: Carry, force: Vec3, moment: Vec3) -> Disturbance:
     """Disturbance by a wrench at the tip (N, N m, world axes) at the pose of the reference, with a level base."""
     heading = reference.yaw + carry.heading.x
     c, s = cos(heading), sin(heading)
     R = Mat3.columns(Vec3(c, s, 0), Vec3(-s, c, 0), Vec3(0, 0, 1))
-    f, n, frame = R.apply_T(force), R.apply_T(moment), vehicle.frame()
+    f, n, frame = R.apply_T(force), R.apply_T(moment), held_at(vehicle)
     columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)
     tip = frame_pose(vehicle, frame, reference.joints, summed=True).p
     efforts = tuple(data(add(each.linear.dot(f), each.angular.dot(n))) for each in columns)
@@ -173,7 +178,7 @@ def tip_wrench(
         joints: rad or m.
         rest: disturbance beyond its bias.
     """
-    squares, frame = LeastSquares(6), vehicle.frame()
+    squares, frame = LeastSquares(6), held_at(vehicle)
     squares.prefer(R.apply_T(rest.force), 1)
     squares.prefer((0, 0, 0), divide(1.0, moment * moment), 3)
     columns = jacobian_columns(vehicle, frame, joints, summed=True)

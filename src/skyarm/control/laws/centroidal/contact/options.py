@@ -47,15 +47,15 @@ def contact_parts(
     if gains["load"]:
         parts["load"] = load_gains(gains["load"], vehicle)
     if gains["carrying"]:
-        parts["carrying"] = _carrying(gains, leads=leads, periods=periods)
+        parts["carrying"] = _carrying(gains, leads=leads or not vehicle.n, periods=periods)
     return parts
 
 
 def _carrying(gains: LawOptions, *, leads: bool, periods: int) -> CarryingGains:
-    """Constants of the carrying part; a law without a tip to lead, and one that learns or presses, is refused."""
+    """Constants of the carrying part; a law whose arm leads no tip, and one that learns or presses, is refused."""
     at = f"controller.carrying = {shown(gains['carrying'])}"
     if not leads:
-        raise ControllerError(f"{at}: must be 0 but in mode 'tip' with joints")
+        raise ControllerError(f"{at}: must be 0 but in mode 'tip' with joints, or without joints")
     for name in ("interaction", "load"):
         if gains[name] not in (0.0, (0.0, 0.0)):
             raise ControllerError(f"{at}: must be 0 beside {name}")

@@ -1,0 +1,211 @@
+"""Measure bodies on cables, and Thapa's law in full dynamics: the tables of docs/results_cables.md.
+
+    python tests/world/measure_cables.py beam|eight|recorded|thapa [--small]
+
+``beam``: how fast a tilted bar between two constant forces turns, flown and by the closed form. ``eight``: figure
+eights of Sun et al. ``recorded``: set points of flights of col-trans. ``thapa``: what of his internal force, speed and
+masses is left with rotors, attitude and noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+
+import skyarm
+from skyarm.simulate.session import open_session
+from skyarm.world.team import TeamMemory
+from support.cables import NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll, thapa
+from support.measured_tables import print_table, progress
+
+LOST = 0.5
+"""Distance (m) of a load from its desired place at which it counts as lost."""
+
+
+def flown(tables: Mapping[str, Any], *, noisy: bool = False, seconds: float | None = None) -> Any:
+    """Log of a flight, with noise or without, cut short for a small table."""
+    noise = NOISY if noisy else {}
+    cut = {} if seconds is None else {"duration": min(seconds, float(tables["duration"]))}
+    return skyarm.run(skyarm.scenario_from({**tables, **noise, **cut}))
+
+
+def beams(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: internal force, gain, height of the grasps, start, rate of the bar's turn by the closed form and flown."""
+    rows = [(0.1, 0.5, 0.0, 0.3), (0.1, 1.0, 0.0, 0.3), (0.05, 0.5, 0.0, 0.3), (0.0, 0.5, 0.0, 0.3)]
+    rows += [(-0.05, 0.5, 0.0, 0.1), (-0.1, 0.5, 0.0, 0.1), (-0.02, 0.5, 0.0097, 0.3), (-0.05, 0.5, 0.0097, 0.1)]
+    for pull, gain, height, tilt in rows[:1] if small else rows:
+        log = flown(beam(pull, gain, tilt, height, duration=3.0 if small else 8.0))
+        during = (log.time > 2.0) & (log.time < 7.0)
+        half = np.log(np.abs(np.tan(0.5 * roll(log)[during])))
+        rate, angle = np.polyfit(log.time[during], half, 1)[0], np.degrees(roll(log)[-1])
+        numbers = f"{pull:g}", f"{gain:g}", f"{1e3 * height:g}", f"{np.degrees(tilt):.1f}", f"{angle:.1f}"
+        yield *numbers, f"{rate_of_beam(pull, gain, height) + 0.0:.3f}", f"{rate:.3f}"
+
+
+def root_mean_square(error: Any) -> str:
+    """Root mean square of distances (m), in mm."""
+    return f"{1e3 * float(np.sqrt((error**2).mean())):.1f}"
+
+
+def judged(log: Any, begin: float) -> tuple[str, str]:
+    """Root mean square and largest distance (mm) of a load from its desired place from a time (s) on; or its loss."""
+    error = log.team_position_error[:, 0]
+    gone = error > LOST
+    if gone.any() or log.info["status"] != "completed":
+        when = log.time[np.argmax(gone)] if gone.any() else log.time[-1]
+        return f"lost at {when:.1f} s", ""
+    late = error[log.time >= begin]
+    return root_mean_square(late), f"{1e3 * late.max():.1f}"
+
+
+BASELINES = {0.5: "32", 1.0: "135", 1.5: "lost", 2.5: "lost"}
+"""Root mean square (mm) of the geometric law beside which Sun et al. stand, by rad/s; from a third party's table."""
+
+
+def planned_acceleration(scenario: Any) -> float:
+    """Largest acceleration (m/s^2) of a vehicle's reference."""
+    times = np.arange(0.0, scenario.duration, 0.02)
+    return max(
+        float(np.linalg.norm([[*map(float, each.reference.at(t).acceleration)] for t in times], axis=1).max())
+        for each in scenario.agents.values()
+    )
+
+
+def eights(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: rate and size of the path, its speed and accelerations, errors without and with noise, of the baseline."""
+    for rate, size in [(1.0, 0.5)] if small else [*((rate, 2.0) for rate in BASELINES), (1.065, 3.32)]:
+        tables, begin = figure_eight(rate, size)
+        scenario = skyarm.scenario_from(tables)
+        desired = [scenario.team.motion.at(t) for t in np.arange(begin, tables["duration"], 0.02)]
+        speed, load = (
+            max(float(getattr(each, name).norm()) for each in desired) for name in ("velocity", "acceleration")
+        )
+        found = flown(tables, seconds=1.0 if small else None)
+        least = f"{found.grasp_force[found.time > 0.5].min():.2f}"
+        numbers = f"{rate:g}", f"{size:g}", f"{speed:.1f}", f"{load:.1f}", f"{planned_acceleration(scenario):.1f}"
+        noisy = ("",) if small else judged(flown(tables, noisy=True), begin)
+        errors = judged(found, 0.5 if small else begin)
+        yield *numbers, *errors, least, noisy[0], BASELINES.get(rate, "")
+
+
+REAL = {
+    "2 window opt": "62.2",
+    "2 window geom": "76.4",
+    "3 window opt": "93.4",
+    "3 window geom": "137",
+    "2 forest opt": "67.1",
+    "2 forest geom": "109",
+    "3 forest opt": "129",
+}
+"""Root mean square (mm) over all real flights of a row, decoded from its logs."""
+
+
+def recorded(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: path, vehicles, errors without and with noise, smallest cable force, error of the real flights."""
+    for row in [*recorded_paths()][: 1 if small else None]:
+        tables, begin = col_trans(row)
+        found = flown(tables, seconds=2.0 if small else None)
+        noisy = ("", "") if small else judged(flown(tables, noisy=True), begin)
+        least = f"{1e3 * found.grasp_force[found.time > 0.5].min():.0f}"
+        yield row[2:], row[0], *judged(found, begin), *noisy, least, REAL[row]
+
+
+def adapted(tables: Mapping[str, Any]) -> tuple[Any, list[float]]:
+    """Log of a flight, and the masses (kg) that its members have adapted at its end."""
+    session = open_session(skyarm.scenario_from(tables))
+    session.run()
+    (memory,) = (each for each in session.now.components if isinstance(each, TeamMemory))
+    return session.log, [float(each.mass) for each in memory.own]  # type: ignore[attr-defined]
+
+
+def thapas(small: bool) -> Iterator[tuple[object, ...]]:
+    """Rows: dynamics, gain, internal force, speed and masses in the last five seconds."""
+    if not small:
+        yield "tips alone, at 1 s", "0.1", "2.000", "0.000", "0.2000", "0.4990", "65 : 35"
+    rows = [("perfect state", k, {}) for k in (0.1, 0.05, 0.02, 0.002)] + [("noise and 5 ms", 0.02, NOISY)]
+    for words, gain, more in rows[2:3] if small else rows:
+        log, masses = adapted({**thapa(gain, duration=2.0 if small else 20.0), **more})
+        if log.info["status"] != "completed":
+            yield words, f"{gain:g}", f"{log.info['status']} at {log.time[-1]:.1f} s", "", "", "", ""
+            continue
+        late = log.time > log.time[-1] - 5.0
+        pull, first = log.team_pull[late], 100.0 * log.load_share[late, 0].mean()
+        numbers = f"{pull.mean():.3f}", f"{pull.std():.3f}", f"{log.object_velocity[late, 0].mean():.4f}"
+        yield words, f"{gain:g}", *numbers, f"{sum(masses):.4f}", f"{first:.0f} : {100 - first:.0f}"
+
+
+TABLES = {
+    "beam": (
+        beams,
+        (
+            ">internal force, N",
+            ">gain, m/(N s)",
+            ">grasps above the middle, mm",
+            ">tilt at the start, deg",
+            ">after 8 s, deg",
+            ">rate by the closed form, 1/s",
+            ">flown, 1/s",
+        ),
+    ),
+    "eight": (
+        eights,
+        (
+            ">w, rad/s",
+            ">A, m",
+            ">speed, m/s",
+            ">acceleration of the load, m/s^2",
+            ">of a vehicle, m/s^2",
+            ">error, mm",
+            ">largest, mm",
+            ">least cable force, N",
+            ">error with noise, mm",
+            ">baseline, mm",
+        ),
+    ),
+    "recorded": (
+        recorded,
+        (
+            "path",
+            ">vehicles",
+            ">error, mm",
+            ">largest, mm",
+            ">error with noise, mm",
+            ">largest with noise, mm",
+            ">least cable force, mN",
+            ">real flights, mm",
+        ),
+    ),
+    "thapa": (
+        thapas,
+        (
+            "flown",
+            ">gain, m/(N s)",
+            ">internal force, N",
+            ">its deviation, N",
+            ">speed, m/s",
+            ">sum of the masses, kg",
+            ">shares",
+        ),
+    ),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", choices=TABLES)
+    parser.add_argument("--small", action="store_true", help="one short flight: seconds")
+    given = parser.parse_args()
+    rows, heads = TABLES[given.table]
+    progress(f"{given.table}:")
+    print_table(heads, rows(given.small))
+
+
+if __name__ == "__main__":
+    main()
