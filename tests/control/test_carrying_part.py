@@ -82,7 +82,9 @@ def jacobian(joints, yaw):
 def test_a_planned_wrench_does_its_work_on_joints_and_base():
     yaw = 0.7
     reference = Reference(joints=POSTURE, yaw=yaw, **dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0,) * 6))
-    d = planned_effect(VEHICLE, reference, FORCE, MOMENT)
+    turned = dataclasses.replace(Carry.none(), heading=Vec3(0.2, 0.0, 0.0))
+    reference = dataclasses.replace(reference, yaw=yaw - 0.2)
+    d = planned_effect(VEHICLE, reference, turned, FORCE, MOMENT)
     J, tip = jacobian(POSTURE, yaw)
     assert np.allclose(d.efforts, J.T @ [*FORCE, *MOMENT], atol=1e-8)
     assert [*d.force] == [*FORCE]
@@ -141,7 +143,7 @@ def test_the_bias_stands_from_the_moment_at_which_the_tip_holds():
     controller, rows = law(), []
     # nothing acts at rest: what a force at the tip does is put into the observer's memory
     reference, measured = at_rest(controller)
-    d = planned_effect(VEHICLE, reference, FORCE, Vec3(0.0, 0.0, 0.0))
+    d = planned_effect(VEHICLE, reference, Carry.none(), FORCE, Vec3(0.0, 0.0, 0.0))
     acted = dataclasses.replace(controller.memory.observed, force=d.force, torque=d.torque, efforts=d.efforts)
     memory = dataclasses.replace(controller.memory, observed=acted)
     for held in (0.0, 1.0):
@@ -176,15 +178,16 @@ def test_a_held_load_stops_adaptation_and_its_force_turns_the_base_by_its_rate()
     assert np.allclose([[*each.force_rate] for each in seen], [[0, 0, 0], *[[0.2 / DT, 0.0, -0.1 / DT]] * 2])
 
 
-def test_gains_are_those_of_carrying_only_while_a_load_is_carried():
+def test_gains_become_those_of_carrying_while_a_load_is_held():
     controller = law(carrying=0.5)
-    memory, _ = steps(controller, 1, lambda _: carrying(held=1.0, share=1.0))
+    memory, _ = steps(controller, 40, lambda _: carrying(held=1.0))
     part = controller.par.parts.carrying
     free = part.adjust_gains(controller.memory.parts.carrying, controller.par, DT)
     soft = part.adjust_gains(memory.parts.carrying, controller.par, DT)
     assert free.tip.position == controller.par.tip.position
-    assert soft.tip.position == pytest.approx(0.25 * controller.par.tip.position)
-    assert soft.observer.force == pytest.approx(0.5 * controller.par.observer.force)
+    factor = 1.0 - 0.5 * (1.0 - np.exp(-3.0 * DT * 40))  # within some thirds of a second, not at once
+    assert soft.tip.position == pytest.approx(factor**2 * controller.par.tip.position)
+    assert soft.observer.force == pytest.approx(factor * controller.par.observer.force)
 
 
 def test_a_shift_of_the_tip_is_that_of_the_reference():
@@ -201,6 +204,30 @@ def test_a_shift_of_the_tip_is_that_of_the_reference():
     assert np.allclose(rows[0].rotor_speeds, rows[1].rotor_speeds, atol=1e-6)
     still = controller.law(controller.memory, measured, plain, DT, par=controller.par)[1]
     assert not np.allclose(rows[0].rotor_speeds, still.rotor_speeds, atol=1.0)
+
+
+def test_a_turned_heading_takes_the_base_around_the_tip():
+    controller, (turn, rate, bend) = law(), (0.05, 0.03, -0.08)
+    reference, measured = at_rest(controller, carrying(heading=Vec3(turn, rate, bend)))
+    arm = np.array([*frame_pose(VEHICLE, VEHICLE.frame(), POSTURE).p])
+    about, up = Rotation.from_euler("z", turn).apply(arm), np.array([0.0, 0.0, 1.0])
+    velocity = np.cross(rate * up, about)
+    moved = dataclasses.replace(
+        reference,
+        carry=carrying(),
+        position=Vec3(*(arm - about + [0.0, 0.0, 2.0])),
+        velocity=Vec3(*-velocity),
+        acceleration=Vec3(*-(np.cross(bend * up, about) + np.cross(rate * up, velocity))),
+        yaw=turn,
+        yaw_rate=rate,
+        yaw_acceleration=bend,
+    ).dense()
+    rows = [controller.law(controller.memory, measured, each, DT, par=controller.par)[1] for each in (reference, moved)]
+    assert np.allclose(rows[0].efforts, rows[1].efforts, atol=1e-3)
+    assert np.allclose(rows[0].rotor_speeds, rows[1].rotor_speeds, atol=0.5)
+    plain = dataclasses.replace(reference, carry=carrying())
+    still = controller.law(controller.memory, measured, plain, DT, par=controller.par)[1]
+    assert not np.allclose(rows[0].rotor_speeds, still.rotor_speeds, atol=5.0)
 
 
 def test_a_law_without_the_part_or_without_a_carry_is_the_one_before():

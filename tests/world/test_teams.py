@@ -293,6 +293,7 @@ def test_what_the_others_cannot_bear_is_set_down_where_it_was():
             *(way[0] + carry.offset), *(way[1] + carry.offset_rate), carry.force.z,
             whole.motion.yaw.derivatives(t)[0] + carry.heading.x,
             whole.motion.yaw.derivatives(t)[1] + carry.heading.y,
+            whole.motion.yaw.derivatives(t)[2] + carry.heading.z,
         ])  # fmt: skip
     path, time = np.array(path), 4.5 + SLOW * np.arange(200)
     stopped, still = time > 6.6, vec(LINE[0])
@@ -307,6 +308,8 @@ def test_what_the_others_cannot_bear_is_set_down_where_it_was():
     assert path[-1, 6] == 0.0
     assert np.allclose(np.diff(path[:, :3], axis=0) / SLOW, path[1:, 3:6], atol=0.06)
     assert np.allclose(np.diff(path[:, 7]) / SLOW, path[1:, 8], atol=0.06)
+    slows = (time > 5.7) & (time < 6.3)
+    assert np.allclose(np.gradient(path[:, 8], SLOW)[slows], path[slows, 9], atol=0.06)
 
 
 def test_a_body_that_tips_without_a_lost_member_is_set_down_and_fixed_grasps_bear_a_moment():

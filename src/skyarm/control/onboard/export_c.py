@@ -385,9 +385,9 @@ def _carry_lines(controller: Controller) -> list[str]:
     if part_of(controller.par, "carrying") is None:
         return []
     return [
-        "Reference, carry: 1 in a grasp, else 0; fraction of the load; then, three numbers each in world axes: known",
-        "force (N) and moment (N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave the observer,",
-        "shift of the tip (m), its rate, its acceleration.",
+        "Reference, carry: 1 in a grasp, else 0; then, three numbers each in world axes: known force (N) and moment",
+        "(N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave the observer, shift of the tip (m),",
+        "its rate, its acceleration; turn of the heading about the tip (rad), its rate, its acceleration.",
         "Memory, parts, carrying: estimated force (N) and moment (N m) on the tip.",
     ]
 
