@@ -38,6 +38,13 @@ HOLD_STEP = 0.02
 """Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
 
 
+SMOOTH_STEP = 0.01
+"""Length (s) of the first and the last stage of a free motion between rests, in which no rotor or joint turns faster.
+
+The plan begins and ends smoothly in them, which laws that follow it need; longer ones would cost time by their length.
+"""
+
+
 class PlanError(ValueError):
     """Error: no plan within the limits was found; one line with the phase, the constraint and how far it is off."""
 
@@ -219,6 +226,10 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         span, most = slice(edge, edge + count + 1), phase.tilt or task.limits.tilt
         least = math.cos(most) if most < math.pi else NO_TILT
         table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
+        if phase.duration is None:
+            short = [edge] * (edge == 0) + [edge + count - 1] * phase.to.rest
+            table[edge : edge + count, names["free"]] *= count / (count - len(short))
+            table[short, names["free"]], table[short, names["dt"]] = 0.0, SMOOTH_STEP
         edge += count
         ends = _data(example, phase, count, None, stage.stage.weight)
         for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
