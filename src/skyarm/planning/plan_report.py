@@ -36,6 +36,7 @@ class Summary:
     Attributes:
         duration: s. phases: their names and lengths, s. speed: largest of the base, m/s. tilt: largest, rad.
         rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest distance, m; between which bodies.
+        short: which bodies come nearer than the task's clearance; empty if none.
         violation, cost, seconds, seeds, iterations: of the solution.
     """
 
@@ -48,6 +49,7 @@ class Summary:
     joint_rate: Tight | None
     clearance: float | None
     nearest: str
+    short: str
     violation: float
     cost: float
     seconds: float
@@ -79,6 +81,9 @@ def summary(plan: Plan) -> Summary:
         joint_rate=rate,
         clearance=gap if math.isfinite(gap) else None,
         nearest=plan.nearest.words if plan.nearest is not None else "",
+        short=f"{plan.nearest.short}; {task.limits.clearance:g} m are asked"
+        if plan.nearest and plan.nearest.short
+        else "",
         violation=plan.solution.violation,
         cost=plan.solution.cost,
         seconds=plan.seconds,
@@ -112,6 +117,8 @@ def summary_lines(name: str, found: Summary) -> list[str]:
             lines.append(f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name} at {each.time:.2f} s")
     if found.clearance is not None:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
+    if found.short:
+        lines.append(f"nearer than limits.clearance: {found.short}")
     seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
     lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
     return lines

@@ -38,6 +38,13 @@ HOLD_STEP = 0.02
 """Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2 s."""
 
 
+SMOOTH_STEP = 0.01
+"""Length (s) of the first and the last stage of a free motion between rests, in which no rotor or joint turns faster.
+
+The plan begins and ends smoothly in them, which laws that follow it need; longer ones would cost time by their length.
+"""
+
+
 class PlanError(ValueError):
     """Error: no plan within the limits was found; one line with the phase, the constraint and how far it is off."""
 
@@ -178,12 +185,11 @@ def usual_length(distance: float) -> float:
     return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
-def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: float = 0.0) -> PlanProblem:
-    """Goals, limits and data of all stages of a task; ``clearance`` in m."""
+def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearance: Array | float = 0.0) -> PlanProblem:
+    """Goals, limits and data of all stages of a task; ``clearance`` (m) of all nodes or of each."""
     example = dataclasses.replace(
         stage.stage.example(),
         obstacles=obstacle_places(task, stage),
-        clearance=clearance,
         hurry=math.sqrt(2.0 * TIME_WEIGHTS[task.minimise]),
     )
     total, free = sum(counts), itertools.count()
@@ -215,10 +221,15 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     # goals at an edge have the numbers of the phase that ends there; its tilt is the smaller one of both phases
     table, names = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float), _columns(example)
     table[:, names["upright"]], edge = NO_TILT, 0
+    table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
     for phase, count in zip(task.phases, counts, strict=True):
         span, most = slice(edge, edge + count + 1), phase.tilt or task.limits.tilt
         least = math.cos(most) if most < math.pi else NO_TILT
         table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
+        if phase.duration is None:
+            short = [edge] * (edge == 0) + [edge + count - 1] * phase.to.rest
+            table[edge : edge + count, names["free"]] *= count / (count - len(short))
+            table[short, names["free"]], table[short, names["dt"]] = 0.0, SMOOTH_STEP
         edge += count
         ends = _data(example, phase, count, None, stage.stage.weight)
         for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
@@ -363,7 +374,7 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
     if reason := impossible(task):
         raise PlanError(f"{task.name}: {reason}")
     counts = node_counts(task, shape.lengths)
-    stage, clearance = stage_of(task), task.limits.clearance
+    stage, clearance = stage_of(task), np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
     guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
@@ -374,14 +385,13 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
             break
         plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
         nearest = nearest_of(plan)
-        short = task.limits.clearance - nearest.apart
         if nearest.gap >= 0.0:
             found = dataclasses.replace(plan, nearest=nearest)
-            if short <= SLACK:
+            if task.limits.clearance - nearest.apart <= SLACK:
                 return found
-        # between the nodes, or between bodies that did not count yet
+        # between bodies that did not count yet, or between the nodes, which keep off by as much more
         met |= nearest.pairs
-        clearance += CLOSER if nearest.gap < 0.0 else short
+        clearance += nearest.missing
         last, stage = best, stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
         best, more = _best_of(stage, problem, [Guess(last.x, last.u), *guesses], seconds, on_progress, enough=1)
@@ -396,9 +406,6 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
 
 SLACK = 0.005
 """Distance (m) by which a vehicle may come nearer to an obstacle between nodes than the limit says."""
-
-CLOSER = 0.02
-"""Distance (m) by which the clearance grows where bodies meet between the nodes."""
 
 ENOUGH = 2
 """Number of solved seeds after which the best is taken."""
@@ -454,13 +461,21 @@ def _plan_of(
 
 @immutable(eq=False)
 class Nearest:
-    """Smallest distance of a plan: m, time (s) and bodies; that from obstacles; all pairs of own bodies that meet."""
+    """Smallest distance of a plan.
+
+    Attributes:
+        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
+        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
+        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
+    """
 
     gap: float
     apart: float = math.inf
     time: float = 0.0
     words: str = ""
     pairs: frozenset[tuple[str, str]] = frozenset()
+    short: str = ""
+    missing: Array | float = 0.0
 
 
 FINE = 1e-3
@@ -481,18 +496,30 @@ def nearest_of(plan: Plan) -> Nearest:
         pairs = [pair for pair, row in zip(near.pairs, gaps, strict=True) if row.min() < most]
         near = dataclasses.replace(near, pairs=tuple(pairs))
         t, gaps = fine, _gaps(plan, near, fine)
-    pair, k = np.unravel_index(int(gaps.argmin()), gaps.shape)
-    own = {
-        (p.volume, p.other) for p, row in zip(near.pairs, gaps, strict=True) if p.surface is None and row.min() < 0.0
-    }
-    named = near.pairs[int(pair)]
-    apart = min((row.min() for p, row in zip(near.pairs, gaps, strict=True) if p.surface is not None), default=math.inf)
+    limit, outer = plan.task.limits.clearance, np.array([pair.surface is not None for pair in near.pairs])
+    worst: list[tuple[float, float, str]] = []
+    for rows in (np.flatnonzero(outer), np.flatnonzero(~outer)):
+        if len(rows):
+            i, k = np.unravel_index(int(gaps[rows].argmin()), (len(rows), len(t)))
+            pair = near.pairs[int(rows[i])]
+            worst.append((float(gaps[rows[i], k]), float(t[k]), f"{pair.volume} and {pair.other}"))
+    # of each instant, for the nodes before and after it; where phases meet, a goal may say how far off the vehicle is
+    after = np.searchsorted(plan.t, t[1:])
+    lacks = limit - gaps[outer].min(axis=0, initial=limit)[1:]
+    missing = np.zeros(len(plan.t))
+    for nodes in (after - 1, after):
+        np.maximum.at(missing, nodes, lacks)
+    missing[[*plan.edges]] = 0.0
+    gap, time, words = min(worst)
+    meet = (gaps.min(axis=1) < 0.0) & ~outer
     return Nearest(
-        gap=float(gaps[pair, k]),
-        apart=float(apart),
-        time=float(t[k]),
-        words=f"{named.volume} and {named.other}",
-        pairs=frozenset(own),
+        gap=gap,
+        apart=worst[0][0] if outer.any() else math.inf,
+        time=time,
+        words=words,
+        pairs=frozenset((near.pairs[i].volume, near.pairs[i].other) for i in np.flatnonzero(meet)),
+        short="; ".join(f"{who} come within {d:.3g} m at {at:.3g} s" for d, at, who in worst if d < limit - SLACK),
+        missing=missing,
     )
 
 
