@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -82,10 +83,10 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
         cross = [np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]]) for r in arms]
         G = np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack(cross)])
         wrench = np.concatenate([body["mass"] * np.add(a, [0.0, 0.0, 9.81]), moment])
-        out = arms - arms.mean(axis=0)
-        lines = (pull * out / np.linalg.norm(out, axis=1)[:, None]).ravel()
-        inner = lines - np.linalg.pinv(G, rcond=1e-10) @ G @ lines
-        forces = (np.linalg.pinv(G, rcond=1e-10) @ wrench + inner).reshape(-1, 3)
+        inner = np.zeros_like(arms)  # along the line of each pair
+        for i, j in itertools.permutations(range(len(arms)), 2):
+            inner[i] += pull * (arms[i] - arms[j]) / np.linalg.norm(arms[i] - arms[j])
+        forces = (np.linalg.pinv(G, rcond=1e-10) @ wrench).reshape(-1, 3) + inner
         ends = x + arms + 0.5 * forces / np.linalg.norm(forces, axis=1)[:, None]
         for name, end in zip(scenario.agents, ends, strict=True):
             reference = scenario.agents[name].reference.at(t)
@@ -237,7 +238,7 @@ def test_a_virtual_mass_is_the_share_of_an_adapted_one():
 def test_a_vehicle_without_a_tip_bears_a_load_at_its_origin():
     vehicle = skyarm.load_vehicle("dragonfly")
     turned = Reference(yaw=0.5 * np.pi)
-    effect = planned_effect(vehicle, turned, Vec3(1.0, 2.0, -3.0), Vec3(0.1, 0.2, 0.3))
+    effect = planned_effect(vehicle, turned, Carry.none(), Vec3(1.0, 2.0, -3.0), Vec3(0.1, 0.2, 0.3))
     assert [*effect.force] == [1.0, 2.0, -3.0]
     assert np.allclose([*effect.torque], [0.2, -0.1, 0.3])  # base axes, of the moment alone
     assert effect.efforts == ()
@@ -316,7 +317,7 @@ def test_a_vehicle_hangs_its_cable_from_its_tip_where_it_has_one():
     whole = dataclasses.replace(whole, members=(member, whole.members[1]))
     ends, bases = ([*whole.path_of(member, each, 9.81, 5.0).at(4.0).position] for each in (plain, able))
     assert np.allclose(np.subtract(ends, bases), [-0.01, 0.02, -0.03], atol=1e-9)  # turned by 90 degrees
-    effect = planned_effect(able, Reference(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0))
+    effect = planned_effect(able, Reference(), Carry.none(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0))
     assert np.allclose([*effect.torque], [-0.01, 0.02, 0.0])
 
 

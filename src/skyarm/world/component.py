@@ -141,6 +141,10 @@ class Component(Generic[Memory]):
         """Model that all vehicles share, without what is of others than one vehicle."""
         return self
 
+    def columns_of(self, agent: str) -> Sequence[Column]:
+        """Log columns without those of other vehicles than ``agent``."""
+        return self.of_agent(agent).columns
+
     largest_step: Scalar | None = None
     """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
 
@@ -346,5 +350,5 @@ def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) ->
 
 def columns_of_agent(components: Sequence[Component[Tree]], agent: str) -> dict[str, list[bool]]:
     """For each log array of winds, forces and contacts, False for the columns of another vehicle than ``agent``."""
-    own = [(each, each.of_agent(agent).columns) for each in components]
+    own = [(each, each.columns_of(agent)) for each in components]
     return by_array(components, [column in theirs for each, theirs in own for column in each.columns])

@@ -27,6 +27,8 @@ def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
     for i, link in enumerate(vehicle.links):
         _, efforts = motion.generalized_force(E_Z * (link.body.mass * gravity), ZERO3, link.body.com, i)
         own = [a + b for a, b in zip(own, efforts, strict=True)]
+    if not vehicle.n:
+        return maximum(most, 0.0), turning
     _, levers = motion.generalized_force(E_Z, ZERO3, *motion.frame())
     for link, weight, lever in zip(vehicle.links, own, levers, strict=True):
         limit = where(link.joint.effort_limit > 0.0, link.joint.effort_limit, LARGEST)

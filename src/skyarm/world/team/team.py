@@ -417,6 +417,11 @@ class Team(Component[TeamMemory]):
             *self.further_columns(),
         )
 
+    def columns_of(self, agent: str) -> Sequence[Column]:
+        """Log columns without those of other members than ``agent``: pulls are of two of them."""
+        others = {each.agent for each in self.members} - {agent}
+        return [each for each in self.columns if each.label not in others]
+
     def logged(self, memory: TeamMemory, motion: PointMotion) -> Scalars:
         """Numbers of the log, as of the start of the period."""
         return memory.logged
