@@ -125,7 +125,7 @@ class CarryingGains(OptionalPart):
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
         heading = effect.signals[3] + series(*carry.heading)
-        tip = frame_pose(vehicle, vehicle.frame(), step.reference.joints, summed=True).p
+        tip = frame_pose(vehicle, held_at(vehicle), step.reference.joints, summed=True).p
         before, after = (turn_by_yaw(yaw, tip) for yaw in (effect.signals[3], heading))
         moves = zip(effect.signals[:3], shift, before - after, strict=True)
         moved = (s + series(*by) + round_tip for s, by, round_tip in moves)
