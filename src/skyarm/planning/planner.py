@@ -39,7 +39,7 @@ HOLD_STEP = 0.02
 
 
 SMOOTH_STEP = 0.01
-"""Length (s) of the first and the last stage of a free motion between rests, in which no rotor or joint turns faster.
+"""Length (s) of the first and the last stage of a free motion between rests, in which no rotor turns faster.
 
 The plan begins and ends smoothly in them, which laws that follow it need; longer ones would cost time by their length.
 """
