@@ -188,7 +188,7 @@ def test_code_made_in_a_hurry_gives_the_same_numbers() -> None:
 def test_the_effort_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
     efforts: list[int] = []
     kernel = native.Kernel
-    monkeypatch.setattr(native, "Kernel", lambda *a, effort, **k: efforts.append(effort) or kernel(*a, **k))
+    monkeypatch.setattr(native, "Kernel", lambda *a, **k: efforts.append(k["written"].effort) or kernel(*a, **k))
     native.EpisodeCode(s := planned())
     native.EpisodeCode(dataclasses.replace(s, duration=5000.0))
     assert efforts == [0, 2]

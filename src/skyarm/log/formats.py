@@ -100,7 +100,7 @@ def write_csv(log: Log, path: PathLike) -> Path:
         rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2].replace(b"],[", b"\n")
     else:  # JSON has neither infinity nor "not a number"
         rows = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
-    return write_atomically(path, b"\n".join((heads.encode(), rows, b"")))
+    return write_atomically(path, b"\n".join((*filter(None, (heads.encode(), rows)), b"")))
 
 
 NPZ = LogFormat(write_npz, read_npz)
