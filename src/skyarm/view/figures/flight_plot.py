@@ -204,8 +204,8 @@ def plot(
         file: written there too, as PNG, SVG or PDF by its suffix.
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
             with the wanted one, and of grasps), "efforts" and "rotors" with their limits, "all" of these; "team" (tip
-            error, forces of grasps and thrust of each vehicle, numbers of a team); or "path" (of the tip, from above and from the right,
-            with the world). Of one flight also what was measured and estimated of these.
+            error, forces of grasps and thrust of each vehicle, numbers of a team); or "path" (of the tip, from above
+            and from the right, with the world). Of one flight also what was measured and estimated of these.
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
