@@ -56,7 +56,7 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
 
 
 def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
-    refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are robustness")
+    refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are carrying, robustness")
     refused(skyarm("sweep", "study.toml", "--workers", "-1"), "--workers = -1", "from 0 to 10000")
     refused(skyarm("sweep", "study.toml", "--out", ""), "output folder = ''", "must be the path of a folder")
     (folder / "wrong.toml").write_text(STUDY.replace("base.mass", "base.weight"))

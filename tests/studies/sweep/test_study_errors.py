@@ -116,7 +116,7 @@ def test_a_file_is_named_in_its_errors(tmp_path: Path) -> None:
         load_study(path)
     with pytest.raises(StudyError, match=r"no such file|is a folder|must be readable"):
         load_study(tmp_path / "nowhere.toml")
-    with pytest.raises(StudyError, match="shipped studies are robustness"):
+    with pytest.raises(StudyError, match="shipped studies are carrying, robustness"):
         load_study("robust")
 
 
