@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from skyarm.algebra import Vec3
 from skyarm.planning.planner import guess_from, node_counts, obstacle_places, outline, problem_of, seeds, stage_of
 from skyarm.planning.stage import ARM_UNIT, GOALS, CompiledStage, gap, retraction
-from skyarm.planning.task import task_from
+from skyarm.planning.task import Goal, PlanPhase, Start, Task, task_from
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.vehicle.vehicle_files import load_vehicle
 from support.engines import jax_doubles
 from support.plans import Bodies, between_nodes, box, catch, reach
 
@@ -239,3 +240,14 @@ def test_places_of_obstacles_are_data(rich) -> None:
     one, two = (stage.values(x, u, data)[0][:, stage.limits][:, near] for data in (problem.data, away))
     assert near
     assert not np.allclose(one, two)
+
+
+def test_goals_in_whole_numbers_are_those_in_floats() -> None:
+    vehicle = load_vehicle("hexacopter370_flying_arm_3")
+    tables = []
+    for one, two in ((1, 2), (1.0, 2.0)):
+        to = Goal(base=Vec3(two, 0 * one, one), velocity=Vec3(0 * one, one, 0 * one), heading=one, joints=(one,) * 3)
+        phase = PlanPhase(name="go", to=to, duration=0.1)
+        task = Task(vehicle=vehicle, start=Start(position=Vec3(0 * one, 0 * one, one)), phases=(phase,))
+        tables.append(problem_of(task, stage_of(task), [2], np.full(3, 0.05)).data)
+    assert np.array_equal(*tables)

@@ -273,22 +273,26 @@ LEAST_PRESS = 0.02
 
 def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
-    goal, none = phase.to, Vec3(0.0, 0.0, 0.0)
-    contact = phase.contact
-    turned = goal.attitude or (0.0, 0.0, goal.heading or 0.0)
+    goal, contact, none = phase.to, phase.contact, Vec3(0.0, 0.0, 0.0)
+    turned = tuple(map(float, goal.attitude or (0.0, 0.0, goal.heading or 0.0)))
+
+    def numbers(v: Vec3 | None) -> Vec3:
+        """Vector without whole numbers, which would be constants of compiled code."""
+        return Vec3(*map(float, v)) if v else none
+
     return dataclasses.replace(
         example,
         dt=0.0 if phase.duration is None else phase.duration / count,
         free=tuple(1.0 / count if k == free else 0.0 for k in range(len(example.free))),
-        tip=goal.tip or none,
-        tip_velocity=goal.tip_velocity or none,
-        base=goal.base or none,
-        velocity=goal.velocity or none,
+        tip=numbers(goal.tip),
+        tip_velocity=numbers(goal.tip_velocity),
+        base=numbers(goal.base),
+        velocity=numbers(goal.velocity),
         attitude=attitude(turned),
-        axis=goal.tip_axis or none,
-        joints=goal.joints or example.joints,
+        axis=numbers(goal.tip_axis),
+        joints=tuple(map(float, goal.joints or example.joints)),
         touching=float(contact is not None),
-        normal=contact.normal if contact else none,
+        normal=numbers(contact.normal if contact else None),
         friction=contact.friction if contact else 0.0,
         press=max(contact.force / weight, LEAST_PRESS) if contact else 0.0,
     )

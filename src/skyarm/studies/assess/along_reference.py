@@ -247,7 +247,8 @@ def _saturation(
         return Finding(question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0)
     first = int(np.argmax(at_any))
     who = parts[int(np.argmax(outside[:, first]))][0]
-    text = f"saturates first at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
+    lowest = "" if reversed_ is None or not reversed_[:, first].any() else " at its lowest thrust"
+    text = f"saturates first{lowest} at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
     return Finding(
         question,
         FAULT if often > OFTEN or not finite else WARNING,
