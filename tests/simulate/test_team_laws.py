@@ -211,7 +211,7 @@ def test_fixed_grasps_are_borne_as_ball_grasps_are(row, team):
     assert found["rms"] < (0.12 if row == "2 cm off" else 0.1)
 
 
-def test_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body_and_that_of_a_ball_is_not():
+def test_only_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body():
     tables = fixed(bar())
     tables["reference"]["object"]["phases"][4] |= {"roll": 0.15}
     tables["world"]["grasps"][1] |= {"kind": "ball"}

@@ -235,7 +235,7 @@ class Team(Component[TeamMemory]):
         """Number of random numbers of the members' messages in a control period."""
         return 0
 
-    def measured(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
+    def measured_pose(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
         """Measured motion of the body: its pose with noise, by uniform random numbers."""
         if not self._measured_by:
             return body
@@ -308,7 +308,7 @@ class Team(Component[TeamMemory]):
             time=t,
             holding=where(t < self.take, 0.0, 1.0),
             desired=desired,
-            body=self.measured(body, memory.drawn),
+            body=self.measured_pose(body, memory.drawn),
             gravity=motion.gravity,
             forces=[-each.force for each in borne],
             moments=[-each.torque for each in borne],
