@@ -63,6 +63,22 @@ def grasp_matrix(arms):
     return np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack([cross(r) for r in arms])])
 
 
+def test_the_measured_pose_of_the_body_has_its_noise_and_the_true_one_none():
+    turn, draws = Rotation.from_euler("xyz", (0.4, -0.2, 1.0)), np.random.default_rng(4).uniform(size=(6, 20_000))
+    body = CarriedFrame(position=vec((1, 2, 3)), rotation=matrix(turn), velocity=vec((0, 0, 0)), turning=vec((0, 0, 0)))
+    assert team().uniforms == 0
+    assert team().measured(body, ()) is body
+    noisy = team(position_noise=0.003, attitude_noise=0.02, loss=0.1)
+    assert noisy.uniforms == 6 + 2
+    seen = noisy.measured(body, (*draws, 0.0, 0.0))
+    assert np.std([*seen.position], axis=1) == pytest.approx([0.003] * 3, rel=0.02)
+    assert np.mean([*seen.position], axis=1) == pytest.approx([1.0, 2.0, 3.0], abs=1e-4)
+    rows = np.array([[np.broadcast_to(c, 20_000) for c in row] for row in seen.rotation.rows]).transpose(2, 0, 1)
+    off = (Rotation.from_matrix(rows) * turn.inv()).as_rotvec()
+    assert np.std(off, axis=0) == pytest.approx([0.02] * 3, rel=0.02)
+    assert np.corrcoef(np.vstack([np.array([*seen.position]), off.T])) == pytest.approx(np.eye(6), abs=0.03)
+
+
 @pytest.mark.parametrize(("places", "masses"), [(PLATE, (1.0, 2.0, 0.5)), (BAR, (1.0, 1.0)), (BAR, (2.0, 0.7))])
 def test_shares_are_the_weighted_pseudoinverse_of_the_grasp_matrix(places, masses):
     rng, turn = np.random.default_rng(2), Rotation.random(random_state=6)

@@ -173,8 +173,12 @@ class Stages:
                 rows = zip(motion.agents, now.agents, strict=True)
                 borne = {name: part_of(own.memory, "carrying") for name, own in rows}
                 wrenches = {n: Force(each.moment, each.force) for n, each in borne.items() if is_record(each)}
-                memory = cast("TeamMemory", shared[i])
-                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, wrenches)
+                memory, laws = cast("TeamMemory", shared[i]), self.scenario.agents
+                supposed = {
+                    name: PointMotion(laws[name].controller.par.model.vehicle, each.state, gravity=each.gravity)
+                    for name, each in motion.agents.items()
+                }
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, wrenches, supposed)
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""

@@ -87,6 +87,7 @@ class TeamFlights(CellFlights):
         """Shipped scenario with the entries of law and condition."""
         document = tomllib.loads((LIBRARY / f"{FLOWN}.toml").read_text("utf-8"))
         noisy: Document = {"sensors": dataclasses.asdict(NOISE), "delays": {"measurement": DELAY}}
+        noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}  # of the carried body
         plant = {"plant": {"kind": self.plant}}
         for tables in (plant, LAWS[self.entrant.law], noisy if self.condition.noisy else {}, self.condition.tables):
             document = replaced(document, tables)

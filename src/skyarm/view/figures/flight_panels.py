@@ -138,7 +138,8 @@ def _tip(logs: Logs) -> Panels:
 def _team(logs: Logs) -> Panels:
     """Make panels that compare vehicles: tip error, forces on the bodies in their grasps, the team's, total thrust."""
     thrust = Panel(label="Thrust", unit="N", of=_thrust, magnitude=True, span=0.1)
-    carried = (replace(each, span=1e-3) for each in _parts(logs) if each.label.startswith(("team_", "load_share")))
+    shared = (each for each in _parts(logs) if each.label.startswith(("team_", "load_share")))
+    carried = (replace(each, span=1e-3, label=each.label.replace("_", " ").capitalize()) for each in shared)
     return [TIP_ERROR, *_grasps(logs), *carried, thrust]
 
 

@@ -176,7 +176,7 @@ class ObjectWrench(Sharing):
     ] = 0.5
 
     @property
-    def uniforms(self) -> int:
+    def message_draws(self) -> int:
         """One random number a message where messages get lost."""
         return 0 if absent(self.loss) else len(self.members)
 

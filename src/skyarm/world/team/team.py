@@ -23,9 +23,10 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
@@ -108,7 +109,7 @@ class TeamInputs:
         gravity: m/s^2.
         holding: 1 while the members hold the body, else 0.
         limits, moment_limits: largest weight (N) and moment (N m) that each member bears; () for any.
-        drawn: uniform random numbers, as many as the law draws in a control period.
+        drawn: uniform random numbers of the messages.
         forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
     """
 
@@ -153,6 +154,12 @@ class Team(Component[TeamMemory]):
     take: Annotated[Scalar, Unit("s", "time from which the members hold the body", low=0.0)] = 0.0
     mass: Annotated[Scalar, Unit("kg", "supposed mass of the body; 0: that of the object", low=0.0)] = 0
     inertia: Annotated[Vec3, Unit("kg m^2", "supposed moments of inertia of the body", low=0.0)] = ZERO3
+    position_noise: Annotated[
+        Scalar, Unit("m", "standard deviation of the body's measured position, each axis", low=0.0)
+    ] = 0
+    attitude_noise: Annotated[
+        Scalar, Unit("rad", "standard deviation of the body's measured attitude, each axis", low=0.0)
+    ] = 0
 
     steers = False
     """True of a law that says something to the members, whose laws must then have the option ``carrying``."""
@@ -213,6 +220,30 @@ class Team(Component[TeamMemory]):
             ):
                 raise RecordError(f"members[{i}].place = {shown([*place])}: must be {NEAREST:g} m or more from others")
 
+    @property
+    def _measured_by(self) -> int:
+        """Number of random numbers of the body's measured pose in a control period."""
+        return 0 if coerce.absent(self.position_noise) and coerce.absent(self.attitude_noise) else 6
+
+    @property
+    def uniforms(self) -> int:
+        """Number of random numbers in a control period: of the measured pose, and of the messages."""
+        return self._measured_by + self.message_draws
+
+    @property
+    def message_draws(self) -> int:
+        """Number of random numbers of the members' messages in a control period."""
+        return 0
+
+    def measured(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
+        """Measured motion of the body: its pose with noise, by uniform random numbers."""
+        if not self._measured_by:
+            return body
+        x, y, z, *turn = normals(drawn[: self._measured_by])
+        off = Quaternion.of_rotation_vector(Vec3(*turn) * self.attitude_noise).rotation()
+        position = body.position + Vec3(x, y, z) * self.position_noise
+        return replace(body, position=position, rotation=off @ body.rotation)
+
     def first(self, period: float) -> Tree:
         """Initial state of the team's law."""
         return ()
@@ -225,7 +256,7 @@ class Team(Component[TeamMemory]):
         """Initial internal state of the team."""
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
         logged = (0.0,) * len(self.columns)
-        return TeamMemory(own=self.first(period), carries=carries, drawn=(0.0,) * self.uniforms, logged=logged)
+        return TeamMemory(own=self.first(period), carries=carries, drawn=tuple(draws[: self.uniforms]), logged=logged)
 
     def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
         """Internal state with the random numbers of the control period that begins."""
@@ -244,6 +275,7 @@ class Team(Component[TeamMemory]):
         contact: Contact,
         touching: ContactMemory,
         tip_wrenches: Mapping[str, Wrench6],
+        supposed: Mapping[str, PointMotion],
     ) -> TeamMemory:
         """Internal state of the team after its law has spoken to the members, at the start of a control period.
 
@@ -255,6 +287,7 @@ class Team(Component[TeamMemory]):
             contact: contact model in which the body moves.
             touching: its internal state.
             tip_wrenches: wrench (N, N m, world axes) of the body on a tip by its law's estimate, by the member's name.
+            supposed: motion of each vehicle as the model of its law has it, by name.
         """
         if self.motion is None:
             return memory
@@ -265,7 +298,7 @@ class Team(Component[TeamMemory]):
             by_agent |= {grasp.agent: by.force} if of == index else {}
             closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
-        limits, moment_limits = zip(*(largest_load(motion.of(each.agent)) for each in self.members), strict=True)
+        limits, moment_limits = zip(*(largest_load(supposed[each.agent]) for each in self.members), strict=True)
         rows = zip(self.members, limits, strict=True)
         masses = (where(m.mass > 0.0, m.mass, limit) * closed.get(m.agent, 1.0) for m, limit in rows)
         team = self.with_masses(list(masses))
@@ -275,13 +308,13 @@ class Team(Component[TeamMemory]):
             time=t,
             holding=where(t < self.take, 0.0, 1.0),
             desired=desired,
-            body=body,
+            body=self.measured(body, memory.drawn),
             gravity=motion.gravity,
             forces=[-each.force for each in borne],
             moments=[-each.torque for each in borne],
             limits=limits,
             moment_limits=moment_limits,
-            drawn=memory.drawn,
+            drawn=memory.drawn[self._measured_by :],
         )
         own, carries = team.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
