@@ -148,7 +148,7 @@ class ObjectWrench(Sharing):
             "m/(N s)",
             "rate at which an internal force moves the tips apart",
             low=0.0,
-            effect="higher values remove an internal force sooner and oscillate without blind observers",
+            effect="higher values remove an internal force sooner and oscillate if blind is low",
         ),
     ] = 0.06
     swing: Annotated[
