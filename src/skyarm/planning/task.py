@@ -158,7 +158,9 @@ class TaskLimits:
     joint_rate: Annotated[float, Unit("rad/s or m/s", "largest joint rate", low=0.01, high=100.0)] = 3.0
     speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
     rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
-    clearance: Annotated[float, Unit("m", "least distance from obstacles and between own bodies", low=0.0)] = 0.05
+    clearance: Annotated[
+        float, Unit("m", "least distance from obstacles, and between own bodies that overlapped", low=0.0)
+    ] = 0.05
 
 
 @immutable

@@ -128,7 +128,7 @@ class ObjectWrench(Sharing):
         Scalar,
         Unit(
             "1/s",
-            "rate at which observers forget internal forces",
+            "rate at which the observers' estimates of internal forces decay to the desired pull",
             low=0.0,
             effect="higher values leave less internal force and tolerate less delay of messages",
         ),
@@ -137,7 +137,7 @@ class ObjectWrench(Sharing):
         Scalar,
         Unit(
             "1/s",
-            "rate at which observers forget moments between tip and body, of fixed grasps",
+            "the same rate of the moments between tip and body, of fixed grasps",
             low=0.0,
             effect="higher values leave less moment in a fixed grasp",
         ),
@@ -148,7 +148,7 @@ class ObjectWrench(Sharing):
             "m/(N s)",
             "rate at which an internal force moves the tips apart",
             low=0.0,
-            effect="higher values remove an internal force sooner and oscillate without blind observers",
+            effect="higher values remove an internal force sooner and oscillate if blind is low",
         ),
     ] = 0.06
     swing: Annotated[
@@ -172,7 +172,7 @@ class ObjectWrench(Sharing):
     loss: Annotated[Scalar, Unit("", "probability that a message is lost", low=0.0, high=1.0)] = 0
     timeout: Annotated[
         Scalar,
-        Unit("s", "time without a message, beside the delay, after which no internal force is forgotten", low=0.0),
+        Unit("s", "age of a message, without delay, from which internal forces are not controlled", low=0.0),
     ] = 0.5
 
     @property
