@@ -50,9 +50,9 @@ def test_a_folded_arm_nearer_to_itself_than_asked_is_named() -> None:
     """Its tip and wrist are 17 mm apart at the start, which no plan can change."""
     found = plan(goal(np.random.default_rng(5)))
     numbers = summary(found)
-    assert numbers.short.startswith("link/hand/tip and link/wrist_roll_link/wrist_pitch come within 0.0169 m at ")
-    assert numbers.short.endswith(" s; 0.05 m are asked")
-    assert f"nearer than limits.clearance: {numbers.short}" in summary_lines("goal", numbers)
+    assert numbers.short.startswith("0.05 m: link/hand/tip and link/wrist_roll_link/wrist_pitch, 0.0169 m at ")
+    assert numbers.short.endswith(" s")
+    assert f"nearer than limits.clearance = {numbers.short}" in summary_lines("goal", numbers)
     less = dataclasses.replace(found.task.limits, clearance=0.015)
     assert not summary(plan(dataclasses.replace(found.task, limits=less))).short
 

@@ -81,9 +81,7 @@ def summary(plan: Plan) -> Summary:
         joint_rate=rate,
         clearance=gap if math.isfinite(gap) else None,
         nearest=plan.nearest.words if plan.nearest is not None else "",
-        short=f"{plan.nearest.short}; {task.limits.clearance:g} m are asked"
-        if plan.nearest and plan.nearest.short
-        else "",
+        short=f"{task.limits.clearance:g} m: {plan.nearest.short}" if plan.nearest and plan.nearest.short else "",
         violation=plan.solution.violation,
         cost=plan.solution.cost,
         seconds=plan.seconds,
@@ -118,7 +116,7 @@ def summary_lines(name: str, found: Summary) -> list[str]:
     if found.clearance is not None:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
     if found.short:
-        lines.append(f"nearer than limits.clearance: {found.short}")
+        lines.append(f"nearer than limits.clearance = {found.short}")
     seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
     lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
     return lines

@@ -522,7 +522,7 @@ def nearest_of(plan: Plan) -> Nearest:
         time=time,
         words=words,
         pairs=frozenset((near.pairs[i].volume, near.pairs[i].other) for i in np.flatnonzero(meet)),
-        short="; ".join(f"{who} come within {d:.3g} m at {at:.3g} s" for d, at, who in worst if d < limit - SLACK),
+        short="; ".join(f"{who}, {d:.3g} m at {at:.3g} s" for d, at, who in worst if d < limit - SLACK),
         missing=missing,
     )
 
