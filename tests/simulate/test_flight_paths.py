@@ -21,7 +21,6 @@ from skyarm.algebra.scalars import where
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.machine_code import NoMachineCodeError, SlowFlightWarning
 from skyarm.dynamics.actuators import Command
-from skyarm.log import formats
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
@@ -316,12 +315,6 @@ def test_a_csv_is_what_a_csv_writer_writes(tmp_path: Any) -> None:
     heads, rows = flown.save_csv(tmp_path / "log.csv").read_text(encoding="utf-8").split("\n", 1)
     assert heads.count(",") + 1 == table.shape[1]
     assert rows == text.getvalue()
-
-
-def test_a_column_of_equal_numbers_is_not_one_of_zeros_of_both_signs() -> None:
-    assert formats._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
-    assert formats._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
-    assert formats._texts(np.array([]), {}) == []
 
 
 @pytest.mark.parametrize(

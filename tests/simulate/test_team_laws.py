@@ -85,9 +85,9 @@ def assert_drawn(log: Any) -> None:
         ax.get_ylabel().replace("_\n", "_").split("\n")[0].split(" ")[0]: ax.get_lines()
         for ax in plot(log, kind="team").axes
     }
-    assert np.array_equal(lines["team_position_error_bar"][0].get_ydata(), log.team_position_error[:, 0])
+    assert np.array_equal(lines["Team position error bar"][0].get_ydata(), log.team_position_error[:, 0])
     for i, agent in enumerate(("left", "right")):
-        (line,) = [each for each in lines[f"load_share_{agent}"] if not each.get_label().startswith("_")]
+        (line,) = [each for each in lines[f"Load share {agent}"] if not each.get_label().startswith("_")]
         assert line.get_label() == agent
         assert np.array_equal(line.get_ydata(), log.load_share[:, i])
 
@@ -211,7 +211,7 @@ def test_fixed_grasps_are_borne_as_ball_grasps_are(row, team):
     assert found["rms"] < (0.12 if row == "2 cm off" else 0.1)
 
 
-def test_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body_and_that_of_a_ball_is_not():
+def test_only_the_hand_of_a_fixed_grasp_is_planned_to_turn_with_the_body():
     tables = fixed(bar())
     tables["reference"]["object"]["phases"][4] |= {"roll": 0.15}
     tables["world"]["grasps"][1] |= {"kind": "ball"}

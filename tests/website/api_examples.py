@@ -252,8 +252,8 @@ skyarm.studies.sweep.study.StudyError: ...
 2.0
 
 ## Team
->>> skyarm.Team(object="bar", mass=1.6).columns[2][:3]
-('team_pull', 'bar', 'N')
+>>> skyarm.Team(object="bar", mass=1.6).columns[0][:3]
+('team_position_error', 'bar', 'm')
 
 ## TimedPayload
 >>> load = skyarm.TimedPayload(name="parcel", mass=0.3, pick=8.0, drop=14.0)  # kg, s

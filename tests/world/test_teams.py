@@ -67,10 +67,10 @@ def test_the_measured_pose_of_the_body_has_its_noise_and_the_true_one_none():
     turn, draws = Rotation.from_euler("xyz", (0.4, -0.2, 1.0)), np.random.default_rng(4).uniform(size=(6, 20_000))
     body = CarriedFrame(position=vec((1, 2, 3)), rotation=matrix(turn), velocity=vec((0, 0, 0)), turning=vec((0, 0, 0)))
     assert team().uniforms == 0
-    assert team().measured(body, ()) is body
+    assert team().measured_pose(body, ()) is body
     noisy = team(position_noise=0.003, attitude_noise=0.02, loss=0.1)
     assert noisy.uniforms == 6 + 2
-    seen = noisy.measured(body, (*draws, 0.0, 0.0))
+    seen = noisy.measured_pose(body, (*draws, 0.0, 0.0))
     assert np.std([*seen.position], axis=1) == pytest.approx([0.003] * 3, rel=0.02)
     assert np.mean([*seen.position], axis=1) == pytest.approx([1.0, 2.0, 3.0], abs=1e-4)
     rows = np.array([[np.broadcast_to(c, 20_000) for c in row] for row in seen.rotation.rows]).transpose(2, 0, 1)
@@ -220,7 +220,7 @@ def wrench_of(arms, forces):
 
 
 @pytest.mark.parametrize("places", [PLATE, LINE])
-def test_pulls_along_each_pair_of_grasps_are_the_internal_forces_and_the_other_way_round(places):
+def test_pulls_along_all_pairs_of_grasps_are_the_internal_forces(places):
     whole, arms = team(places), [vec(place) for place in places]
     given = np.array([2.0, -1.0, 1.5])
     forces = np.array([[*f] for f in whole.along([*given], arms)])
@@ -328,7 +328,7 @@ def test_what_the_others_cannot_bear_is_set_down_where_it_was():
     assert np.allclose(np.gradient(path[:, 8], SLOW)[slows], path[slows, 9], atol=0.06)
 
 
-def test_a_body_that_tips_without_a_lost_member_is_set_down_and_fixed_grasps_bear_a_moment():
+def test_a_body_that_tips_is_set_down_and_fixed_grasps_bear_a_moment():
     def overload(kind, moments):
         whole = team(PLATE, mass=2.0).with_masses([1.0, 0.0, 1.0])
         whole = dataclasses.replace(whole, members=tuple(dataclasses.replace(m, kind=kind) for m in whole.members))

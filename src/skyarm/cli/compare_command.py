@@ -59,7 +59,7 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-suite, envelope-suite, contact-suite, team-suite, or a scenario",
+            help="paper-, envelope-, contact- or team-suite, or a scenario",
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,

@@ -58,7 +58,7 @@ class BodyMotion:
     rate: Vec3
     turning: Vec3
 
-    def slowed(self, pace: Scalar, change: Scalar) -> BodyMotion:
+    def at_pace(self, pace: Scalar, change: Scalar) -> BodyMotion:
         """The same place in a motion whose time runs at a pace, which changes at a rate (1/s)."""
         return BodyMotion(
             position=self.position,

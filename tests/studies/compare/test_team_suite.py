@@ -12,7 +12,7 @@ from skyarm.records.arrays import AnyArray as Array
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import PLACED, SUCCESS_METRIC, Cell, successes
-from skyarm.studies.compare.team_suite import FLOWN, LAWS, ROWS, TeamFlights, TeamSuite, replaced
+from skyarm.studies.compare.team_suite import FLOWN, LAWS, ROWS, TeamFlights, TeamSuite, with_entries
 
 
 def cell(row: str, law: str = "object_wrench", seeds: int = 3) -> TeamFlights:
@@ -37,7 +37,7 @@ def flight(flights: TeamFlights, k: int) -> tuple[Scenario, dict[str, float]]:
 
 def test_entries_replace_those_of_a_file_key_by_key_and_in_each_table_of_a_list() -> None:
     own = {"a": [{"x": 1, "y": 1}, {"x": 2}], "b": {"c": 1, "d": 1}, "e": 0}
-    new = replaced(own, {"a": {"x": 3}, "b": {"d": 2}, "e": [1], "f": {"g": 1}})
+    new = with_entries(own, {"a": {"x": 3}, "b": {"d": 2}, "e": [1], "f": {"g": 1}})
     assert new == {"a": [{"x": 3, "y": 1}, {"x": 3}], "b": {"c": 1, "d": 2}, "e": [1], "f": {"g": 1}}
     assert own["a"] == [{"x": 1, "y": 1}, {"x": 2}]
 

@@ -61,15 +61,15 @@ class Row(Condition):
     derived: Document = field(default_factory=dict)
 
 
-def replaced(table: Document, entries: Record) -> Document:
+def with_entries(table: Document, entries: Record) -> Document:
     """Table of a file with entries in place of its own, tables key by key; a table for a list in each of its tables."""
     changed = dict(table)
     for key, entry in entries.items():
         match table.get(key), entry:
             case dict() as own, dict():
-                changed[key] = replaced(own, entry)
+                changed[key] = with_entries(own, entry)
             case list() as own, dict():
-                changed[key] = [replaced(each, entry) for each in own]
+                changed[key] = [with_entries(each, entry) for each in own]
             case _:
                 changed[key] = entry
     return changed
@@ -90,7 +90,7 @@ class TeamFlights(CellFlights):
         noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}  # of the carried body
         plant = {"plant": {"kind": self.plant}}
         for tables in (plant, LAWS[self.entrant.law], noisy if self.condition.noisy else {}, self.condition.tables):
-            document = replaced(document, tables)
+            document = with_entries(document, tables)
         return dataclasses.replace(scenario_from(document), seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:

@@ -60,6 +60,10 @@ class Decentralised(Sharing):
         """Initial state of the law: nothing shifted, the initial mass."""
         return (MemberState(mass=data(self.initial_mass)),) * len(self.members)
 
+    def usual_mass(self, limit: Scalar) -> Scalar:
+        """1: no member knows what the others bear."""
+        return 1.0
+
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
         """Next state of the law, and to each member its force and the shift of its tip."""
         own = cast("tuple[MemberState, ...]", own)

@@ -1,4 +1,4 @@
-"""Largest load that a member of a team bears at its tip, by its rotors and joints."""
+"""Largest load at the tip of a team's member, by its rotors and joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST, LEVER = 1e4, 1e-3
 
 
 def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
-    """Largest weight (N) that a vehicle bears at its tip in its present pose, and largest moment (N m); at least 0.
+    """Largest weight (N) at the tip of a vehicle in its present pose, and largest moment (N m); at least 0.
 
     Beside the weights of vehicle and arm, which the same rotors and joints bear. A moment may have any direction.
     Servos count as their joints.

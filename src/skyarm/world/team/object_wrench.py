@@ -43,7 +43,7 @@ STANDING = 4.0
 """Factor, less one, on the rate at which all force on a body that stands is forgotten: its support bears it."""
 
 EASING, LEAST_EASE, SLACK = 5.0, 0.02, 0.1
-"""Rate (1/s) at which a member that bears too much passes load to others, its least part, and a negligible load (N)."""
+"""Rate (1/s) at which an overloaded member passes load to others, its least part, and a negligible load (N)."""
 
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
 """Time (s) and share of an overload, after a member was lost, that the others bear before they stop within 1 s and set
@@ -96,7 +96,7 @@ class WrenchMemory:
 
 @immutable
 class CarryCourse:
-    """Motion of the body that the law asks for.
+    """Desired motion of the body after losses of members.
 
     Attributes:
         clock: time (s) of the desired motion that it is at. desired: motion there.
@@ -284,12 +284,12 @@ class ObjectWrench(Sharing):
         return height
 
     def _course(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> CarryCourse:
-        """Motion of the body that the law asks for: the desired one, until the members set the body down."""
+        """Desired motion of the body: that of the team, until the members set the body down."""
         assert self.motion is not None
         pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
         clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
         change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
-        desired = self.motion.at(clock).slowed(pace, change)
+        desired = self.motion.at(clock).at_pace(pace, change)
         now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
         down = SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
         height = maximum(desired.position.z - self._start, 0.0)

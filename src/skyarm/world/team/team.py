@@ -235,7 +235,7 @@ class Team(Component[TeamMemory]):
         """Number of random numbers of the members' messages in a control period."""
         return 0
 
-    def measured(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
+    def measured_pose(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
         """Measured motion of the body: its pose with noise, by uniform random numbers."""
         if not self._measured_by:
             return body
@@ -300,7 +300,7 @@ class Team(Component[TeamMemory]):
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         limits, moment_limits = zip(*(largest_load(supposed[each.agent]) for each in self.members), strict=True)
         rows = zip(self.members, limits, strict=True)
-        masses = (where(m.mass > 0.0, m.mass, limit) * closed.get(m.agent, 1.0) for m, limit in rows)
+        masses = (where(m.mass > 0.0, m.mass, self.usual_mass(limit)) * closed.get(m.agent, 1.0) for m, limit in rows)
         team = self.with_masses(list(masses))
         desired = self.motion.at(t)
         borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
@@ -308,7 +308,7 @@ class Team(Component[TeamMemory]):
             time=t,
             holding=where(t < self.take, 0.0, 1.0),
             desired=desired,
-            body=self.measured(body, memory.drawn),
+            body=self.measured_pose(body, memory.drawn),
             gravity=motion.gravity,
             forces=[-each.force for each in borne],
             moments=[-each.torque for each in borne],
@@ -326,6 +326,10 @@ class Team(Component[TeamMemory]):
         errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(own=own, carries=carries, drawn=memory.drawn, logged=tuple(data(each) for each in logged))
+
+    def usual_mass(self, limit: Scalar) -> Scalar:
+        """Virtual mass of a member that states none, by the largest weight (N) at its tip."""
+        return limit
 
     def with_masses(self, masses: Sequence[Scalar]) -> Self:
         """Team with other virtual masses; 0 for a member that has lost its grasp."""
