@@ -356,6 +356,8 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
             raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
         with errors_as(ValueError, f"{path}.members[{i}]."):
             body.require_near(each.place)
+    # directions of cables are planned, so that all shares must be known before the flight
+    usual = 1.0 if any(each.kind == "cable" for each in grasps) else 0.0
     taken = ((each, each.taken or by_agent[each.agent].place) for each in members)
     members = tuple(
         dataclasses.replace(
@@ -363,8 +365,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
             taken=None if at == each.place else at,
             kind=each.kind or by_agent[each.agent].kind,
             length=each.length or cast("float", by_agent[each.agent].length),
-            # directions of cables are planned, so that their shares must be known before the flight
-            mass=each.mass or (1.0 if by_agent[each.agent].kind == "cable" else 0.0),
+            mass=each.mass or usual,
         )
         for each, at in taken
     )

@@ -206,9 +206,10 @@ def _of_part(name: str, index: int, absent: Scalar | None = None) -> Quantity:
 
 
 def _pull_error(now: MetricInstant, _: MetricGoal) -> Scalar:
-    """Size of the error of a team's pull along the lines of its grasps (N); NaN without a team."""
-    pull, desired = now.part("team_pull"), now.part("team_pull_reference")
-    return absolute(pull[0] - desired[0]) if pull else math.nan
+    """Largest error of a team's pull along the lines of its grasps (N); NaN without a team."""
+    rows = zip(now.part("team_pull"), now.part("team_pull_reference"), strict=True)
+    errors = [absolute(pull - desired) for pull, desired in rows]
+    return reduce(maximum, errors) if errors else math.nan
 
 
 QUANTITIES: Mapping[str, Quantity] = {

@@ -33,5 +33,6 @@ def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
     for link, weight, lever in zip(vehicle.links, own, levers, strict=True):
         limit = where(link.joint.effort_limit > 0.0, link.joint.effort_limit, LARGEST)
         spare = maximum(SPENT * limit - absolute(weight), 0.0)
-        most, turning = minimum(most, divide(spare, maximum(absolute(lever), LEVER))), minimum(turning, spare)
+        most = minimum(most, divide(spare, maximum(absolute(lever), LEVER)))
+        turning = minimum(turning, spare) if link.joint.turns else turning
     return maximum(most, 0.0), turning
