@@ -405,6 +405,18 @@ def test_members_that_cannot_share_a_load_are_refused() -> None:
 
     grasps = "world"
     places = [{"agent": name, "place": [0.1, 0.0, 0.0]} for name in ("left", "right")]
+    held = [{"agent": name, "place": [x, 0.0, 0.02]} for name, x in (("left", -0.55), ("right", 0.55))]
+    for entry, words in (
+        ({"length": 0.5}, "length = 0.5: must be left out, the grasp of 'right' is of kind 'ball'"),
+        ({"kind": "cable"}, "kind = 'cable': must be left out, the grasp of 'right' is of kind 'ball'"),
+        ({"mass": 1e-300}, "mass = 1e-300: must be 0 or at least 1e-06"),
+    ):
+        found = message(lambda t, entry=entry: t["team"].update(members=[held[0], held[1] | entry]))
+        assert found == f"team.members[1].{words}"
+    both = message(lambda t: t["team"].update(internal_force=2.0, internal_forces=[1.0]))
+    assert both == "team.internal_force = 2: must be left out beside internal_forces"
+    nobody = message(lambda t: t["world"]["grasps"][1].update(agent="rihgt"))
+    assert nobody == "world.grasps[1].agent = 'rihgt': did you mean 'right'? must be one of left, right"
     assert message(lambda t: t["team"].update(members=[])) == "team.members = []: must be two or more, or left out"
     assert message(lambda t: t["team"].update(members=places)).startswith(
         "team.members[1].place = [0.1, 0.0, 0.0]: must"

@@ -356,6 +356,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
             raise ValueError(f"{path}.members[{i}].agent = {shown(each.agent)}: {words}")
         with errors_as(ValueError, f"{path}.members[{i}]."):
             body.require_near(each.place)
+            own = by_agent[each.agent].kind
+            if own != "cable" and (each.length or each.kind == "cable"):
+                stated = f"length = {each.length:g}" if each.length else "kind = 'cable'"
+                raise ValueError(f"{stated}: must be left out, the grasp of {shown(each.agent)} is of kind {own!r}")
     # directions of cables are planned, so that all shares must be known before the flight
     usual = 1.0 if any(each.kind == "cable" for each in grasps) else 0.0
     taken = ((each, each.taken or by_agent[each.agent].place) for each in members)

@@ -49,7 +49,7 @@ class Decentralised(Sharing):
     ] = 0.002
     adaptation: Annotated[
         Scalar,
-        Unit("kg s^2/m^2", "rate at which a velocity changes the adapted mass, over gravity", low=0.0),
+        Unit("kg s^2/m^2", "rate of the adapted mass per velocity of the tip, divided by gravity", low=0.0),
     ] = 40.0
     initial_mass: Annotated[
         Scalar, Unit("kg", "part of the body's mass that each member supposes at first", low=0.0)

@@ -55,6 +55,9 @@ SMALL = 1e-9
 NEAREST = 0.01
 """Least distance (m) between the grasps of two members: at one place they have no line along which they pull."""
 
+LIGHTEST = 1e-6
+"""Least virtual mass of a member, below which shares are lost to rounding."""
+
 LEAST = 1e-3
 """Force (N) of all grasps below which their shares are not told apart."""
 
@@ -77,7 +80,7 @@ class Member:
     length: Annotated[
         float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
     ] = field(default=0, metadata=WRITTEN_IF_ANY)
-    taken: Annotated[Vec3 | None, Unit("m", "place at which the tip takes hold; left out: place")] = None
+    taken: Annotated[Vec3 | None, Unit("m", "place to which the tip really goes to take hold; left out: place")] = None
     mass: Annotated[
         Scalar,
         Unit(
@@ -212,6 +215,9 @@ class Team(Component[TeamMemory]):
                 raise RecordError(f"members[{i}].agent = {shown(name)}: {must_be_one_of(names, name)}")
             if name in agents[:i]:
                 raise RecordError(f"members[{i}].agent = {shown(name)}: must be of one member only")
+            mass = self.members[i].mass
+            if coerce.concrete(mass) and 0.0 < mass < LIGHTEST:
+                raise RecordError(f"members[{i}].mass = {mass:g}: must be 0 or at least {LIGHTEST:g}")
             place = self.members[i].place
             if any(
                 (place - each.place).norm() < NEAREST
@@ -487,6 +493,8 @@ class Sharing(Team):
         if len(self.internal_forces) not in (0, len(self.pairs)):
             words = f"{len(self.internal_forces)} numbers: must be {len(self.pairs)}, one of each two members"
             raise RecordError(f"internal_forces = {words}")
+        if self.internal_forces and coerce.concrete(self.internal_force) and self.internal_force != 0.0:
+            raise RecordError(f"internal_force = {self.internal_force:g}: must be left out beside internal_forces")
 
     def fraction(self, t: Scalar) -> Scalar:
         """Fraction of the load that the members bear at a time (s): 1 from lift to place."""
