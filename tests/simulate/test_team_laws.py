@@ -81,10 +81,7 @@ def test_a_misplaced_grasp_does_not_make_the_members_fight():
 
 def assert_drawn(log: Any) -> None:
     """Compare the panels of the team with the arrays of the log; each vehicle has its own share."""
-    lines = {
-        ax.get_ylabel().replace("_\n", "_").split("\n")[0].split(" ")[0]: ax.get_lines()
-        for ax in plot(log, kind="team").axes
-    }
+    lines = {" ".join(ax.get_ylabel().split()).split(" [")[0]: ax.get_lines() for ax in plot(log, kind="team").axes}
     assert np.array_equal(lines["Team position error bar"][0].get_ydata(), log.team_position_error[:, 0])
     for i, agent in enumerate(("left", "right")):
         (line,) = [each for each in lines[f"Load share {agent}"] if not each.get_label().startswith("_")]

@@ -63,6 +63,28 @@ def grasp_matrix(arms):
     return np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack([cross(r) for r in arms])])
 
 
+def test_one_member_that_is_left_bears_all_and_none_bears_nothing():
+    force, moment, arms = vec((1.0, -2.0, 15.0)), vec((0.3, 0.1, 0.0)), [vec(place) for place in BAR]
+    alone, none = team().with_masses([0.0, 1.0]), team().with_masses([0.0, 0.0])
+    assert np.allclose([[*f] for f in alone.shares(force, moment, arms)], [[0, 0, 0], [1.0, -2.0, 15.0]], atol=1e-9)
+    assert np.allclose([[*f] for f in none.shares(force, moment, arms)], 0.0)
+    turned = matrix(Rotation.from_euler("xyz", (0.1, 0.2, 0.3)))
+    for left in (alone, none):  # about its own grasp one member turns nothing
+        assert np.allclose([*left.turn_error(turned, matrix(Rotation.identity()))], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "count"), [(150.0, 300), (200.0, 400), (50.0, 100), (0, 400)])
+def test_messages_are_sent_at_their_rate_although_it_does_not_divide_that_of_control(rate, count):
+    whole = team(rate=rate)
+    own, sent = whole.first(DT), 0
+    told = inputs(whole, 5.0)
+    for _ in range(400):
+        messages, since = whole._send(own, told, DT)
+        own = dataclasses.replace(own, sent=messages, since=since)
+        sent += messages[0].age == 0.0
+    assert sent == pytest.approx(count, abs=1)
+
+
 def test_the_measured_pose_of_the_body_has_its_noise_and_the_true_one_none():
     turn, draws = Rotation.from_euler("xyz", (0.4, -0.2, 1.0)), np.random.default_rng(4).uniform(size=(6, 20_000))
     body = CarriedFrame(position=vec((1, 2, 3)), rotation=matrix(turn), velocity=vec((0, 0, 0)), turning=vec((0, 0, 0)))

@@ -131,7 +131,10 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
     """Number of stages of each phase."""
     usual = [HOLD_STEP if phase.resting else task.step for phase in task.phases]
     steps = [phase.step or step for phase, step in zip(task.phases, usual, strict=True)]
-    return [max(2, round(length / step)) for length, step in zip(lengths, steps, strict=True)]
+    # two stages at the ends of a free phase have lengths of their own
+    least = [2 if phase.duration else 3 for phase in task.phases]
+    rows = zip(lengths, steps, least, strict=True)
+    return [max(fewest, round(length / step)) for length, step, fewest in rows]
 
 
 def attitude(angles: Sequence[float]) -> Quaternion:

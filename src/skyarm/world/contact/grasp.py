@@ -97,7 +97,8 @@ class Grasp:
             raise RecordError(
                 f"grasp.length = {self.length!r}: must be left out of a {self.kind} grasp; cables have one"
             )
-
+        if self.closes and coerce.concrete(self.close, self.release) and not self.release > self.close:
+            raise RecordError(f"grasp.release = {self.release:g}: must be after close, {self.close:g} s")
         if any(letter in self.name for letter in "/,"):
             coerce.refuse("grasp.name", self.name, "must be without / and ,")
 

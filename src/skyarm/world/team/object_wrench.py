@@ -101,6 +101,7 @@ class CarryCourse:
     Attributes:
         clock: time (s) of the desired motion that it is at. desired: motion there.
         lower: displacement from it, m, world axes. share: part of the weight that the members bear.
+        aloft: 0 after the body was set down, else 1.
         heading: turn (rad) from the desired heading of now, with rate and acceleration.
     """
 
@@ -108,6 +109,7 @@ class CarryCourse:
     desired: BodyMotion
     lower: Vec3
     share: Scalar
+    aloft: Scalar
     heading: Vec3
 
 
@@ -223,7 +225,7 @@ class ObjectWrench(Sharing):
         loads, moments, ratios, short = team._loads(desired, inputs, arms, holding)
         after_loss = where((inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0)
         overload = (own.overload + dt) * where(own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0)
-        pulls = team.along(self.desired_tensions(inputs.time), arms)
+        pulls = team.along([each * course.aloft for each in self.desired_tensions(course.clock)], arms)
         forces = [load * share + pull for load, pull in zip(loads, pulls, strict=True)]
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
@@ -299,6 +301,7 @@ class ObjectWrench(Sharing):
             desired=desired,
             lower=E_Z * -minimum(down, height),
             share=self.fraction(clock) * (1.0 - landed),
+            aloft=1.0 - landed,
             heading=Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3]),
         )
 
@@ -338,4 +341,5 @@ class ObjectWrench(Sharing):
                     lost=data(each.lost + now - through),
                 )
             )
-        return tuple(sent), since * (1.0 - now)
+        left = 0.0 if absent(self.rate) else since - divide(now, self.rate)
+        return tuple(sent), where(left * self.rate > 1.0, 0.0, left)  # after the first message, which is sent at once

@@ -52,6 +52,9 @@ from skyarm.world.team.limits import largest_load
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
 
+FLOOR = 1e-12
+"""Least sum of virtual masses, and least of their second moments, where one member or none is left."""
+
 NEAREST = 0.01
 """Least distance (m) between the grasps of two members: at one place they have no line along which they pull."""
 
@@ -403,7 +406,7 @@ class Team(Component[TeamMemory]):
 
     def from_middle(self, arms: Sequence[Vec3]) -> list[Vec3]:
         """Places of the grasps from the middle of the virtual masses."""
-        whole = divide(1.0, sum((each.mass for each in self.members), 0.0))
+        whole = divide(1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR))
         middle = sum((arm * (each.mass * whole) for arm, each in zip(arms, self.members, strict=True)), ZERO3)
         return [arm - middle for arm in arms]
 
@@ -414,7 +417,7 @@ class Team(Component[TeamMemory]):
     def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
         """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
         masses, relative = [each.mass for each in self.members], self.from_middle(arms)
-        whole, J = divide(1.0, sum(masses, 0.0)), self.moments(relative)
+        whole, J = divide(1.0, maximum(sum(masses, 0.0), FLOOR)), self.moments(relative)
         turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
         rows = zip(masses, relative, strict=True)
         return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
@@ -427,7 +430,7 @@ class Team(Component[TeamMemory]):
             for i in range(3):
                 for k in range(3):
                     J[i][k] = J[i][k] + m * ((square if i == k else 0.0) - c[i] * c[k])
-        eased = (J[0][0] + J[1][1] + J[2][2]) * SMALL
+        eased = maximum((J[0][0] + J[1][1] + J[2][2]) * SMALL, FLOOR)
         for i in range(3):
             J[i][i] = J[i][i] + eased
         return J
