@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -118,3 +120,24 @@ def test_a_wrong_table_is_refused_in_one_line(table, words):
         motion_of_object(Fields(table, "reference.object"), Vec3(0.0, 0.0, 0.0))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "message"),
+    [
+        (("hold", "place", "lift"), "phases[1].kind = 'place': must come after a phase of kind 'lift'"),
+        (("hold", "lift", "place", "lift"), "phases[3].kind = 'lift': must be 'hold', after a phase of kind 'place'"),
+        (("hold", "lift", "place", "carry"), "phases[3].kind = 'carry': must be 'hold', after a phase of kind 'place'"),
+    ],
+)
+def test_phases_in_an_order_that_nobody_can_carry_are_refused(kinds, message):
+    numbers = {"lift": {"height": 0.5}, "carry": {"by": [1.0, 0.0, 0.0]}}
+    phases = [{"kind": kind, "duration": 1.0, **numbers.get(kind, {})} for kind in kinds]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        motion_of_object(Fields({"phases": phases}, ""), Vec3(0.0, 0.0, 0.0))
+
+
+def test_a_lift_has_a_height_above_zero():
+    phases = [{"kind": "lift", "height": 0.0, "duration": 1.0}]
+    with pytest.raises(ValueError, match=r"phases\[0\]\.height = 0.*: must be above 0"):
+        motion_of_object(Fields({"phases": phases}, ""), Vec3(0.0, 0.0, 0.0))

@@ -63,6 +63,11 @@ def grasp_matrix(arms):
     return np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack([cross(r) for r in arms])])
 
 
+def test_messages_that_are_too_old_before_the_next_are_refused():
+    with pytest.raises(ValueError, match=r"timeout = 0\.2: must be 1 s or more, the period of rate"):
+        team(rate=1.0, timeout=0.2).require_members(["a0", "a1"], DT)
+
+
 def test_one_member_that_is_left_bears_all_and_none_bears_nothing():
     force, moment, arms = vec((1.0, -2.0, 15.0)), vec((0.3, 0.1, 0.0)), [vec(place) for place in BAR]
     alone, none = team().with_masses([0.0, 1.0]), team().with_masses([0.0, 0.0])

@@ -174,9 +174,13 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
     for i, entry in enumerate(filled_list(fields.take("phases"), at, "a list of phases")):
         phase = Fields(entry, f"{at}[{i}]")
         kind, duration = phase.choice("kind", PHASES), phase.number("duration", low=0.0, strict=True)
+        if stop and kind != "hold":
+            raise ValueError(f"{at}[{i}].kind = {kind!r}: must be 'hold', after a phase of kind 'place'")
+        if kind == "place" and lift < 0.0:
+            raise ValueError(f"{at}[{i}].kind = 'place': must come after a phase of kind 'lift'")
         goal = dict(pose)
         if kind == "lift":
-            goal["z"] += phase.number("height")
+            goal["z"] += phase.number("height", low=0.0, strict=True)
             lift = time if lift < 0.0 else lift
         elif kind == "carry":
             by = phase.vector("by")
@@ -200,4 +204,4 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
             f"{at}: must have a phase of kind 'lift' after one of kind 'hold', in which the tips take hold"
         )
     signals = {name: Sum(tuple(each)) if len(each) > 1 else each[0] for name, each in moves.items()}
-    return PoseTrajectory(**signals, lift=lift, stop=max(stop, lift) if stop else time + 1e6)
+    return PoseTrajectory(**signals, lift=lift, stop=stop or time + 1e6)

@@ -25,6 +25,7 @@ from typing import Annotated, cast
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip, data, divide, logical_or, maximum, minimum, mul, sqrt, where
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
@@ -187,6 +188,8 @@ class ObjectWrench(Sharing):
         Sharing.require_members(self, names, period)
         if abs(round(self.delay / period) * period - self.delay) > 1e-9:
             raise RecordError(f"delay = {self.delay:g}: must be a whole number of control periods of {period:g} s")
+        if coerce.concrete(self.rate, self.timeout) and self.rate * self.timeout < 1.0 and self.rate > 0.0:
+            raise RecordError(f"timeout = {self.timeout:g}: must be {1.0 / self.rate:g} s or more, the period of rate")
 
     def further_columns(self) -> tuple[Column, ...]:
         """Log columns of the messages."""
