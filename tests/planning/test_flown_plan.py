@@ -77,6 +77,7 @@ def test_the_tip_of_the_eagle_catch_stays_within_ten_millimetres(tmp_path: Path,
     assert np.linalg.norm(log.position[-1] - [5.0, 0.0, 1.5]) < 0.02
 
 
+@pytest.mark.thorough
 def test_without_the_planned_centre_of_mass_the_tip_misses(caught: Plan, tmp_path: Path) -> None:
     scenario = skyarm.load_scenario(written(caught, tmp_path))
     tables = skyarm.load_scenario(written(caught, tmp_path)).agent.reference

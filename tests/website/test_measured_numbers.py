@@ -44,6 +44,7 @@ NO_COMMAND = {"parts-singly", "loads-without", "links", "joint-friction"}
 UNMEASURED = {
     "condition": "what was flown, and how",
     "name": "vehicles of the rows, spelled out",
+    "letter": "letters of an equation",
     "axis": "trials of the suite, described",
     "table": "what a dash means in which table",
     "settings": "what the two columns of the paper's tables assume",

@@ -34,7 +34,7 @@ def before_a_wall(name, joints, force, duration=5.0):
     [
         ("reference.joints.0.amplitude", 17.0, "reference.joints[0] reaches -17 rad: "),
         ("reference.joints.1.phase", 90.0, "reference.joints[1].signal.signal.phase = 90 rad: "),
-        ("reference.joints.0.amplitude", 5.0, "rotors[back].max_speed: saturates first at 6.07 s"),
+        ("reference.joints.0.amplitude", 5.0, "rotors[back].max_speed: saturates first at its lowest thrust at 6.07 s"),
     ],
 )
 def test_a_reference_in_degrees_or_beyond_limits_is_one_line(path, value, begins):
