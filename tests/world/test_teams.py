@@ -63,6 +63,11 @@ def grasp_matrix(arms):
     return np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack([cross(r) for r in arms])])
 
 
+def test_unstated_masses_are_the_load_that_members_can_bear_but_1_without_messages():
+    assert team().usual_mass(24.0) == 24.0
+    assert team(kind=Decentralised).usual_mass(24.0) == 1.0
+
+
 def test_messages_that_are_too_old_before_the_next_are_refused():
     with pytest.raises(ValueError, match=r"timeout = 0\.2: must be 1 s or more, the period of rate"):
         team(rate=1.0, timeout=0.2).require_members(["a0", "a1"], DT)

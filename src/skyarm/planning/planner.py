@@ -468,7 +468,7 @@ def _plan_of(
 
 @immutable(eq=False)
 class Nearest:
-    """Smallest distance of a plan.
+    """Smallest distance between two bodies along a plan.
 
     Attributes:
         gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.

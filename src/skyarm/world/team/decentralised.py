@@ -61,7 +61,7 @@ class Decentralised(Sharing):
         return (MemberState(mass=data(self.initial_mass)),) * len(self.members)
 
     def usual_mass(self, limit: Scalar) -> Scalar:
-        """1: members have no messages from which to compare what they bear."""
+        """Virtual mass 1, whatever a member can bear: members have no messages to compare it."""
         return 1.0
 
     def lead(self, own: Tree, inputs: TeamInputs, dt: float) -> tuple[tuple[MemberState, ...], tuple[Scalars, ...]]:
