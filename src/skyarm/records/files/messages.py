@@ -114,4 +114,5 @@ def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
     if see and len(names) > NEAREST:
         near = ", ".join(nearest(word, names))
         return f"{did_you_mean(word, names)}must be one of {near} ...; {see!r} shows all {len(names)}"
-    return f"{did_you_mean(word, names)}must be one of {', '.join(names) or 'none'}"
+    few = "" if len(names) == 1 else "one of "
+    return f"{did_you_mean(word, names)}must be {few}{', '.join(names) or 'none'}"
