@@ -73,7 +73,7 @@ AIR = {"altitude": 10, "wind_20ft": 5}
         ({"mode": "force_wind", "gust": GUST | {"speed": 1}}, "f.toml: wind.gust.speed = 1: unknown field"),
         (
             {"mode": "force_wind", "gust": GUST | {"shape": "one_minus_cosine"}},
-            "f.toml: wind.gust.shape = 'one_minus_cosine': must be one of step",
+            "f.toml: wind.gust.shape = 'one_minus_cosine': must be step",
         ),
         ({"mode": "moving_air", "gust": GUST}, "f.toml: wind.gust.velocity: is missing"),
         (

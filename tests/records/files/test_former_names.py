@@ -66,7 +66,7 @@ def test_former_words_lead_to_one_there_is() -> None:
         present = now.split("'")[1]
         assert present in laws or re.search(rf"\b{present}\b", WORDS), former
         assert did_you_mean(former, ["other", present]) == f"is now {now}; "
-        assert must_be_one_of([present], former) == f"is now {now}; must be one of {present}"
+        assert must_be_one_of([present], former) == f"is now {now}; must be {present}"
         assert "is now" not in did_you_mean(former, ["other"])
 
 
