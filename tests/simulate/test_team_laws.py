@@ -286,7 +286,7 @@ def test_two_of_three_carry_on_when_one_is_lost():
 
 @pytest.mark.thorough
 def test_two_that_cannot_carry_on_set_the_body_down(monkeypatch):
-    monkeypatch.setattr("skyarm.world.team.limits.SPENT", 0.6)  # 11 N each, for the 15 N that it takes
+    monkeypatch.setattr("skyarm.dynamics.actuators.load_limits.SPENT", 0.6)  # 11 N each, for the 15 N that it takes
     log = flown(three_on_a_bar(3.0, "middle", 8.0))
     assert log.info["status"] == "completed"
     stands = log.time > 14.0

@@ -73,7 +73,7 @@ CASES = [
     (("base", "parts", 0, "mass"), -1.0, "base.parts[camera].mass = -1.0", "must be at least 0, kg"),
     (("base", "parts", 0, "inertia"), [1.0, 1.0, 3.0], "base.parts[camera].inertia", "triangle inequality"),
     ((*ARM, "inertia"), [1e-4, 1e-4, 3e-4], "links[arm].inertia", "triangle inequality"),
-    ((*ARM, "parent"), "wing", "links[arm].parent = 'wing'", "must be one of base"),
+    ((*ARM, "parent"), "wing", "links[arm].parent = 'wing'", "must be base"),
     ((*ARM, "parent"), "arm", "links[arm].parent = 'arm'", "closed chains are not supported (arm -> arm)"),
     ((*ARM, "parent"), ["base", "arm"], "links[arm].parent = ['base', 'arm']", "closed chains are not supported"),
     ((*ARM, "parent"), None, "links[arm].parent: is missing", ""),

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files import Fields
 from skyarm.reference.carry import Carry
@@ -20,7 +21,6 @@ from skyarm.reference.object_motion import motion_of_object
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised, MemberState
 from skyarm.world.team.leader_follower import LeaderFollower
-from skyarm.world.team.limits import largest_load
 from skyarm.world.team.object_wrench import ObjectWrench
 from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
 
@@ -95,20 +95,59 @@ def test_messages_are_sent_at_their_rate_although_it_does_not_divide_that_of_con
     assert sent == pytest.approx(count, abs=1)
 
 
-def test_the_measured_pose_of_the_body_has_its_noise_and_the_true_one_none():
+def test_the_measured_motion_of_the_body_has_its_noise_and_the_true_one_none():
     turn, draws = Rotation.from_euler("xyz", (0.4, -0.2, 1.0)), np.random.default_rng(4).uniform(size=(6, 20_000))
     body = CarriedFrame(position=vec((1, 2, 3)), rotation=matrix(turn), velocity=vec((0, 0, 0)), turning=vec((0, 0, 0)))
     assert team().uniforms == 0
-    assert team().measured_pose(body, ()) is body
+    assert team().measured_motion(body, ()) is body
     noisy = team(position_noise=0.003, attitude_noise=0.02, loss=0.1)
     assert noisy.uniforms == 6 + 2
-    seen = noisy.measured_pose(body, (*draws, 0.0, 0.0))
+    seen = noisy.measured_motion(body, (*draws, 0.0, 0.0))
     assert np.std([*seen.position], axis=1) == pytest.approx([0.003] * 3, rel=0.02)
     assert np.mean([*seen.position], axis=1) == pytest.approx([1.0, 2.0, 3.0], abs=1e-4)
     rows = np.array([[np.broadcast_to(c, 20_000) for c in row] for row in seen.rotation.rows]).transpose(2, 0, 1)
     off = (Rotation.from_matrix(rows) * turn.inv()).as_rotvec()
     assert np.std(off, axis=0) == pytest.approx([0.02] * 3, rel=0.02)
     assert np.corrcoef(np.vstack([np.array([*seen.position]), off.T])) == pytest.approx(np.eye(6), abs=0.03)
+    assert [*seen.velocity, *seen.turning] == [0.0] * 6
+
+
+def test_the_measured_velocity_of_the_body_has_its_own_noise():
+    rows = np.random.default_rng(5).uniform(size=(12, 20_000))
+    body = CarriedFrame(
+        position=vec((1, 2, 3)), rotation=matrix(Rotation.identity()), velocity=vec((4, 5, 6)), turning=vec((7, 8, 9))
+    )
+    noisy = team(velocity_noise=0.03, rate_noise=0.2)
+    assert noisy.uniforms == 12
+    seen = noisy.measured_motion(body, rows)
+    moves = np.array([*seen.velocity, *seen.turning])
+    assert np.mean(moves, axis=1) == pytest.approx([4, 5, 6, 7, 8, 9], abs=5e-3)
+    assert np.std(moves, axis=1) == pytest.approx([0.03] * 3 + [0.2] * 3, rel=0.02)
+    assert np.corrcoef(moves) == pytest.approx(np.eye(6), abs=0.03)
+    assert [*seen.position] == [1.0, 2.0, 3.0]
+    both = team(position_noise=0.003, velocity_noise=0.03).measured_motion(body, rows)
+    alone = team(position_noise=0.003).measured_motion(body, rows[:6])
+    assert np.array_equal([*both.position], [*alone.position])
+    with_both = np.vstack([np.array([*both.position]), np.array([*both.velocity])])
+    assert np.corrcoef(with_both) == pytest.approx(np.eye(6), abs=0.03)
+
+
+@pytest.mark.parametrize("age", [2 * DT, 20 * DT])
+def test_a_body_on_its_course_shifts_nothing_however_old_its_measured_pose(age):
+    """The law compares a measured motion with the desired one of its time, in a lift and a turn."""
+    for t in (3.6, 6.8):
+        whole = team(pose_age=age, swing=0.3)
+        at = whole.motion.at(t - age)
+        old = CarriedFrame(position=at.position, rotation=at.R, velocity=at.velocity, turning=at.rate)
+        given = dataclasses.replace(inputs(whole, t), body=old)
+        own, rows = whole.lead(whole.first(DT), given, DT)
+        assert max(map(abs, (*own.place, *own.turn))) < 1e-12
+        shifts = [[*Carry.of(row).offset, *Carry.of(row).offset_rate] for row in rows]
+        assert np.abs(shifts).max() < 1e-12
+        young, _ = team(swing=0.3).lead(whole.first(DT), given, DT)
+        assert max(map(abs, (*young.place, *young.turn))) > 1e-7
+    with pytest.raises(ValueError, match=r"pose_age = 0\.007: must be a whole number of control periods of 0\.005 s"):
+        team(pose_age=0.007).require_members(("a0", "a1"), DT)
 
 
 @pytest.mark.parametrize(("places", "masses"), [(PLATE, (1.0, 2.0, 0.5)), (BAR, (1.0, 1.0)), (BAR, (2.0, 0.7))])
@@ -405,7 +444,8 @@ def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
             position=vec((0, 0, 1)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=vec((0, 0, 0)),
             rate=vec((0, 0, 0)), joints=q, joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
         )  # fmt: skip
-        return largest_load(PointMotion(thing, state, gravity=9.81))
+        most = largest_load(PointMotion(thing, state, gravity=9.81))
+        return most.weight, most.moment
 
     assert found(vehicle) == pytest.approx((min(bounds), min(spare)))
     elbow = dataclasses.replace(vehicle.links[2], joint=dataclasses.replace(vehicle.links[2].joint, effort_limit=1.0))

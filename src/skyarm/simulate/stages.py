@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, cast
 
-from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load, part_of
@@ -50,7 +50,7 @@ from skyarm.world import Component, effectiveness_at
 
 if TYPE_CHECKING:
     from skyarm.world.contact import Contact, ContactMemory
-    from skyarm.world.team import TeamMemory
+    from skyarm.world.team import Borne, TeamMemory
 
 Given = tuple[Tree, Measurement, Reference, Command | None, Scalar | None]
 """Inputs of a decision: state of the law, measurement, reference; command from outside and what it replaces."""
@@ -171,14 +171,10 @@ class Stages:
             if each is team:
                 contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
-                borne = {name: part_of(own.memory, "carrying") for name, own in rows}
-                wrenches = {n: Force(each.moment, each.force) for n, each in borne.items() if is_record(each)}
-                memory, laws = cast("TeamMemory", shared[i]), self.scenario.agents
-                supposed = {
-                    name: PointMotion(laws[name].controller.par.model.vehicle, each.state, gravity=each.gravity)
-                    for name, each in motion.agents.items()
-                }
-                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, wrenches, supposed)
+                found = {name: part_of(own.memory, "carrying") for name, own in rows}
+                borne: dict[str, Borne] = {name: each for name, each in found.items() if is_record(each)}
+                memory = cast("TeamMemory", shared[i])
+                shared[i] = team.direct(memory, time, self.period, motion, contact, touching, borne)
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""

@@ -32,7 +32,16 @@ from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column
-from skyarm.world.team.team import SMALL, Sharing, TeamInputs, as_data, carry_of, shorten, weight_of
+from skyarm.world.team.team import (
+    SMALL,
+    Sharing,
+    TeamInputs,
+    as_data,
+    carry_of,
+    require_whole_periods,
+    shorten,
+    weight_of,
+)
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -100,13 +109,14 @@ class CarryCourse:
     """Desired motion of the body after losses of members.
 
     Attributes:
-        clock: time (s) of the desired motion that it is at. desired: motion there.
+        clock: time (s) of the desired motion that it is at. pace: its rate. desired: motion there.
         lower: displacement from it, m, world axes. share: part of the weight that the members bear.
         aloft: 0 after the body was set down, else 1.
         heading: turn (rad) from the desired heading of now, with rate and acceleration.
     """
 
     clock: Scalar
+    pace: Scalar
     desired: BodyMotion
     lower: Vec3
     share: Scalar
@@ -186,8 +196,7 @@ class ObjectWrench(Sharing):
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members as the base class does, and messages that are late by no whole number of periods (s)."""
         Sharing.require_members(self, names, period)
-        if abs(round(self.delay / period) * period - self.delay) > 1e-9:
-            raise RecordError(f"delay = {self.delay:g}: must be a whole number of control periods of {period:g} s")
+        require_whole_periods("delay", self.delay, period)
         if coerce.concrete(self.rate, self.timeout) and self.rate * self.timeout < 1.0 and self.rate > 0.0:
             raise RecordError(f"timeout = {self.timeout:g}: must be {1.0 / self.rate:g} s or more, the period of rate")
 
@@ -241,9 +250,13 @@ class ObjectWrench(Sharing):
         goal = desired.position + course.lower
         height = where(self.motion.lift > 0.0, goal.z - self._start, 1.0)  # what hangs from the start has no support
         rate = where(height > LIFTED, self.pose_gain * dt, 0.0)
-        place = shorten(own.place + (goal - inputs.body.position) * rate, FARTHEST)
-        turn = shorten(own.turn + team.turn_error(inputs.body.rotation, R) * rate, FARTHEST)
-        missing, spin = desired.velocity - inputs.body.velocity, E_Z * (desired.rate.z - inputs.body.turning.z)
+        then = desired  # at the time of the measurement
+        if self.pose_age:
+            then = self.motion.at(course.clock - course.pace * self.pose_age).at_pace(course.pace, 0.0)
+        off = then.position + course.lower - inputs.body.position
+        place = shorten(own.place + off * rate, FARTHEST)
+        turn = shorten(own.turn + team.turn_error(inputs.body.rotation, then.R) * rate, FARTHEST)
+        missing, spin = then.velocity - inputs.body.velocity, E_Z * (then.rate.z - inputs.body.turning.z)
         slip = Vec3(missing.x, missing.y, 0.0)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
@@ -301,6 +314,7 @@ class ObjectWrench(Sharing):
         landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
         return CarryCourse(
             clock=clock,
+            pace=pace,
             desired=desired,
             lower=E_Z * -minimum(down, height),
             share=self.fraction(clock) * (1.0 - landed),

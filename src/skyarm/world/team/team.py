@@ -19,14 +19,14 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import combinations
-from typing import Annotated, Self
+from typing import Annotated, Protocol, Self
 
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3, ldl_solve
-from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, minimum, sqrt, where
 from skyarm.algebra.scalars.philox import normals
+from skyarm.dynamics.actuators.load_limits import LoadLimits
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
@@ -34,7 +34,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
@@ -47,7 +47,6 @@ from skyarm.world.component import Column, Component
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.contact import Contact, ContactMemory
 from skyarm.world.contact.grasp import KINDS
-from skyarm.world.team.limits import largest_load
 
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
@@ -66,8 +65,6 @@ LEAST = 1e-3
 
 STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
-
-NO_WRENCH = Wrench6(ZERO3, ZERO3)
 
 
 @immutable
@@ -111,7 +108,7 @@ class TeamInputs:
     """Inputs of a team's law in a control period, world axes.
 
     Attributes:
-        time: s. desired: desired motion of the body. body: its measured pose and velocity.
+        time: s. desired: desired motion of the body. body: its measured motion, ``pose_age`` old.
         gravity: m/s^2.
         holding: 1 while the members hold the body, else 0.
         limits, moment_limits: largest weight (N) and moment (N m) that each member bears; () for any.
@@ -131,11 +128,44 @@ class TeamInputs:
     drawn: Scalars = ()
 
 
+class Borne(Protocol):
+    """Interface (typing.Protocol) of a law's estimate of the load at its tip, world axes."""
+
+    @property
+    def force(self) -> Vec3:
+        """Force of the load on the tip, N."""
+        ...
+
+    @property
+    def moment(self) -> Vec3:
+        """Moment of the load on the tip, N m."""
+        ...
+
+    @property
+    def limits(self) -> LoadLimits:
+        """Largest load in the measured pose of the vehicle."""
+        ...
+
+
+@immutable
+class NothingBorne:
+    """Load of a member whose law estimates none: nothing borne, and no limits."""
+
+    force: Vec3 = ZERO3
+    moment: Vec3 = ZERO3
+    limits: LoadLimits = LoadLimits()
+
+
 @immutable
 class TeamMemory:
-    """Internal state of a team: that of its law, instructions to the members, and numbers for the log."""
+    """Internal state of a team: that of its law, instructions to the members, and numbers for the log.
+
+    Attributes:
+        seen: measured motions of the body that are not old enough for the law yet, newest first.
+    """
 
     own: Tree = ()
+    seen: tuple[CarriedFrame, ...] = ()
     carries: tuple[Scalars, ...] = ()
     drawn: Scalars = ()
     logged: Scalars = ()
@@ -166,6 +196,22 @@ class Team(Component[TeamMemory]):
     attitude_noise: Annotated[
         Scalar, Unit("rad", "standard deviation of the body's measured attitude, each axis", low=0.0)
     ] = 0
+    velocity_noise: Annotated[
+        Scalar, Unit("m/s", "standard deviation of the body's measured velocity, each axis", low=0.0)
+    ] = 0
+    rate_noise: Annotated[
+        Scalar, Unit("rad/s", "standard deviation of the body's measured angular velocity, each axis", low=0.0)
+    ] = 0
+    pose_age: Annotated[
+        float,
+        Unit(
+            "s",
+            "age of the body's measured motion, a whole number of control periods, known to the law",
+            low=0.0,
+            high=1.0,
+            fixed=True,
+        ),
+    ] = 0.0
 
     steers = False
     """True of a law that says something to the members, whose laws must then have the option ``carrying``."""
@@ -212,6 +258,7 @@ class Team(Component[TeamMemory]):
         Raises:
             RecordError: one line that begins with a field of the team.
         """
+        require_whole_periods("pose_age", self.pose_age, period)
         agents = [each.agent for each in self.members]
         for i, name in enumerate(agents):
             if name not in names:
@@ -231,12 +278,15 @@ class Team(Component[TeamMemory]):
 
     @property
     def _measured_by(self) -> int:
-        """Number of random numbers of the body's measured pose in a control period."""
-        return 0 if coerce.absent(self.position_noise) and coerce.absent(self.attitude_noise) else 6
+        """Number of random numbers of the body's measured motion in a control period."""
+        pose, rates = (self.position_noise, self.attitude_noise), (self.velocity_noise, self.rate_noise)
+        if not all(map(coerce.absent, rates)):
+            return 12
+        return 0 if all(map(coerce.absent, pose)) else 6
 
     @property
     def uniforms(self) -> int:
-        """Number of random numbers in a control period: of the measured pose, and of the messages."""
+        """Number of random numbers in a control period: of the measured motion, and of the messages."""
         return self._measured_by + self.message_draws
 
     @property
@@ -244,14 +294,20 @@ class Team(Component[TeamMemory]):
         """Number of random numbers of the members' messages in a control period."""
         return 0
 
-    def measured_pose(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
-        """Measured motion of the body: its pose with noise, by uniform random numbers."""
+    def measured_motion(self, body: CarriedFrame, drawn: Scalars) -> CarriedFrame:
+        """Measured motion of the body: the true one with noise, by uniform random numbers."""
         if not self._measured_by:
             return body
-        x, y, z, *turn = normals(drawn[: self._measured_by])
-        off = Quaternion.of_rotation_vector(Vec3(*turn) * self.attitude_noise).rotation()
-        position = body.position + Vec3(x, y, z) * self.position_noise
-        return replace(body, position=position, rotation=off @ body.rotation)
+        numbers = normals(drawn[: self._measured_by])
+        place, turn, *rates = (Vec3(*numbers[i : i + 3]) for i in range(0, len(numbers), 3))
+        off = Quaternion.of_rotation_vector(turn * self.attitude_noise).rotation()
+        velocity, turning = rates or (ZERO3, ZERO3)
+        return CarriedFrame(
+            position=body.position + place * self.position_noise,
+            rotation=off @ body.rotation,
+            velocity=body.velocity + velocity * self.velocity_noise,
+            turning=body.turning + turning * self.rate_noise,
+        )
 
     def first(self, period: float) -> Tree:
         """Initial state of the team's law."""
@@ -264,8 +320,13 @@ class Team(Component[TeamMemory]):
     def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
         """Initial internal state of the team."""
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
-        logged = (0.0,) * len(self.columns)
-        return TeamMemory(own=self.first(period), carries=carries, drawn=tuple(draws[: self.uniforms]), logged=logged)
+        logged, drawn = (0.0,) * len(self.columns), tuple(draws[: self.uniforms])
+        seen: tuple[CarriedFrame, ...] = ()
+        if self.motion is not None and self.pose_age:
+            begin = self.motion.at(0.0)
+            still = CarriedFrame(position=begin.position, rotation=begin.R, velocity=ZERO3, turning=ZERO3)
+            seen = (rebuild(still, map(data, leaves(still))),) * round(self.pose_age / period)
+        return TeamMemory(own=self.first(period), seen=seen, carries=carries, drawn=drawn, logged=logged)
 
     def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
         """Internal state with the random numbers of the control period that begins."""
@@ -283,8 +344,7 @@ class Team(Component[TeamMemory]):
         motion: PointMotion,
         contact: Contact,
         touching: ContactMemory,
-        tip_wrenches: Mapping[str, Wrench6],
-        supposed: Mapping[str, PointMotion],
+        borne: Mapping[str, Borne],
     ) -> TeamMemory:
         """Internal state of the team after its law has spoken to the members, at the start of a control period.
 
@@ -295,34 +355,34 @@ class Team(Component[TeamMemory]):
             motion: motion of all vehicles.
             contact: contact model in which the body moves.
             touching: its internal state.
-            tip_wrenches: wrench (N, N m, world axes) of the body on a tip by its law's estimate, by the member's name.
-            supposed: motion of each vehicle as the model of its law has it, by name.
+            borne: load of each member by the estimate of its own law, by its name; of those that estimate one.
         """
         if self.motion is None:
             return memory
         index = [each.name for each in contact.carriers].index(self.object)
-        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict.fromkeys(tip_wrenches, ZERO3)
+        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict[str, Vec3]()
         closed: dict[str, Scalar] = {}
         for grasp, of, by, _ in contact.pulls(touching, motion, t):
             by_agent |= {grasp.agent: by.force} if of == index else {}
             closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
-        limits, moment_limits = zip(*(largest_load(supposed[each.agent]) for each in self.members), strict=True)
+        loads = [borne.get(each.agent, NothingBorne()) for each in self.members]
+        limits = [each.limits.weight for each in loads]
         rows = zip(self.members, limits, strict=True)
         masses = (where(m.mass > 0.0, m.mass, self.usual_mass(limit)) * closed.get(m.agent, 1.0) for m, limit in rows)
         team = self.with_masses(list(masses))
         desired = self.motion.at(t)
-        borne = [tip_wrenches.get(each.agent, NO_WRENCH) for each in self.members]
+        seen = (self.measured_motion(body, memory.drawn), *memory.seen)
         inputs = TeamInputs(
             time=t,
             holding=where(t < self.take, 0.0, 1.0),
             desired=desired,
-            body=self.measured_pose(body, memory.drawn),
+            body=seen[-1],
             gravity=motion.gravity,
-            forces=[-each.force for each in borne],
-            moments=[-each.torque for each in borne],
+            forces=[-each.force for each in loads],
+            moments=[-each.moment for each in loads],
             limits=limits,
-            moment_limits=moment_limits,
+            moment_limits=[each.limits.moment for each in loads],
             drawn=memory.drawn[self._measured_by :],
         )
         own, carries = team.lead(memory.own, inputs, dt)
@@ -334,7 +394,13 @@ class Team(Component[TeamMemory]):
         shares = (divide(f.z, whole) for f in pulls)
         errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
-        return TeamMemory(own=own, carries=carries, drawn=memory.drawn, logged=tuple(data(each) for each in logged))
+        return TeamMemory(
+            own=own,
+            seen=tuple(rebuild(each, map(data, leaves(each))) for each in seen[: len(memory.seen)]),
+            carries=carries,
+            drawn=memory.drawn,
+            logged=tuple(data(each) for each in logged),
+        )
 
     def usual_mass(self, limit: Scalar) -> Scalar:
         """Virtual mass of a member that states none, by the largest weight (N) at its tip."""
@@ -526,6 +592,16 @@ def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, V
         return desired.R.apply(team.inertia.hadamard(desired.R.apply_T(v)))
 
     return force, times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
+
+
+def require_whole_periods(name: str, value: float, period: float) -> None:
+    """Refuse a time (s) of a team's law that is no whole number of control periods (s).
+
+    Raises:
+        RecordError: one line that begins with the field's name.
+    """
+    if abs(round(value / period) * period - value) > 1e-9:
+        raise RecordError(f"{name} = {value:g}: must be a whole number of control periods of {period:g} s")
 
 
 def shorten(v: Vec3, most: Scalar) -> Vec3:

@@ -27,7 +27,9 @@ from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, at_shares
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
+from skyarm.dynamics.actuators.load_limits import LoadLimits, largest_load
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -40,6 +42,7 @@ class CarryingMemory:
     """State of the carrying part: the compensated wrench, the bias of the estimate, and the estimate.
 
     Attributes:
+        limits: largest load in the measured pose, of which a team's law makes the member's share.
         ahead: disturbance that is compensated in advance. earlier: the same of the periods before, newest first.
         bias: what the observer has without a load.
     """
@@ -50,6 +53,7 @@ class CarryingMemory:
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "estimated force of the load on the tip, world axes")] = ZERO3_DATA
     moment: Annotated[Vec3, Unit("N m", "estimated moment of the load on the tip, world axes")] = ZERO3_DATA
+    limits: LoadLimits = LoadLimits()
 
 
 @immutable
@@ -139,6 +143,7 @@ class CarryingGains(OptionalPart):
             bias=bias,
             force=vector_data(force),
             moment=vector_data(moment),
+            limits=largest_load(PointMotion(vehicle, step.state, gravity=step.par.model.gravity)),
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
 

@@ -1,11 +1,15 @@
-"""Largest load at the tip of a team's member, by its rotors and joints."""
+"""Largest load at the tip of a vehicle, by its rotors and joints."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from skyarm.algebra import E_Z, ZERO3, Scalar
-from skyarm.algebra.scalars import absolute, divide, maximum, minimum, where
+from skyarm.algebra.scalars import absolute, data, divide, maximum, minimum, where
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
 
 SPENT = 0.85
 """Share of thrust and joint efforts that weights may take; the rest controls the motion."""
@@ -14,8 +18,18 @@ LARGEST, LEVER = 1e4, 1e-3
 """Force (N) of a member without limits, and least lever (m) of a force about a joint."""
 
 
-def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
-    """Largest weight (N) at the tip of a vehicle in its present pose, and largest moment (N m); at least 0.
+@immutable
+class LoadLimits:
+    """Largest load that a vehicle bears at its tip in a pose."""
+
+    weight: Annotated[Scalar, Unit("N", "largest weight at the tip that rotors and joints bear")] = LARGEST
+    moment: Annotated[Scalar, Unit("N m", "largest moment at the tip, of any direction, that the joints bear")] = (
+        LARGEST
+    )
+
+
+def largest_load(motion: PointMotion) -> LoadLimits:
+    """Largest load at the tip of a vehicle in its present pose; at least 0.
 
     Beside the weights of vehicle and arm, which the same rotors and joints bear. A moment may have any direction.
     Servos count as their joints.
@@ -28,11 +42,11 @@ def largest_load(motion: PointMotion) -> tuple[Scalar, Scalar]:
         _, efforts = motion.generalized_force(E_Z * (link.body.mass * gravity), ZERO3, link.body.com, i)
         own = [a + b for a, b in zip(own, efforts, strict=True)]
     if not vehicle.n:
-        return maximum(most, 0.0), turning
+        return LoadLimits(weight=data(maximum(most, 0.0)))
     _, levers = motion.generalized_force(E_Z, ZERO3, *motion.frame())
     for link, weight, lever in zip(vehicle.links, own, levers, strict=True):
         limit = where(link.joint.effort_limit > 0.0, link.joint.effort_limit, LARGEST)
         spare = maximum(SPENT * limit - absolute(weight), 0.0)
         most = minimum(most, divide(spare, maximum(absolute(lever), LEVER)))
         turning = minimum(turning, spare) if link.joint.turns else turning
-    return maximum(most, 0.0), turning
+    return LoadLimits(weight=data(maximum(most, 0.0)), moment=data(turning))
