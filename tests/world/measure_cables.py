@@ -1,10 +1,9 @@
-"""Measure bodies on cables, and Thapa's law in full dynamics: the tables of docs/results_cables.md.
+"""Measure bodies on cables: the tables of docs/results_cables.md.
 
-    python tests/world/measure_cables.py beam|eight|recorded|thapa [--small]
+    python tests/world/measure_cables.py beam|eight|recorded [--small]
 
 ``beam``: how fast a tilted bar between two constant forces turns, flown and by the closed form. ``eight``: figure
-eights of Sun et al. ``recorded``: set points of flights of col-trans. ``thapa``: what of his internal force, speed and
-masses is left with rotors, attitude and noise.
+eights of Sun et al. ``recorded``: set points of flights of col-trans.
 """
 
 from __future__ import annotations
@@ -20,9 +19,7 @@ import numpy as np
 sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
 
 import skyarm
-from skyarm.simulate.session import open_session
-from skyarm.world.team import TeamMemory
-from support.cables import NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll, thapa
+from support.cables import NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll
 from support.measured_tables import print_table, progress
 
 LOST = 0.5
@@ -79,7 +76,7 @@ def planned_acceleration(scenario: Any) -> float:
 
 
 def eights(small: bool) -> Iterator[tuple[object, ...]]:
-    """Rows: rate and size of the path, its speed and accelerations, errors without and with noise, of the baseline."""
+    """Rows: speed, rate and size of the path, accelerations; errors without and with noise, and of the baseline."""
     for rate, size in [(1.0, 0.5)] if small else [*((rate, 2.0) for rate in BASELINES), (1.065, 3.32)]:
         tables, begin = figure_eight(rate, size)
         scenario = skyarm.scenario_from(tables)
@@ -89,10 +86,10 @@ def eights(small: bool) -> Iterator[tuple[object, ...]]:
         )
         found = flown(tables, seconds=1.0 if small else None)
         least = f"{found.grasp_force[found.time > 0.5].min():.2f}"
-        numbers = f"{rate:g}", f"{size:g}", f"{speed:.1f}", f"{load:.1f}", f"{planned_acceleration(scenario):.1f}"
+        path = f"{speed:.1f}", f"{rate:g}", f"{size:g}", f"{load:.1f}", f"{planned_acceleration(scenario):.1f}"
         noisy = ("",) if small else judged(flown(tables, noisy=True), begin)
         errors = judged(found, 0.5 if small else begin)
-        yield *numbers, *errors, least, noisy[0], BASELINES.get(rate, "")
+        yield *path, *errors, noisy[0], least, BASELINES.get(rate, "")
 
 
 REAL = {
@@ -117,55 +114,31 @@ def recorded(small: bool) -> Iterator[tuple[object, ...]]:
         yield row[2:], row[0], *judged(found, begin), *noisy, least, REAL[row]
 
 
-def adapted(tables: Mapping[str, Any]) -> tuple[Any, list[float]]:
-    """Log of a flight, and the masses (kg) that its members have adapted at its end."""
-    session = open_session(skyarm.scenario_from(tables))
-    session.run()
-    (memory,) = (each for each in session.now.components if isinstance(each, TeamMemory))
-    return session.log, [float(each.mass) for each in memory.own]  # type: ignore[attr-defined]
-
-
-def thapas(small: bool) -> Iterator[tuple[object, ...]]:
-    """Rows: dynamics, gain, internal force, speed and masses in the last five seconds."""
-    if not small:
-        yield "tips alone, at 1 s", "0.1", "2.000", "0.000", "0.2000", "0.4990", "65 : 35"
-    rows = [("perfect state", k, {}) for k in (0.1, 0.05, 0.02, 0.002)] + [("noise and 5 ms", 0.02, NOISY)]
-    for words, gain, more in rows[2:3] if small else rows:
-        log, masses = adapted({**thapa(gain, duration=2.0 if small else 20.0), **more})
-        if log.info["status"] != "completed":
-            yield words, f"{gain:g}", f"{log.info['status']} at {log.time[-1]:.1f} s", "", "", "", ""
-            continue
-        late = log.time > log.time[-1] - 5.0
-        pull, first = log.team_pull[late], 100.0 * log.load_share[late, 0].mean()
-        numbers = f"{pull.mean():.3f}", f"{pull.std():.3f}", f"{log.object_velocity[late, 0].mean():.4f}"
-        yield words, f"{gain:g}", *numbers, f"{sum(masses):.4f}", f"{first:.0f} : {100 - first:.0f}"
-
-
 TABLES = {
     "beam": (
         beams,
         (
-            ">internal force, N",
-            ">gain, m/(N s)",
-            ">grasps above the middle, mm",
-            ">tilt at the start, deg",
-            ">after 8 s, deg",
-            ">rate by the closed form, 1/s",
-            ">flown, 1/s",
+            ">T, N",
+            ">K, m/(N s)",
+            ">h, mm",
+            ">q_0, deg",
+            ">q after 8 s, deg",
+            ">r of the equation, 1/s",
+            ">r flown, 1/s",
         ),
     ),
     "eight": (
         eights,
         (
+            ">speed, m/s",
             ">w, rad/s",
             ">A, m",
-            ">speed, m/s",
             ">acceleration of the load, m/s^2",
-            ">of a vehicle, m/s^2",
+            ">acceleration of a vehicle, m/s^2",
             ">error, mm",
             ">largest, mm",
-            ">least cable force, N",
             ">error with noise, mm",
+            ">least cable force, N",
             ">baseline, mm",
         ),
     ),
@@ -182,19 +155,11 @@ TABLES = {
             ">real flights, mm",
         ),
     ),
-    "thapa": (
-        thapas,
-        (
-            "flown",
-            ">gain, m/(N s)",
-            ">internal force, N",
-            ">its deviation, N",
-            ">speed, m/s",
-            ">sum of the masses, kg",
-            ">shares",
-        ),
-    ),
 }
+"""Name of a table -> its rows and heads."""
+
+PATHS = 5
+"""First columns of the figure eights, which have a table of their own; the first one, the speed, begins both."""
 
 
 def main() -> None:
@@ -204,7 +169,12 @@ def main() -> None:
     given = parser.parse_args()
     rows, heads = TABLES[given.table]
     progress(f"{given.table}:")
-    print_table(heads, rows(given.small))
+    if given.table != "eight":
+        print_table(heads, rows(given.small))
+        return
+    found = list(rows(given.small))
+    print_table(heads[:PATHS], (row[:PATHS] for row in found))
+    print_table((heads[0], *heads[PATHS:]), ((row[0], *row[PATHS:]) for row in found))
 
 
 if __name__ == "__main__":

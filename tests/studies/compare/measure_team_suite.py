@@ -1,10 +1,10 @@
 """Measure the team suite: the tables of docs/results_carrying.md.
 
-    python tests/studies/compare/measure_team_suite.py errors|limits [--seeds 64] [--out out/team_suite] [--small]
+    python tests/studies/compare/measure_team_suite.py summary|errors|goals|limits [--seeds 64] [--small]
 
-Both tables are of the same flights: ``errors`` of the bar's place, direction and pull, and ``limits`` with rotor
-jitter, commands at a limit and shares of the load. What was flown is kept in the folder; the same command, and the
-other one, go on with it.
+All tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
+``goals`` with what was reached of them, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares
+of the load. What was flown is kept in the folder of ``--out``; the same command, and the others, go on with it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,73 +24,160 @@ import numpy as np
 
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, values_of
 from skyarm.studies.compare.compare_laws import compare
-from skyarm.studies.compare.team_suite import FLOWN, ROWS
+from skyarm.studies.compare.team_suite import FLOWN, LAWS, ROWS
 from support.measured_tables import print_table, progress
 
 DEGREES = 180.0 / np.pi
 
+Summaries = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""Condition -> law -> summary of its flights."""
 
-def pair(metrics: Mapping[str, Any], mean: str, most: str, factor: float = 1.0) -> str:
-    """Mean of a metric over the flights, and largest value of another; of several vehicles the larger of each."""
-    first, second = values_of(metrics, mean), values_of(metrics, most)
-    if not all((*first, *second)):
-        return ""
-    return f"{factor * max(v['mean'] for v in first):.3g} / {factor * max(v['max'] for v in second):.3g}"
+Table = tuple[Sequence[str], Iterable[Sequence[object]]]
+"""Heads and rows."""
 
+POSITION, DIRECTION, PULL = (
+    (("mean error of position, mm", "team_position_mean"), ("largest error of position, mm", "team_position_max"), 1e3),
+    (("mean error of direction, deg", "team_turn_mean"), ("largest error of direction, deg", "team_turn_max"), DEGREES),
+    (("RMS error of pull, N", "team_pull_rms"), ("largest error of pull, N", "team_pull_max"), 1.0),
+)
+"""Of each error: head and metric over time, of which the mean over the flights is shown; the same of the largest, of
+which the worst flight is shown; factor from SI to the unit of the heads."""
 
-def errors(law: Mapping[str, Any]) -> list[str]:
-    """Flights that placed the bar, with their interval, and errors of the bar."""
-    low, high = (100.0 * end for end in law["success_interval"])
-    found = law["metrics"]
-    return [
-        f"{law['success']} of {law['episodes']}",
-        f"{low:.0f} to {high:.0f}" if law["episodes"] > 1 else "",
-        pair(found, "team_position_mean", "team_position_max", 1e3),
-        pair(found, "team_turn_mean", "team_turn_max", DEGREES),
-        pair(found, "team_pull_rms", "team_pull_max"),
-    ]
+CHOSEN = ("noisy", "misplaced", "wind", "all")
+"""Conditions of the summary."""
 
-
-def limits(law: Mapping[str, Any]) -> list[str]:
-    """Rotor jitter, commands at limits, and the share of the load of the vehicle that bears most."""
-    ways = ", ".join(f"{name} {count}" for name, count in law["endings"].items() if name != "completed")
-    found = law["metrics"]
-    return [
-        pair(found, JITTER, JITTER),
-        pair(found, LIMITED, LIMITED, 100.0),
-        pair(found, "joint_saturation", "joint_saturation", 100.0),
-        pair(found, "load_share_mean", "load_share_mean", 100.0),
-        ways,
-    ]
+GOALS: Mapping[str, Sequence[tuple[float, float]]] = {
+    "perfect": ((2.5, 10.0), (0.3, 1.2), (0.03, 0.15)),
+    "noisy": ((4.0, 15.0), (0.4, 1.5), (0.05, 0.2)),
+    "masses": ((6.0, 28.0), (0.5, 2.2), (0.05, 0.2)),
+    "misplaced": ((8.0, 25.0), (0.3, 1.0), (0.12, 0.5)),
+    "messages": ((4.0, 15.0), (0.4, 1.5), (0.05, 0.2)),
+    "clock": ((9.0, 20.0), (0.8, 2.5), (0.15, 0.5)),
+    "wind": ((10.0, 75.0), (0.3, 1.0), (0.05, 0.25)),
+    "all": ((15.0, 75.0), (0.6, 2.5), (0.15, 0.5)),
+    "fixed": ((4.0, 15.0), (0.7, 3.0), (0.1, 0.4)),
+}
+"""Condition -> largest acceptable errors of position (mm), direction (deg) and pull (N) of ``object_wrench``, over time
+and largest; set before the flights."""
 
 
-TABLES: Mapping[str, tuple[Callable[[Mapping[str, Any]], list[str]], Sequence[str]]] = {
-    "errors": (
-        errors,
+def value(summary: Mapping[str, Any], metric: str, how: str, factor: float = 1.0) -> float | None:
+    """Mean or largest value of a metric over the flights, of several vehicles the larger; None if no flight has it."""
+    found = [factor * each[how] for each in values_of(summary["metrics"], metric) if each]
+    return max(found, default=None)
+
+
+def shown(number: float | None) -> str:
+    """Number of a cell with three digits."""
+    return "" if number is None else f"{number:.3g}"
+
+
+def placed(summary: Mapping[str, Any]) -> str:
+    """Flights that placed the bar, of how many."""
+    return f"{summary['success']} of {summary['episodes']}"
+
+
+def by_law(flown: Summaries, head: str, cell: Callable[[Mapping[str, Any]], object]) -> Table:
+    """Table of one quantity: a condition a row, a law a column."""
+    heads = (head, *(f">`{law}`" for law in LAWS))
+    rows = ([ROWS[row]["title"], *(cell(of[law]) if law in of else "" for law in LAWS)] for row, of in flown.items())
+    return heads, rows
+
+
+def number_by_law(flown: Summaries, head: str, metric: str, how: str, factor: float = 1.0) -> Table:
+    """Table of a metric."""
+    return by_law(flown, head, lambda summary: shown(value(summary, metric, how, factor)))
+
+
+def summary_tables(flown: Summaries) -> Iterator[Table]:
+    """Flights that placed the bar, and errors over time, of a few conditions."""
+    (position, _, to_mm), (pull, _, _) = POSITION, PULL
+    yield (
+        ("condition", "law", ">placed", *(f">{head}" for head, _ in (position, pull))),
         (
-            ">placed",
-            ">interval of 95 %, %",
-            ">position mean / max, mm",
-            ">direction mean / max, deg",
-            ">pull error RMS / max, N",
+            [
+                ROWS[row]["title"],
+                f"`{law}`",
+                placed(each),
+                shown(value(each, position[1], "mean", to_mm)),
+                shown(value(each, pull[1], "mean")),
+            ]
+            for row in CHOSEN
+            if row in flown
+            for law, each in flown[row].items()
         ),
-    ),
-    "limits": (
-        limits,
-        (
-            ">rotor jitter, rad/s",
-            ">a rotor at its limit, %",
-            ">a joint at its limit, %",
-            ">share of the load, %",
-            "lost",
-        ),
-    ),
+    )
+
+
+def error_tables(flown: Summaries) -> Iterator[Table]:
+    """Flights that placed the bar, intervals of these counts, and errors of the bar."""
+    yield by_law(flown, "placed", placed)
+    found = {
+        (each["success"], each["episodes"]): each["success_interval"]
+        for of in flown.values()
+        for each in of.values()
+        if each["episodes"] > 1
+    }
+    counts = sorted(found.items(), key=lambda item: (item[0][1], item[0][0]), reverse=True)
+    ends = ([f"{good} of {of}", *(f"{100.0 * end:.0f}" for end in found)] for (good, of), found in counts)
+    yield (("placed", ">interval of 95 %, from, %", ">to, %"), ends)
+    for usual, largest, factor in (POSITION, DIRECTION, PULL):
+        yield number_by_law(flown, *usual, "mean", factor)
+        yield number_by_law(flown, *largest, "max", factor)
+
+
+def goal_tables(flown: Summaries) -> Iterator[Table]:
+    """Goals of ``object_wrench``, what was reached, and which are missed: a table for each error."""
+
+    def rows(which: int) -> Iterator[list[str]]:
+        usual, largest, factor = (POSITION, DIRECTION, PULL)[which]
+        for row, goals in GOALS.items():
+            if row not in flown:
+                continue
+            of = flown[row]["object_wrench"]
+            reached = value(of, usual[1], "mean", factor), value(of, largest[1], "max", factor)
+            pairs = list(zip((usual[0].split()[0], "largest"), goals[which], reached, strict=True))
+            missed = [name for name, goal, found in pairs if found is None or found > goal]
+            numbers = [text for _, goal, found in pairs for text in (f"{goal:g}", shown(found))]
+            yield [ROWS[row]["title"], *numbers, " and ".join(missed)]
+
+    for which, (usual, largest, _) in enumerate((POSITION, DIRECTION, PULL)):
+        heads = ("condition", *(head for name, _ in (usual, largest) for head in (f">goal: {name}", ">reached")))
+        yield (*heads, "missed"), rows(which)
+
+
+def limit_tables(flown: Summaries) -> Iterator[Table]:
+    """Lost flights and how flights ended, commands at limits, rotor jitter, and the larger share of the load."""
+    yield by_law(flown, "flights that ended early", lambda each: each["episodes"] - each["endings"].get("completed", 0))
+    endings = {law: Counter[str]() for law in LAWS}
+    for of in flown.values():
+        for law, each in of.items():
+            endings[law].update(each["endings"])
+    ways = ([f"`{law}`", f"`{way}`", count] for law, found in endings.items() for way, count in found.most_common())
+    yield ("law", "ending", ">flights"), ways
+
+    def at_limit(law: str, metric: str) -> str:
+        found = [value(of[law], metric, "max", 100.0) for of in flown.values() if law in of]
+        return shown(max((each for each in found if each is not None), default=None))
+
+    heads = ("law", ">a rotor at its limit, worst flight, %", ">a joint at its limit, worst flight, %")
+    yield heads, ([f"`{law}`", at_limit(law, LIMITED), at_limit(law, "joint_saturation")] for law in LAWS)
+    yield number_by_law(flown, "rotor jitter, mean, rad/s", JITTER, "mean")
+    yield number_by_law(flown, "rotor jitter, worst flight, rad/s", JITTER, "max")
+    yield number_by_law(flown, "larger mean share of the load, %", "load_share_mean", "mean", 100.0)
+    yield number_by_law(flown, "largest share in a flight, %", "load_share_mean", "max", 100.0)
+
+
+TABLES: Mapping[str, Callable[[Summaries], Iterator[Table]]] = {
+    "summary": summary_tables,
+    "errors": error_tables,
+    "goals": goal_tables,
+    "limits": limit_tables,
 }
 
 
 def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
-    """Fly what is not there yet, and print a table: a law under a condition a row."""
-    cells, heads = TABLES[table]
+    """Fly what is not there yet, and print the tables of one name."""
     flown = compare(
         "team-suite",
         None,
@@ -99,13 +187,8 @@ def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
         workers=os.cpu_count() or 1,
         progress=lambda done, of, last: progress(f"{done} of {of}: {last}"),
     )
-
-    def lines() -> Iterator[list[str]]:
-        for row, cases in flown.document["summaries"].items():
-            for law, each in cases[FLOWN].items():
-                yield [ROWS[row]["title"], f"`{law}`", *cells(each)]
-
-    print_table(("condition", "law", *heads), lines())
+    for heads, lines in TABLES[table]({row: cases[FLOWN] for row, cases in flown.document["summaries"].items()}):
+        print_table(heads, lines)
 
 
 def main() -> None:
@@ -114,12 +197,12 @@ def main() -> None:
     parser.add_argument("table", choices=TABLES)
     parser.add_argument("--seeds", type=int, default=64, help="flights of a condition with noise")
     parser.add_argument("--out", default="out/team_suite")
-    parser.add_argument("--small", action="store_true", help="one condition, one flight of each law")
+    parser.add_argument("--small", action="store_true", help="one condition, two flights of each law")
     given = parser.parse_args()
     progress(f"{given.seeds} flights of each law in each condition with noise; one flight alone takes about 5 s")
     if given.small:
         with tempfile.TemporaryDirectory() as out:
-            measure(given.table, 1, out, ("pull",))
+            measure(given.table, 2, out, ("noisy",))
     else:
         measure(given.table, given.seeds, given.out, tuple(ROWS))
 
