@@ -25,6 +25,15 @@ NOISY: Mapping[str, Any] = {
 }
 """Tables of noise on every measurement, and of their age (s), known to the laws."""
 
+BODY_NOISY: Mapping[str, float] = {
+    "position_noise": NOISE.position,
+    "attitude_noise": NOISE.attitude,
+    "velocity_noise": NOISE.velocity,
+    "rate_noise": NOISE.rate,
+    "pose_age": 0.005,
+}
+"""The same noise and age of the body's motion, as the law of the team measures it."""
+
 HANGING = [{"kind": "lift", "height": 1e-4, "duration": 1.0}]
 """Phases of a body that hangs on its cables from the start."""
 

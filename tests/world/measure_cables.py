@@ -19,7 +19,7 @@ import numpy as np
 sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
 
 import skyarm
-from support.cables import NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll
+from support.cables import BODY_NOISY, NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll
 from support.measured_tables import print_table, progress
 
 LOST = 0.5
@@ -27,8 +27,8 @@ LOST = 0.5
 
 
 def flown(tables: Mapping[str, Any], *, noisy: bool = False, seconds: float | None = None) -> Any:
-    """Log of a flight, with noise or without, cut short for a small table."""
-    noise = NOISY if noisy else {}
+    """Log of a flight, with noise of vehicles and body or without, cut short for a small table."""
+    noise = {**NOISY, "team": {**tables["team"], **BODY_NOISY}} if noisy else {}
     cut = {} if seconds is None else {"duration": min(seconds, float(tables["duration"]))}
     return skyarm.run(skyarm.scenario_from({**tables, **noise, **cut}))
 

@@ -34,7 +34,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.records.leaves import Tree
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
@@ -325,7 +325,7 @@ class Team(Component[TeamMemory]):
         if self.motion is not None and self.pose_age:
             begin = self.motion.at(0.0)
             still = CarriedFrame(position=begin.position, rotation=begin.R, velocity=ZERO3, turning=ZERO3)
-            seen = (rebuild(still, map(data, leaves(still))),) * round(self.pose_age / period)
+            seen = (stored(still),) * round(self.pose_age / period)
         return TeamMemory(own=self.first(period), seen=seen, carries=carries, drawn=drawn, logged=logged)
 
     def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
@@ -396,7 +396,7 @@ class Team(Component[TeamMemory]):
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(
             own=own,
-            seen=tuple(rebuild(each, map(data, leaves(each))) for each in seen[: len(memory.seen)]),
+            seen=tuple(map(stored, seen[: len(memory.seen)])),
             carries=carries,
             drawn=memory.drawn,
             logged=tuple(data(each) for each in logged),
@@ -607,6 +607,16 @@ def require_whole_periods(name: str, value: float, period: float) -> None:
 def shorten(v: Vec3, most: Scalar) -> Vec3:
     """Vector shortened to a length, along its direction."""
     return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
+
+
+def stored(frame: CarriedFrame) -> CarriedFrame:
+    """Motion of a body whose numbers are data."""
+    return CarriedFrame(
+        position=as_data(frame.position),
+        rotation=Mat3(*map(as_data, frame.rotation.rows)),
+        velocity=as_data(frame.velocity),
+        turning=as_data(frame.turning),
+    )
 
 
 def as_data(v: Vec3) -> Vec3:
