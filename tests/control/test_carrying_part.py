@@ -12,11 +12,14 @@ import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, part_of
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, tip_wrench
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
 from skyarm.reference import Reference, hover
 from skyarm.reference.carry import Carry
 from skyarm.sensing.measurement import Measurement
@@ -204,6 +207,24 @@ def test_a_shift_of_the_tip_is_that_of_the_reference():
     assert np.allclose(rows[0].rotor_speeds, rows[1].rotor_speeds, atol=1e-6)
     still = controller.law(controller.memory, measured, plain, DT, par=controller.par)[1]
     assert not np.allclose(rows[0].rotor_speeds, still.rotor_speeds, atol=1.0)
+
+
+def test_the_error_of_the_tip_is_that_of_its_shifted_reference():
+    controller, joints = law(), tuple(q + d for q, d in zip(POSTURE, (0.1, -0.05, 0.08, 0.2, -0.1, 0.3), strict=True))
+    turned, place = Rotation.from_euler("xyz", (0.05, -0.08, 0.2)), np.array([0.02, -0.03, 1.96])
+    offset = Vec3(0.01, -0.02, 0.005)
+    reference, measured = at_rest(controller, carrying(offset=offset, heading=Vec3(0.05, 0.0, 0.0)))
+    x, y, z, w = turned.as_quat()
+    measured = dataclasses.replace(measured, position=Vec3(*place), quaternion=Quaternion(w, x, y, z), joints=joints)
+    memory, _ = controller.law(controller.memory, measured, reference, DT, par=controller.par)
+    tip = place + turned.apply([*frame_pose(VEHICLE, VEHICLE.frame(), joints).p])
+    planned = np.array([0.0, 0.0, 2.0]) + np.array([*frame_pose(VEHICLE, VEHICLE.frame(), POSTURE).p]) + [*offset]
+    assert np.allclose([*part_of(memory, "carrying").behind], planned - tip, atol=1e-9)  # a heading turns about the tip
+    names = (field.name for field in dataclasses.fields(State) if hasattr(measured, field.name))
+    state = State(**{name: getattr(measured, name) for name in names})
+    most, found = largest_load(PointMotion(VEHICLE, state, gravity=9.81)), part_of(memory, "carrying").limits
+    assert np.allclose([found.weight, found.moment], [most.weight, most.moment], rtol=1e-9, atol=0.0)
+    assert float(found.weight) != part_of(steps(law(), 1, lambda k: carrying())[0], "carrying").limits.weight
 
 
 def test_a_turned_heading_takes_the_base_around_the_tip():

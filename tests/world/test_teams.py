@@ -27,6 +27,7 @@ from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weig
 DT = 0.005
 BAR = [(-0.55, 0.0, 0.02), (0.55, 0.0, 0.02)]
 PLATE = [(0.5, 0.1, 0.05), (-0.3, 0.4, 0.02), (-0.2, -0.6, 0.0)]
+LINE = [(-1.2, 0.0, 0.02), (0.15, 0.0, 0.02), (1.2, 0.0, 0.02)]
 PHASES = [
     {"kind": "hold", "duration": 3.0},
     {"kind": "lift", "height": 0.5, "duration": 2.0},
@@ -268,6 +269,30 @@ def test_an_error_of_the_pose_shifts_and_turns_all_tips_but_not_about_their_line
     assert [*standing.place] == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize(("places", "masses"), [(PLATE, (1.0, 2.0, 0.5)), (BAR, (2.0, 0.7)), (LINE, (1.0, 0.0, 3.0))])
+def test_the_rigid_shift_is_the_weighted_least_squares_fit(places, masses):
+    rng, turn = np.random.default_rng(8), Rotation.random(random_state=9)
+    arms = [turn.apply(place) for place in places]
+    shifts, root = rng.normal(size=(len(places), 3)), np.kron(np.sqrt(masses), np.ones(3))
+    G = grasp_matrix(arms)
+    fit = G.T @ np.linalg.lstsq(root[:, None] * G.T, root * shifts.ravel(), rcond=1e-8)[0]
+    place, turned = team(places, masses=masses).rigid_shift([vec(e) for e in shifts], [vec(arm) for arm in arms])
+    found = np.array([np.cross([*turned], arm) + np.array([*place]) for arm in arms]).ravel()
+    assert np.allclose((root * found), (root * fit), atol=1e-5)
+
+
+def test_errors_of_the_tips_are_no_errors_of_the_pose():
+    """Tips that are off with the body shift nothing; what they do not explain does."""
+    whole, off, turn = team(PLATE, pose_gain=0.3), np.array([0.01, -0.02, 0.03]), np.array([0.004, 0.002, -0.003])
+    given = inputs(whole, 5.0, off=off, turn=turn)
+    arms = [[*arm] for arm in whole.arms(given.desired.R)]
+    for part in (1.0, 0.25):
+        behind = [vec(-part * (off + np.cross(turn, arm))) for arm in arms]
+        own, _ = whole.lead(whole.first(DT), dataclasses.replace(given, behind=behind), DT)
+        assert np.allclose([*own.place], -0.3 * DT * (1.0 - part) * off, atol=1e-9)
+        assert np.allclose([*own.turn], -0.3 * DT * (1.0 - part) * turn, atol=1e-8)
+
+
 def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
     whole = dataclasses.replace(team(), pose_gain=1e4)  # a step to the limit of 0.3 m
     own, rows, track = whole.first(DT), [], []
@@ -280,9 +305,6 @@ def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
     assert np.allclose(track[:, 0], 0.3 * (1.0 - (1.0 + 10.0 * t) * np.exp(-10.0 * t)), atol=0.01)
     assert np.allclose(np.diff(track[:, 0]) / DT, track[1:, 1], atol=1e-9)
     assert np.allclose(np.diff(track[:, 1]) / DT, track[1:, 2], atol=1e-9)
-
-
-LINE = [(-1.2, 0.0, 0.02), (0.15, 0.0, 0.02), (1.2, 0.0, 0.02)]
 
 
 def wrench_of(arms, forces):

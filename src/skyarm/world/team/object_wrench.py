@@ -4,7 +4,11 @@ The members bear the wrench of the body's desired motion by shares without inter
 T_d along the lines of the grasps; each compensates its part in advance. Slow integrals of the body's measured position
 and attitude shift and turn all tip references together:
 
-    xi' = k (x_d - x),   zeta' = k (rotation R -> R_d)   while the body is off its support.
+    xi' = k (x_d - x - e),   zeta' = k (rotation R -> R_d, less that of e)   while the body is off its support.
+
+Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
+it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
+With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members.
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
 by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
@@ -253,9 +257,10 @@ class ObjectWrench(Sharing):
         then = desired  # at the time of the measurement
         if self.pose_age:
             then = self.motion.at(course.clock - course.pace * self.pose_age).at_pace(course.pace, 0.0)
-        off = then.position + course.lower - inputs.body.position
+        behind, askew = team.rigid_shift(inputs.behind or [ZERO3] * len(arms), arms)
+        off = then.position + course.lower - inputs.body.position - behind
         place = shorten(own.place + off * rate, FARTHEST)
-        turn = shorten(own.turn + team.turn_error(inputs.body.rotation, then.R) * rate, FARTHEST)
+        turn = shorten(own.turn + (team.turn_error(inputs.body.rotation, then.R) - askew) * rate, FARTHEST)
         missing, spin = then.velocity - inputs.body.velocity, E_Z * (then.rate.z - inputs.body.turning.z)
         slip = Vec3(missing.x, missing.y, 0.0)
         step = 0.5 * self.pull_gain * dt

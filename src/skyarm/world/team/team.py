@@ -114,6 +114,7 @@ class TeamInputs:
         limits, moment_limits: largest weight (N) and moment (N m) that each member bears; () for any.
         drawn: uniform random numbers of the messages.
         forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
+        behind: tracking error (m) of each member's tip, as that member measures it.
     """
 
     time: Scalar
@@ -123,6 +124,7 @@ class TeamInputs:
     gravity: Scalar
     forces: Sequence[Vec3]
     moments: Sequence[Vec3]
+    behind: Sequence[Vec3] = ()
     limits: Sequence[Scalar] = ()
     moment_limits: Sequence[Scalar] = ()
     drawn: Scalars = ()
@@ -142,6 +144,11 @@ class Borne(Protocol):
         ...
 
     @property
+    def behind(self) -> Vec3:
+        """Shifted reference of the tip less the measured tip, m."""
+        ...
+
+    @property
     def limits(self) -> LoadLimits:
         """Largest load in the measured pose of the vehicle."""
         ...
@@ -149,10 +156,11 @@ class Borne(Protocol):
 
 @immutable
 class NothingBorne:
-    """Load of a member whose law estimates none: nothing borne, and no limits."""
+    """Load of a member whose law estimates none: nothing borne, no error of its tip, and no limits."""
 
     force: Vec3 = ZERO3
     moment: Vec3 = ZERO3
+    behind: Vec3 = ZERO3
     limits: LoadLimits = LoadLimits()
 
 
@@ -381,6 +389,7 @@ class Team(Component[TeamMemory]):
             gravity=motion.gravity,
             forces=[-each.force for each in loads],
             moments=[-each.moment for each in loads],
+            behind=[each.behind for each in loads],
             limits=limits,
             moment_limits=[each.limits.moment for each in loads],
             drawn=memory.drawn[self._measured_by :],
@@ -487,6 +496,18 @@ class Team(Component[TeamMemory]):
         turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
         rows = zip(masses, relative, strict=True)
         return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
+
+    def rigid_shift(self, shifts: Sequence[Vec3], arms: Sequence[Vec3]) -> tuple[Vec3, Vec3]:
+        """Displacement (m) of the body's middle and rotation (rad) that fit displacements of the grasps best.
+
+        By least squares with the virtual masses, world axes; members on one line do not tell a turn about it.
+        """
+        relative, mean, ways = self.from_middle(arms), ZERO3, ZERO3
+        whole = divide(1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR))
+        for each, r, shift in zip(self.members, relative, shifts, strict=True):
+            mean, ways = mean + shift * (each.mass * whole), ways + r.cross(shift) * each.mass
+        turn = Vec3(*ldl_solve(self.moments(relative), list(ways)))
+        return mean - turn.cross(arms[0] - relative[0]), turn
 
     def moments(self, relative: Sequence[Vec3]) -> list[list[Scalar]]:
         """Matrix of the second moments of the virtual masses about their middle, with an inverse also on one line."""

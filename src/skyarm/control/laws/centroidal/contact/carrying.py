@@ -30,6 +30,7 @@ from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
 from skyarm.dynamics.actuators.load_limits import LoadLimits, largest_load
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -53,6 +54,9 @@ class CarryingMemory:
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "estimated force of the load on the tip, world axes")] = ZERO3_DATA
     moment: Annotated[Vec3, Unit("N m", "estimated moment of the load on the tip, world axes")] = ZERO3_DATA
+    behind: Annotated[Vec3, Unit("m", "shifted reference of the tip less the tip by measurement, world axes")] = (
+        ZERO3_DATA
+    )
     limits: LoadLimits = LoadLimits()
 
 
@@ -129,10 +133,12 @@ class CarryingGains(OptionalPart):
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
         heading = effect.signals[3] + series(*carry.heading)
-        tip = frame_pose(vehicle, held_at(vehicle), step.reference.joints, summed=True).p
+        planned = [signal.derivative(0) for signal in effect.signals[4:]]
+        tip = frame_pose(vehicle, held_at(vehicle), planned, summed=True).p
         before, after = (turn_by_yaw(yaw, tip) for yaw in (effect.signals[3], heading))
         moves = zip(effect.signals[:3], shift, before - after, strict=True)
-        moved = (s + series(*by) + round_tip for s, by, round_tip in moves)
+        moved = [s + series(*by) + round_tip for s, by, round_tip in moves]
+        desired = Vec3(*((base + arm).derivative(0) for base, arm in zip(moved, after, strict=True)))
         rate = (given[1].force - memory.ahead.force) * divide(1.0, dt)
         signals = [*moved, heading, *effect.signals[4:]]
         effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
@@ -143,6 +149,7 @@ class CarryingGains(OptionalPart):
             bias=bias,
             force=vector_data(force),
             moment=vector_data(moment),
+            behind=vector_data(desired - tip_of(vehicle, step.state)),
             limits=largest_load(PointMotion(vehicle, step.state, gravity=step.par.model.gravity)),
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
@@ -156,6 +163,12 @@ def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
 def held_at(vehicle: Vehicle) -> Frame:
     """Frame at which a vehicle holds a load: its tip; without one the origin of the base."""
     return vehicle.frame() if vehicle.end_effector else Frame(name="base", link=BASE, position=ZERO3)
+
+
+def tip_of(vehicle: Vehicle, state: State) -> Vec3:
+    """Position (m, world axes) of the frame at which a vehicle holds a load."""
+    held = frame_pose(vehicle, held_at(vehicle), state.joints, summed=True).p
+    return state.position + state.quaternion.rotation().apply(held)
 
 
 def planned_effect(vehicle: Vehicle, reference: Reference, carry: Carry, force: Vec3, moment: Vec3) -> Disturbance:
