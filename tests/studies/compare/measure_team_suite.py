@@ -1,10 +1,10 @@
 """Measure the team suite: the tables of docs/results_carrying.md.
 
-    python tests/studies/compare/measure_team_suite.py errors|limits [--seeds 64] [--out out/team_suite] [--small]
+    python tests/studies/compare/measure_team_suite.py errors|limits|others [--seeds 64] [--out out/team_suite]
 
-Both tables are of the same flights: ``errors`` of the bar's place, direction and pull, and ``limits`` with rotor
-jitter, commands at a limit and shares of the load. What was flown is kept in the folder; the same command, and the
-other one, go on with it.
+Two tables are of the same flights: ``errors`` of the bar's place, direction and pull, and ``limits`` with rotor
+jitter, commands at a limit and shares of the load. ``others`` is of other teams, with 16 flights. What was flown is
+kept in the folder; the same command, and the other one of the bar, go on with it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ import numpy as np
 
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, values_of
 from skyarm.studies.compare.compare_laws import compare
-from skyarm.studies.compare.team_suite import FLOWN, ROWS
+from skyarm.studies.compare.team_conditions import ROWS
+from skyarm.studies.compare.team_suite import FLOWN
 from support.measured_tables import print_table, progress
+from support.teams import TEAMS
 
 DEGREES = 180.0 / np.pi
 
@@ -108,16 +110,79 @@ def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
     print_table(("condition", "law", *heads), lines())
 
 
+OTHER_TEAMS: Mapping[str, tuple[str, Sequence[str]]] = {
+    "unequal_bar": (
+        "quadrotor and hexarotor, bar",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all"),
+    ),
+    "heavy_beam": (
+        "two of 12 kg, beam",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all"),
+    ),
+    "plate": (
+        "three, plate",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all", "lost"),
+    ),
+    "long_bar": ("three, bar", ("noisy", "lost")),
+}
+"""File of a team in tests/data/teams -> its words in the table, and conditions that it flies."""
+
+OTHER_HEADS = (
+    "team",
+    "condition",
+    "law",
+    ">placed",
+    ">position, mm",
+    ">largest",
+    ">direction, deg",
+    ">largest",
+    ">pull error, N",
+    ">largest",
+)
+
+
+def others(seeds: int, out: str, small: bool) -> None:
+    """Fly the conditions on other teams, and print a table: a law under a condition a row."""
+
+    def lines() -> Iterator[list[str]]:
+        for file, (words, rows) in list(OTHER_TEAMS.items())[: 1 if small else None]:
+            flown = compare(
+                "team-suite",
+                ("object_wrench",) if small else ("leader_follower", "decentralised", "object_wrench"),
+                f"{out}/{file}",
+                rows=rows[:1] if small else rows,
+                scenario=TEAMS / f"{file}.toml",
+                seeds=seeds,
+                workers=os.cpu_count() or 1,
+                progress=lambda done, of, last: progress(f"{done} of {of}: {last}"),
+            )
+            for row, cases in flown.document["summaries"].items():
+                for law, each in next(iter(cases.values())).items():
+                    yield [words, ROWS[row].get("own", ROWS[row]["title"]), f"`{law}`", *single_values(each)]
+
+    print_table(OTHER_HEADS, lines())
+
+
+def single_values(law: Mapping[str, Any]) -> list[str]:
+    """Flights that placed the body, and its errors, one value a cell."""
+    cells = errors(law)
+    return [cells[0], *(value for cell in cells[2:] for value in (cell.split(" / ") if cell else ("", "")))]
+
+
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=TABLES)
-    parser.add_argument("--seeds", type=int, default=64, help="flights of a condition with noise")
+    parser.add_argument("table", choices=(*TABLES, "others"))
+    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 64, of other teams 16")
     parser.add_argument("--out", default="out/team_suite")
     parser.add_argument("--small", action="store_true", help="one condition, one flight of each law")
     given = parser.parse_args()
+    given.seeds = given.seeds or (16 if given.table == "others" else 64)
     progress(f"{given.seeds} flights of each law in each condition with noise; one flight alone takes about 5 s")
-    if given.small:
+    if given.table == "others":
+        with tempfile.TemporaryDirectory() as spare:
+            others(given.seeds, spare if given.small else f"{given.out}_others", given.small)
+    elif given.small:
         with tempfile.TemporaryDirectory() as out:
             measure(given.table, 1, out, ("pull",))
     else:

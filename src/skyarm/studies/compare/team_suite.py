@@ -159,7 +159,12 @@ class TeamSuite(SummarySuite[TeamFlights]):
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
         rows = [
-            [ROWS[row].get(word, ROWS[row]["title"]), law, f"{each['success']} of {each['episodes']}", *numbers_of(each)]
+            [
+                ROWS[row].get(word, ROWS[row]["title"]),
+                law,
+                f"{each['success']} of {each['episodes']}",
+                *numbers_of(each),
+            ]
             for row, cases in found["summaries"].items()
             for laws in cases.values()
             for law, each in laws.items()
