@@ -75,12 +75,12 @@ class TeamFlights(CellFlights):
 def without_noise(document: Record) -> Document:
     """Scenario file without sensors, delays and noise of the body's pose, which are those of the conditions."""
 
-    def cleared(table: Record) -> Document:
+    def without_words(table: Record) -> Document:
         return {key: entry for key, entry in table.items() if key not in ("sensors", "delays")}
 
     team = {key: entry for key, entry in document["team"].items() if not key.endswith("_noise")}
-    agents = {name: cleared(table) for name, table in document["agents"].items()}
-    return {key: {"agents": agents, "team": team}.get(key, entry) for key, entry in cleared(document).items()}
+    agents = {name: without_words(table) for name, table in document["agents"].items()}
+    return {key: {"agents": agents, "team": team}.get(key, entry) for key, entry in without_words(document).items()}
 
 
 def under_law(document: Document, law: str) -> Document:
