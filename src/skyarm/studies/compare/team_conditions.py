@@ -12,7 +12,6 @@ from dataclasses import field
 
 import numpy as np
 
-from skyarm.algebra import Vec3
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Shifted, Signal, with_signals
@@ -22,6 +21,9 @@ from skyarm.studies.compare.suite import Condition, library_rows
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.sweep.study import Study
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.grasp import Grasp
 from skyarm.world.team.team import Team
 
 ROWS: Mapping[str, Record] = {row["name"]: row for row in library_rows("team_rows")}
@@ -77,121 +79,143 @@ class TeamCondition(Condition):
             return "takes arms: paths at cables are planned before the flight"
         return ""
 
-    def change_document(self, document: Document, given: Scenario) -> Document:
+    def change_document(self, document: Document, given: CarryingTeam) -> Document:
         """Scenario file with the entries of the condition in place of its own.
 
         Args:
             document: tables of the file.
-            given: scenario that it describes.
+            given: team that it describes.
         """
-        team = given.team
-        assert team is not None
-        name, changed = team.members[-1].agent, with_entries(document, self.tables)
-        changed = with_entries(changed, {"agents": {name: self.last}})
+        changed = with_entries(document, self.tables)
+        world, own = changed["world"], changed["agents"][given.last]
+        entries: Document = {"agents": {given.last: {**self.last}}, "world": {}, "team": {}}
         if self.stiffness != 1.0 or self.lost:
-            grasps = changed["world"]["grasps"]
-            changed = with_entries(changed, {"world": {"grasps": [self._grasp(g, given) for g in grasps]}})
+            entries["world"]["grasps"] = [self._grasp(each, given) for each in world["grasps"]]
         if "masses" in self.vary:
             # the lightest body fixes the integration steps; the team supposes that of the file
-            least = round(float(body_mass(given)) * self.vary["masses"]["uniform"][0], 9)
-            bodies = [b | ({"mass": least} if b["name"] == team.object else {}) for b in changed["world"]["objects"]]
-            changed = with_entries(changed, {"team": {"mass": float(team.mass)}, "world": {"objects": bodies}})
+            least = {"mass": round(float(given.body.mass) * self.vary["masses"]["uniform"][0], 9)}
+            named = given.body.name
+            entries["world"]["objects"] = [b | (least if b["name"] == named else {}) for b in world["objects"]]
+            entries["team"]["mass"] = float(given.team.mass)
         if self.off:
-            changed = with_entries(changed, {"team": {"members": self._members(document, given)}})
+            stated = {each["agent"]: each for each in document["team"].get("members", [])}
+            members = [{"agent": m.agent, "place": [*map(float, m.place)]} for m in given.team.members]
+            entries["team"]["members"] = [each | stated.get(each["agent"], {}) for each in members]
+            supposed = given.places[-1] - self.off * given.outward
+            entries["team"]["members"][-1]["place"] = np.round(supposed, 9).tolist()
         if self.wind:
-            push = [
-                {"kind": "ramp", "start": onset(given), "duration": 0.5, "height": f} if f else 0.0 for f in self.wind
-            ]
-            own = changed.get("environment", {}).get("forces", [])
-            forces = [*own, {"kind": "disturbance", "force": [*push, 0.0]}]
-            changed = with_entries(changed, {"environment": {"forces": forces}})
+            ramp = {"kind": "ramp", "start": given.onset, "duration": 0.5}
+            push = {"kind": "disturbance", "force": [*(ramp | {"height": f} if f else 0.0 for f in self.wind), 0.0]}
+            entries["environment"] = {"forces": [*changed.get("environment", {}).get("forces", []), push]}
         if self.rotor != 1.0:
-            rotor = given.agents[name].plant.vehicle.rotors[0].name
-            faults = [*changed["agents"][name].get("faults", []), {"rotor": rotor, "effectiveness": self.rotor}]
-            changed = with_entries(changed, {"agents": {name: {"faults": faults}}})
-        return changed
+            rotor = given.scenario.agents[given.last].plant.vehicle.rotors[0].name
+            fault = {"rotor": rotor, "effectiveness": self.rotor}
+            entries["agents"][given.last]["faults"] = [*own.get("faults", []), fault]
+        return with_entries(changed, entries)
 
-    def _grasp(self, entry: Record, given: Scenario) -> Document:
+    def _grasp(self, entry: Record, given: CarryingTeam) -> Document:
         """Entry of a grasp of the body with another stiffness, and of the last member's with its end."""
-        team, changed = given.team, dict(entry)
-        assert team is not None
-        assert given.world is not None
-        if entry["body"] != team.object:
+        changed, own = dict(entry), given.grasps.get(entry["agent"])
+        if own is None or entry["body"] != own.body:
             return changed
-        (own,) = (g for g in given.world.grasps if (g.agent, g.body) == (entry["agent"], entry["body"]))
         if self.stiffness != 1.0:
             changed["stiffness"] = float(own.stiffness) * self.stiffness
             changed["damping"] = float(f"{float(own.damping) * DAMPING * math.sqrt(self.stiffness):.3g}")
-        if self.lost and own.agent == team.members[-1].agent:
-            changed["release"] = onset(given)
-        return changed
+        return changed | ({"release": given.onset} if self.lost and own.agent == given.last else {})
 
-    def _members(self, document: Record, given: Scenario) -> list[Document]:
-        """Entries of all members, of which the last supposes its grasp nearer to the middle of all grasps."""
-        team = given.team
-        assert team is not None
-        stated = {each["agent"]: each for each in document["team"].get("members", [])}
-        entries = [{"agent": m.agent, "place": [*map(float, m.place)], **stated.get(m.agent, {})} for m in team.members]
-        supposed = place_of_last(given) - outward(given) * self.off
-        entries[-1]["place"] = [round(float(c), 9) for c in supposed]
-        return entries
-
-    def change_path(self, scenario: Scenario) -> Scenario:
-        """Scenario in which the last member's path is late."""
-        if not self.late or scenario.team is None:
-            return scenario
+    def change_path(self, scenario: Scenario, last: str) -> Scenario:
+        """Scenario in which the path of the member of a name is late."""
 
         def later(signal: Signal) -> Signal:
             return signal if isinstance(signal, Constant) else Shifted(signal, self.late)
 
-        name = scenario.team.members[-1].agent
-        agent = scenario.agents[name]
+        agent = scenario.agents[last]
         agent = dataclasses.replace(agent, reference=with_signals(agent.reference, later))
-        return dataclasses.replace(scenario, agents={**scenario.agents, name: agent})
+        return dataclasses.replace(scenario, agents={**scenario.agents, last: agent}) if self.late else scenario
 
-    def columns(self, scenario: Scenario, given: Scenario, seed: int) -> dict[str, Array]:
+    def columns(self, scenario: Scenario, given: CarryingTeam, seed: int) -> dict[str, Array]:
         """Numbers of the flights, the same for every law: parameter path -> values (flights,).
 
         Args:
             scenario: scenario of the condition.
-            given: the scenario before its changes.
+            given: the team before its changes.
             seed: seed of the draws.
         """
-        team = scenario.team
-        assert team is not None
-        several = {"masses": [*scenario.agents, team.object], "wind": [*AXES[:2]]}
-        spread = {f"{name}_{each}": table for name, table in self.vary.items() for each in several.get(name, [""])}
+        name, agents, last = given.body.name, scenario.agents, f"agents.{given.last}"
+        several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
+        spread = {f"{each}_{part}": table for each, table in self.vary.items() for part in several.get(each, [""])}
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
         study = Study(
             name=self.name, scenarios={}, vary=vary, derived={}, episodes=self.episodes, seed=seed, document={}
         )
-        drawn, last = values(study, np.arange(study.episodes)), team.members[-1].agent
-        found: dict[str, Array] = {}
+        drawn, found = values(study, np.arange(study.episodes)), dict[str, Array]()
         if "masses" in self.vary:
-            found[f"world.objects.{team.object}.mass"] = float(body_mass(given)) * drawn[f"masses_{team.object}"]
-            for name, agent in scenario.agents.items():
-                vehicle, at = agent.plant.vehicle, f"agents.{name}.plant.vehicle"
+            found[f"world.objects.{name}.mass"] = float(given.body.mass) * drawn[f"masses_{name}"]
+            for agent in agents:
+                vehicle, at = agents[agent].plant.vehicle, f"agents.{agent}.plant.vehicle"
                 bodies = {"base": vehicle.base} | {f"links.{link.name}.body": link.body for link in vehicle.links}
-                found |= {f"{at}.{path}.mass": float(b.mass) * drawn[f"masses_{name}"] for path, b in bodies.items()}
+                found |= {f"{at}.{path}.mass": float(b.mass) * drawn[f"masses_{agent}"] for path, b in bodies.items()}
         if "off" in self.vary:
-            off, tip = drawn["off_"], f"agents.{last}.reference.tip"
-            for k, (place, u) in enumerate(zip(place_of_last(given), outward(given), strict=True)):
-                if abs(u) > 1e-9:
-                    found[f"team.members.{len(team.members) - 1}.place.{AXES[k]}"] = float(place) + u * off
-                    found |= {f"{tip}.{axis}.place.{k}.signals.1.height": u * off for axis in AXES}
-        if "stiffness" in self.vary and given.world is not None:
+            for k in np.flatnonzero(given.outward):
+                off = given.outward[k] * drawn["off_"]
+                found[f"team.members.{len(given.places) - 1}.place.{AXES[k]}"] = given.places[-1][k] + off
+                found |= {f"{last}.reference.tip.{axis}.place.{k}.signals.1.height": off for axis in AXES}
+        if "stiffness" in self.vary:
             factor = drawn["stiffness_"]
-            for i, own in enumerate(given.world.grasps):
-                if own.body == team.object:
+            for i, own in enumerate(given.contact.grasps):
+                if own.body == name:
                     found[f"world.grasps.{i}.stiffness"] = float(own.stiffness) * factor
                     found[f"world.grasps.{i}.damping"] = float(own.damping) * DAMPING * np.sqrt(factor)
         if "wind" in self.vary:
             at = f"environment.forces.{len(scenario.environment.forces) - 1}.force"
             found |= {f"{at}.{axis}.height": drawn[f"wind_{axis}"] for axis in AXES[:2]}
         if "rotor" in self.vary:
-            number = len(scenario.agents[last].faults) - 1
-            found[f"agents.{last}.environment.faults.{number}.effectiveness"] = drawn["rotor_"]
+            number = len(agents[given.last].faults) - 1
+            found[f"{last}.environment.faults.{number}.effectiveness"] = drawn["rotor_"]
         return found
+
+
+@immutable(slots=False)
+class CarryingTeam:
+    """Team of a scenario before the changes of a condition."""
+
+    scenario: Scenario
+    team: Team
+    contact: Contact
+
+    @property
+    def last(self) -> str:
+        """Name of the last member."""
+        return self.team.members[-1].agent
+
+    @property
+    def body(self) -> FreeObject:
+        """Body that the team carries."""
+        return next(each for each in self.contact.objects if each.name == self.team.object)
+
+    @property
+    def grasps(self) -> dict[str, Grasp]:
+        """Grasps of the body by the names of their vehicles."""
+        return {each.agent: each for each in self.contact.grasps if each.body == self.team.object}
+
+    @property
+    def places(self) -> Array:
+        """Places (members, 3) of the grasps, m, axes of the body from its middle."""
+        return np.array([[*map(float, self.grasps[each.agent].place)] for each in self.team.members])
+
+    @property
+    def outward(self) -> Array:
+        """Horizontal unit vector (3,), axes of the body, from the middle of all grasps to the last member's."""
+        off = (self.places[-1] - self.places.mean(axis=0)) * [1.0, 1.0, 0.0]
+        size = np.linalg.norm(off)
+        return off / size if size > 1e-6 else np.array([1.0, 0.0, 0.0])
+
+    @property
+    def onset(self) -> float:
+        """Time (s) at which wind rises, and at which a member is lost."""
+        assert self.team.motion is not None
+        lift, stop = float(self.team.motion.lift), min(float(self.team.motion.stop), self.scenario.duration)
+        return round(lift + (stop - lift) * BEGIN, 3)
 
 
 def with_entries(table: Record, entries: Record) -> Document:
@@ -206,39 +230,3 @@ def with_entries(table: Record, entries: Record) -> Document:
             case _:
                 changed[key] = entry
     return changed
-
-
-def body_mass(scenario: Scenario) -> float:
-    """Mass (kg) of the body that a team carries."""
-    assert scenario.team is not None
-    assert scenario.world is not None
-    return next(float(each.mass) for each in scenario.world.objects if each.name == scenario.team.object)
-
-
-def place_of_last(scenario: Scenario) -> Vec3:
-    """Place (m, axes of the body from its middle) of the last member's grasp."""
-    return _places(scenario)[-1]
-
-
-def outward(scenario: Scenario) -> Vec3:
-    """Horizontal unit vector, axes of the body, from the middle of all grasps to the last member's."""
-    places = _places(scenario)
-    x, y = (float(places[-1][k]) - sum(float(each[k]) for each in places) / len(places) for k in range(2))
-    size = math.hypot(x, y)
-    return Vec3(x / size, y / size, 0.0) if size > 1e-6 else Vec3(1.0, 0.0, 0.0)
-
-
-def _places(scenario: Scenario) -> list[Vec3]:
-    """Places of the grasps in the order of the members."""
-    assert scenario.team is not None
-    assert scenario.world is not None
-    there = {each.agent: each.place for each in scenario.world.grasps if each.body == scenario.team.object}
-    return [there[each.agent] for each in scenario.team.members]
-
-
-def onset(scenario: Scenario) -> float:
-    """Time (s) at which wind rises, and at which a member is lost."""
-    assert scenario.team is not None
-    assert scenario.team.motion is not None
-    lift, stop = (float(each) for each in (scenario.team.motion.lift, scenario.team.motion.stop))
-    return round(lift + (min(stop, scenario.duration) - lift) * BEGIN, 3)

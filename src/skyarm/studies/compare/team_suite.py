@@ -18,7 +18,7 @@ from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Do
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import DELAY, NOISE, Case, library_rows
-from skyarm.studies.compare.team_conditions import ROWS, TeamCondition, with_entries
+from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition, with_entries
 from skyarm.view.pages import Report, Section, Table, number
 
 TEAM, FLOWN = "team-suite", "two_carry_a_bar"
@@ -56,20 +56,21 @@ class TeamFlights(CellFlights):
     def scenario(self) -> Scenario:
         """Scenario with the entries of law and condition, without noise and delays of its own."""
         document, folder = read_named(file_name(self.given, "scenario"), "scenario", LIBRARY)
-        given, law = scenario_from(document, folder), self.entrant.law
+        given, law = team_of(scenario_from(document, folder), str(self.given)), self.entrant.law
         noisy: Document = {"sensors": dataclasses.asdict(NOISE), "delays": {"measurement": DELAY}}
         noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}  # of the carried body
         changed = under_law(without_noise(document), law)
         for tables in ({"plant": {"kind": self.plant}}, noisy if self.condition.noisy else {}):
             changed = with_entries(changed, tables)
         changed = self.condition.change_document(changed, given)
-        return dataclasses.replace(self.condition.change_path(scenario_from(changed, folder)), seed=self.seed)
+        late = self.condition.change_path(scenario_from(changed, folder), given.last)
+        return dataclasses.replace(late, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of the flights, the same for every law: parameter path -> values (flights,)."""
         if not self.condition.vary:
             return {}
-        return self.condition.columns(scenario, load_scenario(self.given), self.seed)
+        return self.condition.columns(scenario, team_of(load_scenario(self.given), str(self.given)), self.seed)
 
 
 def without_noise(document: Record) -> Document:
@@ -124,9 +125,9 @@ class TeamSuite(SummarySuite[TeamFlights]):
             for name in chosen:
                 if name not in there:
                     raise ValueError(f"{TEAM}: {shown(name)}: {must_be_one_of(there, name)}")
-        given = team_scenario(self.scenario)
-        assert given.team is not None
-        case, planned = Case(name=given.name, title=given.title, scenario=given.name), list[TeamFlights]()
+        own = load_scenario(self.scenario)
+        given = team_of(own, str(self.scenario))
+        case, planned = Case(name=own.name, title=own.title, scenario=own.name), list[TeamFlights]()
         refused = dict[str, str]()
         for name in self.rows:
             row = {"noisy": False, "episodes": self.seeds, "cases": (), **ROWS[name]}
@@ -181,19 +182,23 @@ class TeamSuite(SummarySuite[TeamFlights]):
         )
 
 
-def team_scenario(given: PathLike) -> Scenario:
-    """Load the scenario of a team whose grasps close in flight.
+def team_of(scenario: Scenario, name: str) -> CarryingTeam:
+    """Team of a scenario whose grasps close in flight.
+
+    Args:
+        scenario: scenario of a file.
+        name: name of the file, in messages.
 
     Raises:
-        ScenarioError: no such scenario. ValueError: one without such a team.
+        ValueError: one line; it has no such team.
     """
-    scenario = load_scenario(given)
     if scenario.team is None or scenario.world is None:
-        raise ValueError(f"{given}: team: must be stated for {TEAM}, whose laws share a load")
-    if not any(each.closes for each in scenario.world.grasps if each.body == scenario.team.object):
+        raise ValueError(f"{name}: team: must be stated for {TEAM}, whose laws share a load")
+    given = CarryingTeam(scenario=scenario, team=scenario.team, contact=scenario.world)
+    if not any(each.closes for each in given.grasps.values()):
         at = f"world.grasps.close of {shown(scenario.team.object)}"
-        raise ValueError(f"{given}: {at}: must be above 0 in one of them for {TEAM}, whose members take hold in flight")
-    return scenario
+        raise ValueError(f"{name}: {at}: must be above 0 in one of them for {TEAM}, whose members take hold in flight")
+    return given
 
 
 def unfit(flights: TeamFlights) -> str:
