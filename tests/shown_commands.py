@@ -40,6 +40,7 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
     "compare envelope-suite": ("--quick", "--only", "circle"),
     "compare contact-suite": ("--quick", "--only", "press_and_hold"),
     "compare team-suite": ("--seeds", "1", "--only", "perfect"),
+    "compare team-suite --scenario": (),
     "compare paper-suite": (*FEW, "--only", "perfect,plants"),
     "compare --laws": (*FEW, "--only", "perfect,plants"),
     "film": ("--window", "0", "0.2", "--size", "64x64", "--fps", "10"),

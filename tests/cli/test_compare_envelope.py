@@ -66,6 +66,8 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("contact-suite", "--only", "slide_up,slide_up"), "--only = 'slide_up': must be named once"),
         (("contact-suite", "--laws", "centroidal,centroidal"), "are one"),
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
+        (("team-suite", "--scenario", "case3"), "case3: team: must be stated for team-suite, whose laws share a load"),
+        (("paper-suite", "--scenario", "case3"), "--scenario: must be left out for paper-suite; it is of team-suite"),
         (("team-suite", "--only", "nosy"), "--only = 'nosy': did you mean 'noisy'?"),
         (("team-suite", "--laws", "own_path"), "team-suite: 'own_path': did you mean 'own_paths'?"),
         (("team-suite", "--laws", "paper_ct"), "team-suite: 'paper_ct': must be one of own_paths, leader_follower"),

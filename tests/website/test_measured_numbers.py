@@ -45,6 +45,7 @@ UNMEASURED = {
     "condition": "what was flown, and how",
     "name": "vehicles of the rows, spelled out",
     "letter": "letters of an equation",
+    "team": "vehicles and bodies of the rows, described",
     "axis": "trials of the suite, described",
     "table": "what a dash means in which table",
     "settings": "what the two columns of the paper's tables assume",

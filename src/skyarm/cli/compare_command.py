@@ -35,7 +35,8 @@ from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
-from skyarm.studies.compare.team_suite import ROWS, TEAM
+from skyarm.studies.compare.team_conditions import ROWS
+from skyarm.studies.compare.team_suite import FLOWN, TEAM
 from skyarm.studies.flights.executor import require_place
 
 MOST = 1_000_000
@@ -46,6 +47,7 @@ READ_BY = {
     "--plants": (SUITE, CONTACT),
     "--seeds": (SUITE, TEAM, "a scenario"),
     "--vehicle": (ENVELOPE,),
+    "--scenario": (TEAM,),
     "--quick": (ENVELOPE, CONTACT),
 }
 """Option -> comparisons that read it, for options that not all read."""
@@ -71,6 +73,13 @@ def compare(
     vehicle: Annotated[
         str, typer.Option(help="with envelope-suite: a vehicle with an arm", autocompletion=name_completion("vehicle"))
     ] = PAPER,
+    scenario: Annotated[
+        str,
+        typer.Option(
+            help="with team-suite: a scenario with [team] and grasps that close in flight",
+            autocompletion=name_completion("scenario"),
+        ),
+    ] = FLOWN,
     plants: Annotated[
         int | None, typer.Option(help=f"perturbed plants, {PLANTS} if left out; with contact-suite: worlds, {WORLDS}")
     ] = None,
@@ -107,7 +116,7 @@ def compare(
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
         options |= {"tasks": chosen_names("--only", only, TASKS), "worlds": plants or (QUICK if quick else WORLDS)}
     elif suite == TEAM:
-        options |= {"rows": chosen_names("--only", only, ROWS), "seeds": seeds}
+        options |= {"rows": chosen_names("--only", only, ROWS), "seeds": seeds, "scenario": scenario}
     elif suite == SUITE:
         there = conditions_of(plants or PLANTS, seeds)
         options["conditions"] = {name: there[name] for name in chosen_names("--only", only, there)}

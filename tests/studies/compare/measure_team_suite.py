@@ -1,10 +1,11 @@
 """Measure the team suite: the tables of docs/results_carrying.md.
 
-    python tests/studies/compare/measure_team_suite.py summary|errors|goals|limits [--seeds 64] [--small]
+    python tests/studies/compare/measure_team_suite.py summary|errors|goals|limits|others [--seeds 64] [--small]
 
-All tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
+Four tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
 ``goals`` with what was reached of them, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares
-of the load. What was flown is kept in the folder of ``--out``; the same command, and the others, go on with it.
+of the load. ``others`` is of other teams, with 16 flights. What was flown is kept in the folder of ``--out``; the same
+command, and the others of the bar, go on with it.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ import numpy as np
 
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, values_of
 from skyarm.studies.compare.compare_laws import compare
-from skyarm.studies.compare.team_suite import FLOWN, LAWS, ROWS
+from skyarm.studies.compare.team_conditions import ROWS
+from skyarm.studies.compare.team_suite import FLOWN, LAWS
 from support.measured_tables import print_table, progress
+from support.teams import TEAMS
 
 DEGREES = 180.0 / np.pi
 
@@ -191,16 +194,71 @@ def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
         print_table(heads, lines)
 
 
+OTHER_TEAMS: Mapping[str, tuple[str, Sequence[str]]] = {
+    "unequal_bar": (
+        "quadrotor and hexarotor, bar",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all"),
+    ),
+    "heavy_beam": (
+        "two of 12 kg, beam",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all"),
+    ),
+    "plate": (
+        "three, plate",
+        ("perfect", "noisy", "masses", "misplaced", "wind", "all", "lost"),
+    ),
+    "long_bar": ("three, bar", ("noisy", "lost")),
+}
+"""File of a team in tests/data/teams -> its words in the table, and conditions that it flies."""
+
+SHOWN = ("leader_follower", "decentralised", "object_wrench")
+"""Laws that other teams fly."""
+
+
+def others(seeds: int, out: str, small: bool) -> None:
+    """Fly the conditions on other teams, and print a table of each quantity: a condition a row, a law a column."""
+    laws, found = SHOWN[-1:] if small else SHOWN, dict[tuple[str, str], Mapping[str, Any]]()
+    for file, (words, rows) in list(OTHER_TEAMS.items())[: 1 if small else None]:
+        flown = compare(
+            "team-suite",
+            laws,
+            f"{out}/{file}",
+            rows=rows[:1] if small else rows,
+            scenario=TEAMS / f"{file}.toml",
+            seeds=seeds,
+            workers=os.cpu_count() or 1,
+            progress=lambda done, of, last: progress(f"{done} of {of}: {last}"),
+        )
+        for row, cases in flown.document["summaries"].items():
+            found[words, ROWS[row].get("own", ROWS[row]["title"])] = next(iter(cases.values()))
+
+    def table(head: str, cell: Callable[[Mapping[str, Any]], str]) -> None:
+        lines = ([*names, *(cell(of[law]) for law in laws)] for names, of in found.items())
+        print_table(("team", head, *(f">`{law}`" for law in laws)), lines)
+
+    def number(metric: str, how: str, factor: float) -> Callable[[Mapping[str, Any]], str]:
+        return lambda summary: shown(value(summary, metric, how, factor))
+
+    table("placed", placed)
+    for usual, largest, factor in (POSITION, DIRECTION, PULL):
+        table(usual[0], number(usual[1], "mean", factor))
+        table(largest[0], number(largest[1], "max", factor))
+
+
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=TABLES)
-    parser.add_argument("--seeds", type=int, default=64, help="flights of a condition with noise")
+    parser.add_argument("table", choices=(*TABLES, "others"))
+    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 64, of other teams 16")
     parser.add_argument("--out", default="out/team_suite")
     parser.add_argument("--small", action="store_true", help="one condition, two flights of each law")
     given = parser.parse_args()
+    given.seeds = given.seeds or (16 if given.table == "others" else 64)
     progress(f"{given.seeds} flights of each law in each condition with noise; one flight alone takes about 5 s")
-    if given.small:
+    if given.table == "others":
+        with tempfile.TemporaryDirectory() as spare:
+            others(given.seeds, spare if given.small else f"{given.out}_others", given.small)
+    elif given.small:
         with tempfile.TemporaryDirectory() as out:
             measure(given.table, 2, out, ("noisy",))
     else:

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import field
-
-import numpy as np
 
 from skyarm.log.metrics.metric_catalogue import TEAMS
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import must_be_one_of, shown, versions
+from skyarm.records.files import PathLike, file_name, must_be_one_of, shown, versions
+from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
-from skyarm.scenario.scenario_file import LIBRARY, scenario_from
+from skyarm.records.leaves import field_names
+from skyarm.records.registry import find
+from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record, values_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
-from skyarm.studies.compare.suite import DELAY, NOISE, Case, Condition, library_rows
-from skyarm.studies.sweep.design import values
-from skyarm.studies.sweep.distributions import distribution_from
-from skyarm.studies.sweep.expressions import derived_from
-from skyarm.studies.sweep.study import Study
+from skyarm.studies.compare.suite import DELAY, NOISE, Case, library_rows
+from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition, with_entries
 from skyarm.view.pages import Report, Section, Table, number
 
 TEAM, FLOWN = "team-suite", "two_carry_a_bar"
-
-ROWS: Mapping[str, Record] = {row["name"]: row for row in library_rows("team_rows")}
-"""Condition -> its fields; left out, its flights are those of the suite, and all laws fly it."""
 
 LAWS: Mapping[str, Record] = {row.pop("name"): row for row in library_rows("team_laws")}
 """Law of a team -> entries of the scenario's file in place of its own."""
@@ -47,66 +40,59 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 """Columns: head, metric, factor from SI to the unit of the head; of several vehicles the largest."""
 
 
-@immutable
-class Row(Condition):
-    """Condition of the benchmark.
-
-    Attributes:
-        tables: entries of the scenario's file in place of its own; a table for a list goes into each of its tables.
-        vary, derived: numbers of each flight, as in a study.
-    """
-
-    tables: Document = field(default_factory=dict)
-    vary: Document = field(default_factory=dict)
-    derived: Document = field(default_factory=dict)
-
-
-def with_entries(table: Document, entries: Record) -> Document:
-    """Table of a file with entries in place of its own, tables key by key; a table for a list in each of its tables."""
-    changed = dict(table)
-    for key, entry in entries.items():
-        match table.get(key), entry:
-            case dict() as own, dict():
-                changed[key] = with_entries(own, entry)
-            case list() as own, dict():
-                changed[key] = [with_entries(each, entry) for each in own]
-            case _:
-                changed[key] = entry
-    return changed
-
-
 @immutable(slots=False)
 class TeamFlights(CellFlights):
-    """Flights of one law of a team under one condition."""
+    """Flights of one law of a team under one condition.
 
-    condition: Row
+    Attributes:
+        given: name or path of the scenario.
+    """
+
+    condition: TeamCondition
+    given: PathLike = FLOWN
 
     further_metrics = (*TEAMS, "joint_saturation")
 
     def scenario(self) -> Scenario:
-        """Shipped scenario with the entries of law and condition."""
-        document = tomllib.loads((LIBRARY / f"{FLOWN}.toml").read_text("utf-8"))
+        """Scenario with the entries of law and condition, without noise and delays of its own."""
+        document, folder = read_named(file_name(self.given, "scenario"), "scenario", LIBRARY)
+        given, law = team_of(scenario_from(document, folder), str(self.given)), self.entrant.law
         noisy: Document = {"sensors": dataclasses.asdict(NOISE), "delays": {"measurement": DELAY}}
         noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}  # of the carried body
-        plant = {"plant": {"kind": self.plant}}
-        for tables in (plant, LAWS[self.entrant.law], noisy if self.condition.noisy else {}, self.condition.tables):
-            document = with_entries(document, tables)
-        return dataclasses.replace(scenario_from(document), seed=self.seed)
+        changed = under_law(without_noise(document), law)
+        for tables in ({"plant": {"kind": self.plant}}, noisy if self.condition.noisy else {}):
+            changed = with_entries(changed, tables)
+        changed = self.condition.change_document(changed, given)
+        late = self.condition.change_path(scenario_from(changed, folder), given.last)
+        return dataclasses.replace(late, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of the flights, the same for every law: parameter path -> values (flights,)."""
-        condition = self.condition
-        study = Study(
-            name=condition.name,
-            scenarios={},
-            vary={path: distribution_from(each, path) for path, each in condition.vary.items()},
-            derived=derived_from(condition.derived, condition.vary),
-            episodes=condition.episodes,
-            seed=self.seed,
-            document={},
-        )
-        drawn = values(study, np.arange(study.episodes))
-        return {path: drawn[path] for path in study.paths}
+        if not self.condition.vary:
+            return {}
+        return self.condition.columns(scenario, team_of(load_scenario(self.given), str(self.given)), self.seed)
+
+
+def without_noise(document: Record) -> Document:
+    """Scenario file without sensors, delays and noise of the body's pose, which are those of the conditions."""
+
+    def without_words(table: Record) -> Document:
+        return {key: entry for key, entry in table.items() if key not in ("sensors", "delays")}
+
+    team = {key: entry for key, entry in document["team"].items() if not key.endswith("_noise")}
+    agents = {name: without_words(table) for name, table in document["agents"].items()}
+    return {key: {"agents": agents, "team": team}.get(key, entry) for key, entry in without_words(document).items()}
+
+
+def under_law(document: Document, law: str) -> Document:
+    """Scenario file under a law of the suite; the law of the file keeps the options of the file."""
+    if document["team"]["law"] == law:
+        return document
+    entries = dict(LAWS[law])
+    words = field_names(find("team", law)) or ()
+    team = {key: entry for key, entry in document["team"].items() if key in words} | entries.pop("team")
+    own = {name: entries for name, table in document["agents"].items() if "controller" in table}
+    return with_entries(document | {"team": team}, {**entries, "agents": own})
 
 
 @immutable
@@ -115,11 +101,13 @@ class TeamSuite(SummarySuite[TeamFlights]):
 
     Attributes:
         laws: names. rows: names of conditions, in order. seeds: flights of each condition with chance.
+        scenario: name or path of the scenario.
         seed: seed of draws and noise. plant: kind of plant.
     """
 
     laws: Sequence[str] = tuple(LAWS)
     rows: Sequence[str] = tuple(ROWS)
+    scenario: PathLike = FLOWN
     seeds: int = 8
     seed: int = 0
     plant: str = "rigid_body"
@@ -128,41 +116,98 @@ class TeamSuite(SummarySuite[TeamFlights]):
     settings = ("seeds", "seed", "plant")
 
     def plan_cells(self) -> tuple[list[TeamFlights], Refused]:
-        """All flights of the benchmark."""
+        """All flights of the benchmark, and why conditions, or laws under them, do not fly.
+
+        Raises:
+            ValueError: a name of none, a scenario without a team whose grasps close in flight, or nothing to fly.
+        """
         for chosen, there in ((self.laws, LAWS), (self.rows, ROWS)):
             for name in chosen:
                 if name not in there:
                     raise ValueError(f"{TEAM}: {shown(name)}: {must_be_one_of(there, name)}")
-        case, planned = Case(name=FLOWN, title="", scenario=FLOWN), list[TeamFlights]()
+        own = load_scenario(self.scenario)
+        given = team_of(own, str(self.scenario))
+        case, planned = Case(name=own.name, title=own.title, scenario=own.name), list[TeamFlights]()
+        refused = dict[str, str]()
         for name in self.rows:
             row = {"noisy": False, "episodes": self.seeds, "cases": (), **ROWS[name]}
-            laws, plant = row.pop("laws", LAWS), row.pop("plant", self.plant)
-            planned += [
-                TeamFlights(
+            laws, plant = row.pop("laws", tuple(LAWS)), row.pop("plant", self.plant)
+            condition = TeamCondition(**row)
+            if why := condition.refusal(given.team):
+                refused[name] = why
+                continue
+            flown = [law for law in laws if law in self.laws]
+            if not flown:
+                refused[name] = f"is of {', '.join(laws)} alone"
+            for law in flown:
+                cell = TeamFlights(
                     entrant=Entrant(name=law, group="own", law=law),
                     case=case,
-                    condition=Row(**row),
+                    condition=condition,
                     plant=plant,
                     seed=self.seed,
+                    given=self.scenario,
                 )
-                for law in laws
-                if law in self.laws
-            ]
-        return planned, {}
+                if why := "" if self.scenario == FLOWN else unfit(cell):
+                    refused[f"{name} {law}"] = why
+                else:
+                    planned.append(cell)
+        if not planned:
+            raise ValueError(f"{TEAM}: {'; '.join(f'{name} {why}' for name, why in refused.items())}")
+        return planned, refused
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
+        word = "title" if self.scenario == FLOWN else "own"
         rows = [
-            [ROWS[row]["title"], law, f"{each['success']} of {each['episodes']}", *numbers_of(each)]
+            [
+                ROWS[row].get(word, ROWS[row]["title"]),
+                law,
+                f"{each['success']} of {each['episodes']}",
+                *numbers_of(each),
+            ]
             for row, cases in found["summaries"].items()
-            for law, each in cases[FLOWN].items()
+            for laws in cases.values()
+            for law, each in laws.items()
         ]
+        (case, *_), *_ = found["summaries"].values()
         head = ["condition", "law", ">placed", *(f">{title}" for title, *_ in COLUMNS)]
+        notes = [f"not flown: {name} {why}" for name, why in found.get("not_flown", {}).items()]
         return Report(
-            title=f"Laws of a team, {FLOWN} on {found['plant']}",
+            title=f"Laws of a team, {case} on {found['plant']}",
             facts=f"{found['seeds']} flights, seed {found['seed']}; skyarm {versions()['skyarm']}",
-            sections=[Section(name="Flights that came to their end", tables=[Table(head=head, rows=rows)])],
+            sections=[
+                Section(name="Flights that came to their end", notes=notes, tables=[Table(head=head, rows=rows)])
+            ],
         )
+
+
+def team_of(scenario: Scenario, name: str) -> CarryingTeam:
+    """Team of a scenario whose grasps close in flight.
+
+    Args:
+        scenario: scenario of a file.
+        name: name of the file, in messages.
+
+    Raises:
+        ValueError: one line; it has no such team.
+    """
+    if scenario.team is None or scenario.world is None:
+        raise ValueError(f"{name}: team: must be stated for {TEAM}, whose laws share a load")
+    given = CarryingTeam(scenario=scenario, team=scenario.team, contact=scenario.world)
+    if not any(each.closes for each in given.grasps.values()):
+        at = f"world.grasps.close of {shown(scenario.team.object)}"
+        raise ValueError(f"{name}: {at}: must be above 0 in one of them for {TEAM}, whose members take hold in flight")
+    return given
+
+
+def unfit(flights: TeamFlights) -> str:
+    """Reason why the scenario of a user cannot be that of a law under a condition; empty if it can."""
+    try:
+        flights.scenario()
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def numbers_of(summary: Record) -> list[str]:
