@@ -15,12 +15,12 @@ from skyarm.reference import Constant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.flights import Crew
-from skyarm.studies.tune import candidate_flights, subject
+from skyarm.studies.tune import candidate_flights
 from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shorten, with_own
 from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.law_knobs import find_knobs
-from skyarm.studies.tune.subject import Stages
+from skyarm.studies.tune.subject import Stages, Subject
 from skyarm.studies.tune.tuning import Tuner, TuningPlan
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -146,8 +146,8 @@ class Told:
 
 def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalists(short, monkeypatch):
     flight, own = short
-    monkeypatch.setattr(subject, "CandidateFlights", Told)
-    monkeypatch.setattr(subject, "HoverMargins", NoMargins)
+    monkeypatch.setattr(Subject, "flights", Told)
+    monkeypatch.setattr(Subject, "margins", NoMargins)
     Told.flown.clear()
     knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scale(64, 8)
     plan = TuningPlan(
@@ -161,10 +161,5 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
     assert [each.error[0] for each in first] == pytest.approx([2e-3, 2e-3, 2e-3, 1e-3])
     last = ("again", 6, Stages().further)
     stages = [("round_000", 50, 4), ("pool", 1, 8 * Stages().pool), ("round_001", 50, 8), last]
-        ("round_000", 50, 4),
-        ("pool", 1, 8 * Stages().pool),
-        ("round_001", 50, 8),
-        ("again", 6, Stages().further),
-    ]
     assert Told.flown == stages
     assert plan.facts()["motions"] == [*KINDS, "own"]

@@ -12,9 +12,9 @@ from skyarm.cli.commands import program
 from skyarm.records.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.tune import subject, tuning
+from skyarm.studies.tune import tuning
 from skyarm.studies.tune.excitation import draw_plants
-from skyarm.studies.tune.subject import Stages
+from skyarm.studies.tune.subject import Stages, Subject
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--seed", "2")
@@ -37,7 +37,7 @@ def tuned(tmp_path_factory):
         return draw_plants(scenario, count, seed=seed, mixed=mixed)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(subject, "draw_plants", drawn)
+        patch.setattr(Subject, "draw", staticmethod(drawn))
         result = tune("--workers", "1", "--json", folder=folder)
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)

@@ -16,10 +16,10 @@ from skyarm.records.arrays import Array
 from skyarm.records.files.writing import TakenError
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.flights import Rows, Store, Work, executor, fly, store
-from skyarm.studies.tune import subject, tuning
+from skyarm.studies.tune import tuning
 from skyarm.studies.tune.front import LoopMargins
 from skyarm.studies.tune.gain_search import Effort
-from skyarm.studies.tune.subject import Stages
+from skyarm.studies.tune.subject import Stages, Subject
 from skyarm.studies.tune.tuning import Tuning, TuningPlan, plan_of
 from support.cases import sampled
 
@@ -60,7 +60,7 @@ def flown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return [rows_of(work) for work in works]
 
     monkeypatch.setattr(executor, "fly_together", fly_together)
-    monkeypatch.setattr(subject, "HoverMargins", Sound)
+    monkeypatch.setattr(Subject, "margins", Sound)
     return seen
 
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, Tree, replace_at
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.flights import Crew
 from skyarm.studies.tune.candidate_flights import CandidateFlights, shorten
-from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, tuning_flight
-from skyarm.studies.tune.front import POINTS, Required
+from skyarm.studies.tune.excitation import KINDS, draw_plants, tuning_flight
+from skyarm.studies.tune.front import POINTS
 from skyarm.studies.tune.hover_margins import HoverMargins, required_margins
-from skyarm.studies.tune.law_knobs import Centred, GainKnob, find_knobs, inner_place, with_catalogue_gains
+from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, inner_place, with_catalogue_gains
 from skyarm.view.pages import Facts
 
 
@@ -49,7 +47,9 @@ class Subject:
         stages: sizes of a search. kinds: kinds of motion, or of disturbance.
         score_names: score of a set of gains -> its name in files. further: columns of a table beside the usual.
         has_gains_file: whether gains are written as a file for ``--laws``, else as scenarios.
-        after: plants of the final check, in words.
+        after: plants of the final check, in words. draw: draws perturbed plants; of mixed ones each has one kind.
+        centred: flight with the search centred at known gains. flights: flies candidates. margins: their margins.
+        required: margins that gains must have.
     """
 
     stages = Stages()
@@ -60,6 +60,11 @@ class Subject:
     )
     has_gains_file = True
     after = "plants and a path that chose nothing"
+    draw = staticmethod(draw_plants)
+    centred = staticmethod(with_catalogue_gains)
+    flights: type[CandidateFlights] = CandidateFlights
+    margins: type[HoverMargins] = HoverMargins
+    required = staticmethod(required_margins)
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
         """Name of the law that is tuned; ``named`` is a law in place of the scenario's."""
@@ -95,28 +100,6 @@ class Subject:
         """Scenario with other numbers of the law, by their places among its constants."""
         law = scenario.agent.controller
         return scenario.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
-
-    def centred(self, flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
-        """Flight with the search centred at known gains of the law."""
-        return with_catalogue_gains(flight, knobs, label)
-
-    def draw(self, scenario: Scenario, count: int, *, seed: int, mixed: bool) -> Plants:
-        """Draw perturbed plants; of ``mixed`` ones each has one kind of motion or disturbance."""
-        return draw_plants(scenario, count, seed=seed, mixed=mixed)
-
-    def flights(
-        self, scenario: Scenario, knobs: Sequence[GainKnob], plants: Plants, crew: Crew, **options: Any
-    ) -> CandidateFlights:
-        """Flights of gain candidates; options as of :class:`CandidateFlights`."""
-        return CandidateFlights(scenario, knobs, plants, crew, **options)
-
-    def margins(self, scenario: Scenario, knobs: Sequence[GainKnob], threads: int) -> HoverMargins:
-        """Margins of gain candidates."""
-        return HoverMargins(scenario, knobs, threads)
-
-    def required(self, scenario: Scenario) -> Required:
-        """Margins that gains must have."""
-        return required_margins(scenario)
 
     def origin(self, scenario: Scenario) -> Facts:
         """Digests of what flew, as plain data."""

@@ -11,27 +11,23 @@ position and of the RMS error of the pull: each counts by its ratio of improveme
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
 
-from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.log.metrics.metric_catalogue import catalogue_names, row_names
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, Tree, replace_at
-from skyarm.records.members import Members
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import units
 from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_record import Agent, Scenario
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import NOISE
-from skyarm.studies.flights import Crew
 from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, CandidateFlights, Flown, penalize
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
@@ -39,7 +35,8 @@ from skyarm.studies.tune.hover_margins import HoverMargins
 from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, Numbers, centre, chosen_knobs
 from skyarm.studies.tune.subject import Stages, Subject
 from skyarm.view.pages import Facts
-from skyarm.world.team.team import Member, Team
+from skyarm.world.contact.contact import Contact
+from skyarm.world.team.team import Team
 
 MASSES, MISPLACED = 1, 2
 """Kinds of plants beside the first, which is as the scenario has it: plant k is of kind k modulo three."""
@@ -63,40 +60,27 @@ def team_of(scenario: Scenario) -> Team:
 
 def team_flight(scenario: Scenario) -> Scenario:
     """Scenario with noise where it has none, and with paths of tips whose grasps can be off."""
-    team = team_of(scenario)
+    team, agents = team_of(scenario), dict(scenario.agents)
     if not (team.position_noise or team.attitude_noise):
         team = dataclasses.replace(team, position_noise=NOISE.position, attitude_noise=NOISE.attitude)
-    agents = tuple(with_noise(_movable(team, scenario, name)) for name in scenario.agents)
-    members = dataclasses.replace(cast("Members[Agent]", scenario.agents), records=agents)
-    return dataclasses.replace(scenario.with_kind("rigid_body"), agents=members, team=team)
+    for member in team.members:
+        own = agents[member.agent].reference
+        if own.tip is not None and team.motion is not None:
+            path = dataclasses.replace(member, taken=member.taken or member.place).path(team.motion, team.take)
+            tip = dataclasses.replace(own.tip, x=path.x, y=path.y, z=path.z)
+            moved = dataclasses.replace(own, tip=tip)
+            agents[member.agent] = dataclasses.replace(agents[member.agent], reference=moved)
+    noisy = {name: with_noise(each) for name, each in agents.items()}
+    return dataclasses.replace(scenario.with_kind("rigid_body"), agents=noisy, team=team)
 
 
-def _movable(team: Team, scenario: Scenario, name: str) -> Agent:
-    """Vehicle whose tip takes hold at a place that may be another than the supposed one."""
-    agent, member = scenario.agents[name], _member(team, name)
-    tip = agent.reference.tip
-    if member is None or tip is None or team.motion is None:
-        return agent
-    taken = dataclasses.replace(member, taken=member.taken or member.place)
-    path = taken.path(team.motion, team.take)
-    tip = dataclasses.replace(tip, x=path.x, y=path.y, z=path.z)
-    return dataclasses.replace(agent, reference=dataclasses.replace(agent.reference, tip=tip))
-
-
-def _member(team: Team, name: str) -> Member | None:
-    return next((each for each in team.members if each.agent == name), None)
-
-
-def bodies(scenario: Scenario) -> dict[str, list[str]]:
-    """Paths of the masses of each vehicle and, last, of the body that the team carries."""
-    paths = {
-        name: [
-            f"agents.{name}.plant.vehicle.{body}.mass"
-            for body in ("base", *(f"links.{i}.body" for i in range(vehicle.n)))
-        ]
-        for name, vehicle in scenario.vehicles.items()
-    }
-    return paths | {"": [f"world.objects.{team_of(scenario).object}.mass"]}
+def masses(scenario: Scenario) -> list[list[str]]:
+    """Paths of the masses of each vehicle, and last of the body that the team carries."""
+    own = [
+        [f"agents.{name}.plant.vehicle.{body}.mass" for body in ("base", *(f"links.{i}.body" for i in range(each.n)))]
+        for name, each in scenario.vehicles.items()
+    ]
+    return [*own, [f"world.objects.{team_of(scenario).object}.mass"]]
 
 
 def misplaced(scenario: Scenario, member: int, along: Array) -> dict[str, Array]:
@@ -108,27 +92,52 @@ def misplaced(scenario: Scenario, member: int, along: Array) -> dict[str, Array]
         along: m, (flights,) how much further.
     """
     team = team_of(scenario)
-    own, paths = team.members[member], Vec3(0.0, 0.0, 0.0)
-    for each in team.members:
-        paths = paths + (own.place - each.place) * (1.0 / len(team.members))
-    outward = paths * (1.0 / math.sqrt(float(paths.dot(paths))))
+    agent, equal = team.members[member].agent, team.with_masses([1.0] * len(team.members))
+    outward = equal.outward([each.place for each in team.members])[member]
+    grasp = next(i for i, each in enumerate(cast("Contact", scenario.world).grasps) if each.agent == agent)
     values: dict[str, Array] = {}
-    moves = scenario.agents[own.agent].reference.tip is not None
-    grasp = next(i for i, each in enumerate(scenario.world.grasps) if each.agent == own.agent)  # type: ignore[union-attr]
     for k, axis in enumerate("xyz"):
-        if abs(float(outward[k])) < 1e-9:
-            continue
-        step = along * float(outward[k])
-        supposed = f"team.members.{member}.place.{axis}"
-        if moves:  # the tip takes hold where it is, and the team supposes another place
-            values[supposed] = number_at(scenario, supposed) - step
-            for coordinate in "xyz":
-                height = f"agents.{own.agent}.reference.tip.{coordinate}.place.{k}.signals.1.height"
-                values[height] = number_at(scenario, height) - step
-        else:
-            held = f"world.grasps.{grasp}.place.{axis}"
-            values[held] = number_at(scenario, held) + step
+        # a tip takes hold where it is, and the team supposes another place; on a cable the place itself is another
+        tip = f"agents.{agent}.reference.tip"
+        paths = [f"team.members.{member}.place.{axis}", *(f"{tip}.{c}.place.{k}.signals.1.height" for c in "xyz")]
+        on_cable = scenario.agents[agent].reference.tip is None
+        for path in [f"world.grasps.{grasp}.place.{axis}"] if on_cable else paths:
+            values[path] = number_at(scenario, path) + along * float(outward[k]) * (1.0 if on_cable else -1.0)
     return values
+
+
+def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
+    """Draw perturbed plants: of ``mixed`` ones each is of one kind, else all have other masses and a grasp off.
+
+    Args:
+        scenario: flight as :func:`team_flight` makes it.
+        count: plants; the first ones do not depend on it.
+        seed: key.
+        mixed: plant k is of kind k modulo three.
+    """
+    own, members, spread = masses(scenario), len(team_of(scenario).members), Spread()
+    drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
+    kinds: IntArray = np.arange(count) % 3 if mixed else np.zeros(count, dtype=int)
+    heavier, off = ((kinds == kind) | (not mixed) for kind in (MASSES, MISPLACED))
+    values: dict[str, Array] = {}
+    for paths, factor in zip(own, (1.0 + spread.mass * drawn.T * heavier), strict=False):
+        values |= {path: number_at(scenario, path) * factor for path in paths}
+    turn = np.arange(count) // (3 if mixed else 1) % members
+    for member in range(members):
+        values |= misplaced(scenario, member, OFF * np.sign(drawn[:, -1]) * (off & (turn == member)))
+    return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
+
+
+def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
+    """Flight with the search centred at the defaults of the law of its team."""
+    usual: dict[str, Any] = {each.name: each.default for each in dataclasses.fields(team_of(flight))}
+    numbers: Numbers = [(float(usual[knob.path]),) if usual[knob.path] else () for knob in knobs]
+    return centre(knobs, {label: numbers}, lambda moved: with_options(flight, moved))
+
+
+def with_options(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
+    """Scenario with other options of its team's law."""
+    return dataclasses.replace(scenario, team=replace_at(team_of(scenario), numbers))
 
 
 class TeamFlights(CandidateFlights):
@@ -137,7 +146,7 @@ class TeamFlights(CandidateFlights):
     word = "team"
 
     def _stiffest(self, scenario: Scenario) -> Scenario:
-        lightest = {path: number_at(scenario, path) * (1.0 - Spread().mass) for path in bodies(scenario)[""]}
+        lightest = {path: number_at(scenario, path) * (1.0 - Spread().mass) for path in masses(scenario)[-1]}
         return with_numbers(scenario, lightest)
 
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
@@ -164,10 +173,15 @@ class TeamFlights(CandidateFlights):
         )
 
 
+def no_required_margins(scenario: Scenario) -> Required:
+    """Margins that every loop has."""
+    return Required(delay=0.0, gain=1.0)
+
+
 class NoMargins(HoverMargins):
     """Margins that are not required."""
 
-    def __init__(self) -> None:
+    def __init__(self, *_: object) -> None:
         self._loops, self._why_none = None, WITHOUT
 
 
@@ -181,6 +195,12 @@ class TeamSubject(Subject):
     kinds = ("noise", "masses", "misplaced")
     has_gains_file = False
     after = "plants that chose nothing, with masses and a grasp off at once"
+    draw = staticmethod(draw_team_plants)
+    centred = staticmethod(at_defaults)
+    under = staticmethod(with_options)
+    flights = TeamFlights
+    margins = NoMargins
+    required = staticmethod(no_required_margins)
 
     stages = Stages(candidates=235, plants=9, pool=2, semifinalists=12, further=18, points=8, unseen=24, aside=24)
 
@@ -220,46 +240,6 @@ class TeamSubject(Subject):
             words = "has no options to tune: none above 0 that states an effect"
             raise KnobError(f"team.law = {shown(self.label(scenario))}: {words}")
         return chosen_knobs(knobs, chosen)
-
-    def under(self, scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
-        """Scenario with other options of its team's law."""
-        return dataclasses.replace(scenario, team=replace_at(team_of(scenario), numbers))
-
-    def centred(self, flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
-        """Flight with the defaults of the law."""
-        usual: dict[str, Any] = {each.name: each.default for each in dataclasses.fields(team_of(flight))}
-        numbers: Numbers = [(float(usual[knob.path]),) if usual[knob.path] else () for knob in knobs]
-        return centre(knobs, {label: numbers}, lambda moved: self.under(flight, moved))
-
-    def draw(self, scenario: Scenario, count: int, *, seed: int, mixed: bool) -> Plants:
-        """Draw perturbed plants: as the scenario has them, with other masses, or with a grasp off; else with both."""
-        own, members = bodies(scenario), len(team_of(scenario).members)
-        drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
-        kinds: IntArray = np.arange(count) % 3 if mixed else np.zeros(count, dtype=int)
-        changed = [(kinds == kind) | (not mixed) for kind in (MASSES, MISPLACED)]
-        spread, values = Spread(), dict[str, Array]()
-        for i, paths in enumerate(own.values()):
-            factor = 1.0 + spread.mass * drawn[:, i] * changed[0]
-            values |= {path: number_at(scenario, path) * factor for path in paths}
-        off = OFF * np.where(drawn[:, -1] < 0.0, -1.0, 1.0) * changed[1]
-        turn = np.arange(count) // (3 if mixed else 1) % members
-        for member in range(members):
-            values |= misplaced(scenario, member, off * (turn == member))
-        return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
-
-    def flights(
-        self, scenario: Scenario, knobs: Sequence[GainKnob], plants: Plants, crew: Crew, **options: Any
-    ) -> CandidateFlights:
-        """Flights of gain candidates."""
-        return TeamFlights(scenario, knobs, plants, crew, **options)
-
-    def margins(self, scenario: Scenario, knobs: Sequence[GainKnob], threads: int) -> HoverMargins:
-        """No margins."""
-        return NoMargins()
-
-    def required(self, scenario: Scenario) -> Required:
-        """No margins."""
-        return Required(delay=0.0, gain=1.0)
 
     def origin(self, scenario: Scenario) -> Facts:
         """Nothing beside the digest of the flight."""
