@@ -57,7 +57,7 @@ def tune(
         typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 235"),
     ] = None,
     plants: Annotated[
-        int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 9")
+        int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 8")
     ] = None,
     knobs: Annotated[
         list[str] | None,

@@ -28,7 +28,7 @@ from skyarm.studies.tune.front import Point
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.hover_margins import margins_of
 from skyarm.studies.tune.subject import Stages
-from skyarm.studies.tune.team_subject import MASSES, MISPLACED, TeamFlights, misplaced, team_flight
+from skyarm.studies.tune.team_subject import FIRST_OFF, MASSES, TeamFlights, grasp_numbers, team_flight
 from skyarm.studies.tune.tuning import TEAM, Tuning, TuningPlan, plan_of
 from support.cables import BAR, HANGING, SWINGING, on_cables
 from support.cases import sampled
@@ -108,7 +108,7 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(scenario: Scenario, knobs: 
 def test_a_grasp_that_is_off_is_that_of_the_team_suite() -> None:
     (cell,) = TeamSuite(laws=("object_wrench",), rows=("misplaced",), seeds=2).plan_cells()[0]
     suite, flight = cell.scenario(), team_flight(skyarm.load_scenario("two_carry_a_bar"))
-    numbers = {path: float(column[0]) for path, column in misplaced(flight, 1, np.array([0.02])).items()}
+    numbers = {path: float(column[0]) for path, column in grasp_numbers(flight, 1, np.array([0.02])).items()}
     off = with_numbers(flight, numbers)
     for scenario in (flight, off):
         assert scenario.agents["right"].noise == suite.agents["right"].noise
@@ -122,9 +122,9 @@ def test_a_grasp_that_is_off_is_that_of_the_team_suite() -> None:
                 assert np.asarray(ours.derivatives(t)) == pytest.approx(np.asarray(theirs.derivatives(t)), abs=1e-7)
 
 
-def test_of_three_plants_one_is_as_it_is_one_has_other_masses_and_one_a_grasp_off() -> None:
+def test_plants_are_in_turn_as_they_are_with_other_masses_and_with_the_grasp_of_each_member_off() -> None:
     flight = team_flight(short())
-    plants, other = (TEAM.draw(flight, 30, seed=seed, mixed=True) for seed in (4, 5))
+    plants, other = (TEAM.draw(flight, 40, seed=seed, mixed=True) for seed in (4, 5))
     mass = {path: column for path, column in plants.values.items() if path.endswith("mass")}
     assert [path for path in mass if "links" not in path] == [
         *(f"agents.{name}.plant.vehicle.base.mass" for name in ("left", "right")),
@@ -137,13 +137,15 @@ def test_of_three_plants_one_is_as_it_is_one_has_other_masses_and_one_a_grasp_of
     assert 0.8 <= drawn.min() < 0.87
     assert 1.13 < drawn.max() <= 1.2
     places = np.array([plants.values[f"team.members.{i}.place.x"] - x for i, x in enumerate((-0.55, 0.55))])
-    is_off = plants.kinds == MISPLACED
+    assert plants.kinds[:5].tolist() == [0, MASSES, FIRST_OFF, FIRST_OFF + 1, 0]
+    is_off = plants.kinds >= FIRST_OFF
+    assert ((places[1] != 0.0) == (plants.kinds == FIRST_OFF + 1)).all()
     assert (places[:, ~is_off] == 0.0).all()
     assert np.abs(places[:, is_off]).sum(0) == pytest.approx(0.02, abs=1e-6)
     assert (np.abs(places[:, is_off]).max(1) > 0.01).all()  # of either member, to either side
     assert {*np.sign(places[:, is_off]).ravel()} == {-1.0, 0.0, 1.0}
     assert any((plants.values[path] != other.values[path]).any() for path in mass)
-    both = TEAM.draw(flight, 30, seed=4, mixed=False)
+    both = TEAM.draw(flight, 40, seed=4, mixed=False)
     assert (both.values["world.objects.bar.mass"] != 1.6).all()
     assert both.values["team.members.0.place.x"][0] != -0.55
     first = TEAM.draw(flight, 3, seed=4, mixed=True)
@@ -293,7 +295,7 @@ def test_the_command_writes_scenarios_that_fly_and_no_file_of_gains(
     assert (said["best"], said["gains"], said["required"]) == ("found/best.toml", None, {})
     assert said["front"][1]["pull_n"] == 0.25
     assert said["front"][1]["gains"] == {"pull_gain": pytest.approx(0.06 * np.exp(0.1 / 4.0), rel=1e-5)}
-    assert (found.plan.label, found.plan.effort.plants, found.plan.stages) == ("object_wrench", 9, TEAM.stages)
+    assert (found.plan.label, found.plan.effort.plants, found.plan.stages) == ("object_wrench", 8, TEAM.stages)
     assert {path.name for path in (tmp_path / "found").iterdir()} == {
         *("best.toml", "front_1.toml", "front_2.toml", "tune.html"),
     }
@@ -312,7 +314,7 @@ def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place()
     tables = on_cables(BAR, places, team=SWINGING, motion={"phases": HANGING}, duration=2.0)
     scenario = scenario_from(tables)
     assert "swing" in {knob.path for knob in TEAM.knobs(scenario, None)}
-    values = misplaced(team_flight(scenario), 1, np.array([0.02]))
+    values = grasp_numbers(team_flight(scenario), 1, np.array([0.02]))
     moved = {path: float(column[0]) for path, column in values.items()}
     assert moved == pytest.approx(
         {"world.grasps.1.place.x": 0.0, "world.grasps.1.place.y": -0.21, "world.grasps.1.place.z": 0.0097}, abs=1e-9

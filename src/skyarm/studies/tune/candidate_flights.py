@@ -202,9 +202,9 @@ class CandidateFlights:
             # a flight that ended before the window has NaN there
             return np.asarray(column(name), dtype=float)
 
-        return self._flown(column("status") == "completed", table, plants.kinds)
+        return self._outcome(column("status") == "completed", table, plants.kinds)
 
-    def _flown(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
+    def _outcome(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
         """Errors and control effort from the metrics (candidates, plants)."""
         lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
         parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]

@@ -214,11 +214,11 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: s
     catalogue = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *catalogue) if name in catalogue]
 
-    def moved(numbers: Mapping[Place, float]) -> Scenario:
+    def replace_gains(numbers: Mapping[Place, float]) -> Scenario:
         law = flight.agent.controller
         return flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
 
-    return centre(knobs, {name: catalogue[name] for name in names}, moved)
+    return centre(knobs, {name: catalogue[name] for name in names}, replace_gains)
 
 
 def centre(

@@ -83,7 +83,7 @@ class Subject:
         return ("margins", "effort", "joints") if scenario.agent.plant.vehicle.n else ("margins",)
 
     def scenes(self, scenario: Scenario, moves: bool) -> dict[str, Scenario]:
-        """Scenarios of a plan by their names there; ``moves`` says whether the scenario's own reference is flown."""
+        """Scenarios of a plan by their names there; its own motion is flown, too, if it ``moves``."""
         flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
         scenes = {"flight": flight, "check": flight, "aside": tuning_flight(scenario, unseen=True)}
         return scenes | ({"check": own, "own": shorten(own)} if moves else {})

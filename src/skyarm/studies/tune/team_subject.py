@@ -2,7 +2,8 @@
 
 The flight is the scenario's own. The plants are those of the conditions "noise", "masses" and "misplaced" of the team
 suite (:mod:`skyarm.studies.compare.team_suite`) in turn: as the scenario has them; every vehicle and the body heavier
-or lighter; a grasp 2 cm off. All have noise. At last the masses are drawn and a grasp is off in the same flight.
+or lighter; the grasp of each member 2 cm off. All have noise. At last the masses are drawn and a grasp is off in the
+same flight.
 
 Knobs are the options whose fields state an effect. The error of a flight is the geometric mean of the body's error of
 position and of the RMS error of the pull: each counts by its ratio of improvement. A team has no margins.
@@ -28,7 +29,7 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import NOISE
-from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, CandidateFlights, Flown, penalize
+from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, OWN, CandidateFlights, Flown, penalize
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
 from skyarm.studies.tune.hover_margins import HoverMargins
@@ -38,8 +39,10 @@ from skyarm.view.pages import Facts
 from skyarm.world.contact.contact import Contact
 from skyarm.world.team.team import Team
 
-MASSES, MISPLACED = 1, 2
-"""Kinds of plants beside the first, which is as the scenario has it: plant k is of kind k modulo three."""
+AS_IT_IS, MASSES, FIRST_OFF = 0, 1, OWN + 1
+"""Kinds of plants: as the scenario has it, with other masses, and from the last one on a grasp off, one a member.
+
+Kinds have quantiles of their own: what a leader's grasp that is off costs, no options of followers mend."""
 
 OFF = 0.02
 """Distance (m) by which a grasp is off, along the line from the middle of all grasps, outward or inward."""
@@ -83,7 +86,7 @@ def masses(scenario: Scenario) -> list[list[str]]:
     return [*own, [f"world.objects.{team_of(scenario).object}.mass"]]
 
 
-def misplaced(scenario: Scenario, member: int, along: Array) -> dict[str, Array]:
+def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Array]:
     """Numbers of flights whose grasp is further from the middle of all than the team supposes.
 
     Args:
@@ -113,18 +116,18 @@ def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool =
         scenario: flight as :func:`team_flight` makes it.
         count: plants; the first ones do not depend on it.
         seed: key.
-        mixed: plant k is of kind k modulo three.
+        mixed: one kind after the other.
     """
     own, members, spread = masses(scenario), len(team_of(scenario).members), Spread()
     drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
-    kinds: IntArray = np.arange(count) % 3 if mixed else np.zeros(count, dtype=int)
-    heavier, off = ((kinds == kind) | (not mixed) for kind in (MASSES, MISPLACED))
+    offs = [FIRST_OFF + i for i in range(members)]
+    kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
     values: dict[str, Array] = {}
-    for paths, factor in zip(own, (1.0 + spread.mass * drawn.T * heavier), strict=False):
+    for paths, numbers in zip(own, drawn.T, strict=False):
+        factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
-    turn = np.arange(count) // (3 if mixed else 1) % members
-    for member in range(members):
-        values |= misplaced(scenario, member, OFF * np.sign(drawn[:, -1]) * (off & (turn == member)))
+    for i, kind in enumerate(offs):
+        values |= grasp_numbers(scenario, i, OFF * np.sign(drawn[:, -1]) * (kinds == kind))
     return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
 
 
@@ -152,7 +155,7 @@ class TeamFlights(CandidateFlights):
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         return row_names((POSITION, PULL, JITTER, LIMITED, TILT), scenario.setpoints)
 
-    def _flown(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
+    def _outcome(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
         def largest(name: str) -> Array:
             """Metric of the vehicle that has the largest."""
             found: Array = np.max([table(each) for each in self._work.metrics if catalogue_names([each]) == {name}], 0)
@@ -202,7 +205,7 @@ class TeamSubject(Subject):
     margins = NoMargins
     required = staticmethod(no_required_margins)
 
-    stages = Stages(candidates=235, plants=9, pool=2, semifinalists=12, further=18, points=8, unseen=24, aside=24)
+    stages = Stages(candidates=235, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
         """Name of the team's law."""
