@@ -174,6 +174,9 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     else:
         scenario = load_scenario(target, controller=controller)
         if not subject_of(scenario).has_gains_file:
+            if Path(target).suffix not in ("", ".toml"):
+                words = "must be a scenario (.toml) or a shipped one, since the options of a team are written into it"
+                raise ValueError(f"scenario = {shown(target)}: {words}")
             label = subject_of(scenario).label(scenario)
             return Wanted(
                 scenario=scenario, has_motion=True, words={}, kept={}, label=label, name=f"{scenario.name}_{label}"

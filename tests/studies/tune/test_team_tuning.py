@@ -309,6 +309,16 @@ def test_the_command_writes_scenarios_that_fly_and_no_file_of_gains(
     assert "margin of the" not in page
 
 
+def test_a_flight_of_a_team_is_refused_since_no_scenario_can_be_written_from_it(tmp_path: Path) -> None:
+    skyarm.save_log(skyarm.run(dataclasses.replace(short(), duration=0.05)), tmp_path / "flight.npz")
+    words = ["tune", str(tmp_path / "flight.npz"), "--out", str(tmp_path / "out")]
+    with pytest.raises(
+        ValueError, match=r"^scenario = .*flight.npz': must be a scenario \(.toml\) or a shipped one.*$"
+    ):
+        CliRunner().invoke(program(words), words, catch_exceptions=False)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place() -> None:
     places = {"left": (0.0, 0.19, 0.0097), "right": (0.0, -0.19, 0.0097)}
     tables = on_cables(BAR, places, team=SWINGING, motion={"phases": HANGING}, duration=2.0)
