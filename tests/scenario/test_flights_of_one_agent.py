@@ -20,7 +20,7 @@ LINE = "agents = left, right: must be one for {}; leave the others, and what the
     ("take", "purpose"),
     [
         (skyarm.margins, "stability margins"),
-        (skyarm.tune, "a search for gains"),
+        (skyarm.tune, "a search for gains without [team]"),
         (make_task, "an environment"),
     ],
 )
@@ -35,7 +35,7 @@ def test_functions_of_one_vehicle(take: Callable[[Scenario], object], purpose: s
     ("words", "purpose"),
     [
         (["margins"], "stability margins"),
-        (["tune"], "a search for gains"),
+        (["tune"], "a search for gains without [team]"),
         (["export", "--to", "c", "--out", "law.c"], "the law in C"),
         (["export", "--to", "mjcf", "--out", "model.xml"], "a model of a vehicle"),
     ],

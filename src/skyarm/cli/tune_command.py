@@ -1,4 +1,4 @@
-"""Command ``skyarm tune``: gains of a control law for a vehicle."""
+"""Command ``skyarm tune``: gains of a control law for a vehicle, or options of the law of a team."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 if TYPE_CHECKING:
-    from skyarm.studies.tune.tuning import Tuning
+    from skyarm.studies.tune.front import Point
 
 GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
 """File names: gains of the pick, page, and scenario with the picked law."""
@@ -52,22 +52,27 @@ def tune(
     ],
     laws: Law = None,
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
-    candidates: Annotated[int, typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more")] = 1640,
-    plants: Annotated[int, typer.Option(help="perturbed plants that each candidate flies")] = 24,
+    candidates: Annotated[
+        int | None,
+        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 235"),
+    ] = None,
+    plants: Annotated[
+        int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 8")
+    ] = None,
     knobs: Annotated[
         list[str] | None,
-        typer.Option(metavar="PATH", help="gain of the law that may change; repeat; all gains if left out"),
+        typer.Option(metavar="PATH", help="gain or option of the law that may change; repeat; all if left out"),
     ] = None,
     seed: Annotated[int, typer.Option(help="seed of plants, noise and search")] = 0,
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Tune a law's gains for a vehicle; write the Pareto front.
+    """Tune the law of a vehicle or of a team; write the Pareto front.
 
     best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
     gains meet the margins.
     """
-    from skyarm.studies.tune.tuning import plan_of, require_size, tune_plan
+    from skyarm.studies.tune.tuning import effort_of, plan_of, require_size, subject_of, tune_plan
 
     require_size(candidates, plants, seed, "--")
     from skyarm.studies.flights.executor import LOCAL, require_place
@@ -76,12 +81,11 @@ def tune(
     inputs = wanted_of(target, one_law(laws))
     from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
-    from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.tune_page import front_lines, front_name, gains_text, plain_tuning, tune_page
 
     scenario = inputs.scenario
     say_suspicious(scenario)
-    effort = Effort().scale(candidates, plants)
+    effort = effort_of(subject_of(scenario), candidates, plants)
     plan = plan_of(scenario, inputs.has_motion, inputs.label, names_of("--knobs", knobs) or None, effort, seed)
     folder = Path("out") / f"tune_{inputs.name}" if out is None else Path(out)
     begin = time.perf_counter()
@@ -94,35 +98,44 @@ def tune(
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
         tuning = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
+    has_gains, law = plan.subject.has_gains_file, one_law(laws)
+
+    def save(file: Path, point: Point) -> Path | None:
+        if not has_gains:
+            return _save_scenario(file, tuning.under(scenario, point), target, law)
+        write_atomically(file, gains_text(tuning, point, inputs.words, inputs.kept).encode())
+        return file
+
     for i, point in enumerate(tuning.points):
-        write_atomically(folder / front_name(i), gains_text(tuning, point, inputs.words, inputs.kept).encode())
+        save(folder / front_name(i), point)
     for stale in range(len(tuning.points), POINTS):
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(tuning).encode())
-    write_atomically(folder / GAINS, gains_text(tuning, tuning.pick, inputs.words, inputs.kept).encode())
-    best = _save_best(folder / BEST, scenario, tuning, target, one_law(laws)) if inputs.has_motion else None
+    gains = save(folder / GAINS, tuning.pick) if has_gains else None
+    chosen = scenario.with_controller(tuning.controller) if has_gains else tuning.under(scenario, tuning.pick)
+    best = _save_scenario(folder / BEST, chosen, target, law) if inputs.has_motion else None
     tell_report(front_lines(tuning, time.perf_counter() - begin))
-    if tuning.pick.margins.why_none:
+    if tuning.pick.margins.why_none and "margins" in plan.subject.columns(plan.flight):
         say(f"margins are not asked for: {tuning.pick.margins.why_none}")
     if not tuning.meets:
         say("no point meets all constraints; the pick is the one that is least short of them")
     loads = f" --plugin {inputs.label.rpartition(':')[0]}" if is_law_of_file(inputs.label) else ""
     flown = target if inputs.has_motion else "SCENARIO"
     tell(
-        f"written: {folder / GAINS}; the page of the front: {folder / PAGE}",
-        f"next: skyarm run {flown}{loads} --laws {folder / GAINS}",
+        f"written: {gains or best}; the page of the front: {folder / PAGE}",
+        *([] if gains is None else [f"next: skyarm run {flown}{loads} --laws {gains}"]),
         *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
     )
-    give(plain_tuning(tuning), **plugin_facts(), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
+    give(plain_tuning(tuning), **plugin_facts(), folder=folder, gains=gains, page=folder / PAGE, best=best)
     if not tuning.meets:
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _save_best(file: Path, scenario: Scenario, tuning: Tuning, target: str, law: str | None) -> Path | None:
-    """Write the scenario with the selected control law; None, with a message, if no file can represent it."""
+def _save_scenario(file: Path, scenario: Scenario, target: str, law: str | None) -> Path | None:
+    """Write a scenario under tuned gains; None, with a message, if no file can represent it."""
     file.unlink(missing_ok=True)
     try:
-        return save_scenario(file, scenario.with_controller(tuning.controller), target, law)
+        return save_scenario(file, scenario, target, law)
     except ValueError as error:
         say(f"no scenario under the picked law is written: {error}")
         return None
@@ -147,6 +160,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         ValueError: one line.
     """
     from skyarm.studies.tune.excitation import of_vehicle
+    from skyarm.studies.tune.tuning import subject_of
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"--laws = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
@@ -158,7 +172,15 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         scenario = of_vehicle(load_vehicle(target), controller)
         words = law_entry(controller or scenario.agent.controller.name)
     else:
-        scenario = load_scenario(target, controller=controller).alone("a search for gains")
+        scenario = load_scenario(target, controller=controller)
+        if not subject_of(scenario).has_gains_file:
+            if Path(target).suffix not in ("", ".toml"):
+                words = "must be a scenario (.toml) or a shipped one, since the options of a team are written into it"
+                raise ValueError(f"scenario = {shown(target)}: {words}")
+            label = subject_of(scenario).label(scenario)
+            return Wanted(
+                scenario=scenario, has_motion=True, words={}, kept={}, label=label, name=f"{scenario.name}_{label}"
+            )
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
         document: Tables = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}

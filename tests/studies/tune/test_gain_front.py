@@ -124,7 +124,7 @@ def test_finalists_hold_the_best_of_every_weight_and_no_loser():
     none = np.zeros(30)
     lost = none.copy()
     lost[10] = 0.2
-    found = Scores(error=1.0 / jitter, tip=none, jitter=jitter, effort=none, lost=lost, short=none)
+    found = Scores(error=1.0 / jitter, tip=none, pull=none, jitter=jitter, effort=none, lost=lost, short=none)
     chosen = finalists([found], 9)
     # error times jitter is the same everywhere: below a weight of 1 the stiffest is cheapest, above the calmest
     assert chosen[0] == 0
@@ -158,7 +158,9 @@ def test_the_stiffest_weight_is_three_hundredths():
     def scores(error, jitter):
         zeros = np.zeros(2)
         error = np.array(error)
-        return Scores(error=error, tip=error, jitter=np.array(jitter), effort=np.ones(2), lost=zeros, short=zeros)
+        return Scores(
+            error=error, tip=error, pull=zeros, jitter=np.array(jitter), effort=np.ones(2), lost=zeros, short=zeros
+        )
 
     for apart, both in ((0.3015, True), (0.2985, False)):
         found = finalists([scores([1.0, math.exp(apart)], [math.exp(10.0), 1.0])], count=1)

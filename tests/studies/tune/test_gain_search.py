@@ -24,7 +24,13 @@ def scores_of(logs):
     none = np.zeros(len(logs))
     lost = np.where(logs[:, 1] > 1.0, 0.5, 0.0)
     return Scores(
-        error=0.01 * np.exp(away), tip=none, jitter=np.exp(logs[:, 0]), effort=none, lost=lost, short=none.copy()
+        error=0.01 * np.exp(away),
+        tip=none,
+        pull=none,
+        jitter=np.exp(logs[:, 0]),
+        effort=none,
+        lost=lost,
+        short=none.copy(),
     )
 
 

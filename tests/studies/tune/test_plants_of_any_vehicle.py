@@ -169,6 +169,7 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_not_the_larges
         error=errors,
         tip=errors,
         base=none,
+        pull=none,
         jitter=none,
         effort=none,
         lost=none > 1.0,

@@ -15,12 +15,13 @@ from skyarm.reference import Constant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.flights import Crew
-from skyarm.studies.tune import candidate_flights, tuning
+from skyarm.studies.tune import candidate_flights
 from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shorten, with_own
 from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.law_knobs import find_knobs
-from skyarm.studies.tune.tuning import FURTHER, POOL, Tuner, TuningPlan
+from skyarm.studies.tune.subject import Stages, Subject
+from skyarm.studies.tune.tuning import Tuner, TuningPlan
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -139,14 +140,14 @@ class Told:
         self.flown.append((stage, len(logs), len(kinds)))
         table = np.ones((len(logs), len(kinds)))
         error = 1e-3 * np.where(kinds == OWN, 16.0, 1.0) * table
-        rest = dict.fromkeys(("base", "jitter", "effort", "saturated"), table)
+        rest = dict.fromkeys(("base", "pull", "jitter", "effort", "saturated"), table)
         return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
 
 
 def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalists(short, monkeypatch):
     flight, own = short
-    monkeypatch.setattr(tuning, "CandidateFlights", Told)
-    monkeypatch.setattr(tuning, "HoverMargins", NoMargins)
+    monkeypatch.setattr(Subject, "flights", Told)
+    monkeypatch.setattr(Subject, "margins", NoMargins)
     Told.flown.clear()
     knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scale(64, 8)
     plan = TuningPlan(
@@ -158,6 +159,7 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
     first = [flies.judge(0, asked, 4), flies.judge(1, asked, 8), *flies.again(asked[:6])]
     # the geometric mean of the kinds' quantiles; the finalists' error in the front is of drawn motions
     assert [each.error[0] for each in first] == pytest.approx([2e-3, 2e-3, 2e-3, 1e-3])
-    stages = [("round_000", 50, 4), ("pool", 1, 8 * POOL), ("round_001", 50, 8), ("again", 6, FURTHER)]
+    last = ("again", 6, Stages().further)
+    stages = [("round_000", 50, 4), ("pool", 1, 8 * Stages().pool), ("round_001", 50, 8), last]
     assert Told.flown == stages
     assert plan.facts()["motions"] == [*KINDS, "own"]

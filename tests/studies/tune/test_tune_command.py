@@ -14,7 +14,7 @@ from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.excitation import draw_plants
-from skyarm.studies.tune.tuning import ASIDE, FURTHER, POOL, UNSEEN
+from skyarm.studies.tune.subject import Stages, Subject
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--seed", "2")
@@ -37,7 +37,7 @@ def tuned(tmp_path_factory):
         return draw_plants(scenario, count, seed=seed, mixed=mixed)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "draw_plants", drawn)
+        patch.setattr(Subject, "draw", staticmethod(drawn))
         result = tune("--workers", "1", "--json", folder=folder)
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
@@ -64,7 +64,8 @@ def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tu
     seeds, counts, paths, mixed = zip(*DRAWN, strict=True)
     # of the search, which plants its leaders lose, of what is left of it once more, of the front, of what is said
     assert seeds == (2, 2, 4, 3, 5)
-    assert counts == (4, POOL * 4, FURTHER, UNSEEN, ASIDE)
+    usual = Stages()
+    assert counts == (4, usual.pool * 4, usual.further, usual.unseen, usual.aside)
     assert paths[0] == paths[1] == paths[2] == paths[3] != paths[4]
     assert mixed == (True, True, True, True, False)
     aside = told["aside"]

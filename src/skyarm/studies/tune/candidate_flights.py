@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -52,12 +52,14 @@ class Flown:
         jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS of all joint efforts.
         lost: ended early, or tilted by more than 80 degrees.
         saturated: share of periods with a rotor at its limit, as the metric ``rotor_saturation``; NaN if not measured.
+        pull: N, RMS error of the pull between the members of a team; zero of one vehicle.
         kinds: (plants,) kind of motion of each.
     """
 
     error: Array
     tip: Array
     base: Array
+    pull: Array
     jitter: Array
     effort: Array
     lost: Mask
@@ -105,6 +107,9 @@ class CandidateFlights:
         saturation: measure it.
     """
 
+    word = "controller"
+    """Word of a scenario's paths below which the gains are."""
+
     def __init__(
         self,
         scenario: Scenario,
@@ -120,6 +125,24 @@ class CandidateFlights:
         self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
         still = _without_motions(plants)
         self._own = None if own is None else CandidateFlights(own, knobs, still, crew, seed=seed)
+        self._windows = ("", "gust_") if gust else ("",)
+        self._work = Work(
+            label="",
+            scenario=scenario,
+            stiffest=self._stiffest(scenario),
+            metrics=self._metrics(scenario, saturation),
+            seed=seed,
+            precision="single",
+        )
+
+    def _stiffest(self, scenario: Scenario) -> Scenario:
+        """Scenario that fixes the integration steps of all plants."""
+        columns = self.plants.values.items()
+        damping = {path: float(column.max()) for path, column in columns if path.endswith(".damping")}
+        return with_numbers(scenario, damping)
+
+    def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
+        """Metrics of the flights."""
         vehicle = scenario.agent.plant.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.agent.controller.keeps_tip
@@ -127,19 +150,10 @@ class CandidateFlights:
         self._efforts = tuple(
             f"tau{i + 1}_rms" for i, setpoint in enumerate(scenario.agent.commands_setpoints) if not setpoint
         )
-        self._windows = ("", "gust_") if gust else ("",)
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
         metrics = [_error(window, each) for window in self._windows for each in self._errors]
         metrics += [LIMITED] if saturation else []
-        damping = {path: float(column.max()) for path, column in plants.values.items() if path.endswith(".damping")}
-        self._work = Work(
-            label="",
-            scenario=scenario,
-            stiffest=with_numbers(scenario, damping),
-            metrics=(*metrics, "rotor_jitter", "tilt_max", *self._efforts),
-            seed=seed,
-            precision="single",
-        )
+        return (*metrics, "rotor_jitter", "tilt_max", *self._efforts)
 
     def fly(self, stage: str, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
         """Simulate every gain candidate on the first perturbed plants, up to a given number.
@@ -171,7 +185,7 @@ class CandidateFlights:
             values: dict[str, Array] = {}
             for knob, column in zip(self.knobs, piece.T, strict=True):
                 factors = np.repeat(column, each)
-                values |= {f"controller.{'.'.join(place)}": factors * number for place, number in knob.numbers}
+                values |= {f"{self.word}.{'.'.join(place)}": factors * number for place, number in knob.numbers}
             values |= {path: np.tile(numbers, len(piece)) for path, numbers in plants.values.items()}
             episodes = np.tile(np.arange(each), len(piece))
             label = f"{stage}.{i + 1}"
@@ -188,23 +202,28 @@ class CandidateFlights:
             # a flight that ended before the window has NaN there
             return np.asarray(column(name), dtype=float)
 
-        lost = (column("status") != "completed") | ~(table("tilt_max") < LARGEST_TILT)
+        return self._outcome(column("status") == "completed", table, plants.kinds)
+
+    def _outcome(self, completed: Mask, table: Callable[[str], Array], kinds: IntArray) -> Flown:
+        """Errors and control effort from the metrics (candidates, plants)."""
+        lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
         parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]
         product = np.ones(lost.shape)
         for part in parts:
             product = product * self._tracking_error(part)
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
-        limited = np.nan_to_num(table(LIMITED), nan=1.0) if LIMITED in rows[0] else np.full(lost.shape, np.nan)
+        measured = LIMITED in self._work.metrics
         return Flown(
-            error=_penalize(product ** (1.0 / len(parts)), lost),
-            tip=_penalize(parts[0].get("ee", base), lost),
-            base=_penalize(base, lost),
+            error=penalize(product ** (1.0 / len(parts)), lost),
+            tip=penalize(parts[0].get("ee", base), lost),
+            base=penalize(base, lost),
+            pull=np.zeros(lost.shape),
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
             effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros(lost.shape),
             lost=lost,
-            saturated=limited,
-            kinds=plants.kinds,
+            saturated=np.nan_to_num(table(LIMITED), nan=1.0) if measured else np.full(lost.shape, np.nan),
+            kinds=kinds,
         )
 
     def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
@@ -240,7 +259,8 @@ def _error(window: str, name: str) -> str:
     return f"{window}{name}_error_mean_continuous"
 
 
-def _penalize(error: Array, lost: Mask) -> Array:
+def penalize(error: Array, lost: Mask) -> Array:
+    """Errors, of lost flights and those without a value the largest."""
     return np.where(lost, LOST, np.minimum(np.nan_to_num(error, nan=LOST), LOST))
 
 
@@ -262,13 +282,14 @@ class Scores:
     """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort, crashes, missing margin.
 
     Attributes:
-        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
+        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean. pull: N, likewise.
         jitter: rad/s, effort: N m, medians over the plants.
         lost: share of the plants. short: cost of falling short of the margins.
     """
 
     error: Array
     tip: Array
+    pull: Array
     jitter: Array
     effort: Array
     lost: Array
@@ -292,6 +313,7 @@ def scores(flown: Flown) -> Scores:
     return Scores(
         error=_error_quantile(flown.error, flown.kinds),
         tip=_error_quantile(flown.tip, flown.kinds),
+        pull=_error_quantile(flown.pull, flown.kinds),
         jitter=np.median(flown.jitter, axis=1),
         effort=np.median(flown.effort, axis=1),
         lost=flown.lost.mean(axis=1),

@@ -207,6 +207,12 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     return Scenario(name=vehicle.name, rates=rates, duration=DURATION, agents={SOLE: agent})
 
 
+def with_noise(agent: Agent) -> Agent:
+    """Vehicle with the comparison's noise if its sensors are perfect."""
+    noisy = agent.noise != PERFECT_SENSORS or agent.sensors or agent.estimator != PASS_THROUGH
+    return agent if noisy else dataclasses.replace(agent, noise=NOISE)
+
+
 def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
     """Tuning flight of a scenario, on which its gains are scored.
 
@@ -215,9 +221,6 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         own_motion: fly the scenario's own reference, for its own duration and windows.
         unseen: use the validation path; errors count after the gust.
     """
-    noisy = (
-        scenario.agent.noise != PERFECT_SENSORS or scenario.agent.sensors or scenario.agent.estimator != PASS_THROUGH
-    )
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
     words = {} if own_motion else {
@@ -228,7 +231,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     }  # fmt: skip
     return with_words(
         scenario.as_begun.with_kind("rigid_body"),
-        noise=scenario.agent.noise if noisy else NOISE,
+        noise=with_noise(scenario.agent).noise,
         delays=delays,
         faults=(),
         payloads=(),

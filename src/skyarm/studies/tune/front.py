@@ -69,7 +69,7 @@ class Point:
     Attributes:
         logs: (knobs,) logarithms of factors.
         error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
-        tip: m, 90 % quantile along the latter. jitter: rad/s. effort: N m. lost, saturated: shares.
+        tip: m, 90 % quantile along the latter. pull: N, of a team. jitter: rad/s. effort: N m. lost, saturated: shares.
         margins: margins in hover.
     """
 
@@ -81,6 +81,7 @@ class Point:
     lost: float
     saturated: float
     margins: LoopMargins
+    pull: float = 0.0
 
     @property
     def activity(self) -> float:

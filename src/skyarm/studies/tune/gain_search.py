@@ -188,9 +188,15 @@ def exponent(knob: GainKnob) -> float:
 
 
 def _bounds(knobs: Sequence[GainKnob]) -> Array:
-    """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
-    mosts = [max(knob.values) if knob.path.endswith("share") else math.inf for knob in knobs]
-    return np.array([[-BOX, (min(BOX, -math.log(most)) if most <= 1.0 else BOX) + 1e-9] for most in mosts])
+    """Bounds on the logarithm of each gain factor (gains, 2): those of its numbers; a fraction stays at most one."""
+
+    def bounds(knob: GainKnob) -> list[float]:
+        low, high = min(knob.values), max(knob.values)
+        most = min(knob.most, 1.0) if knob.path.endswith("share") and high <= 1.0 else knob.most
+        least = -math.log(low / knob.least) if knob.least > 0.0 else -BOX
+        return [max(-BOX, least), (min(BOX, math.log(most / high)) if most < math.inf else BOX) + 1e-9]
+
+    return np.array([bounds(knob) for knob in knobs])
 
 
 def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> CMA:

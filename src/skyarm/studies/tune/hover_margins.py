@@ -20,7 +20,7 @@ from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.flight_margins import LinearisedInstant, SettledHover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.tune.front import LoopMargins, Required
-from skyarm.studies.tune.law_knobs import GainKnob
+from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
 
 try:
     from threadpoolctl import threadpool_limits
@@ -61,10 +61,7 @@ def required_margins(scenario: Scenario) -> Required:
 
 def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]) -> Controller:
     """Controller with the parameters of each tunable gain multiplied by the gain's factor."""
-    numbers = {
-        place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
-    }
-    return dataclasses.replace(controller, par=replace_at(controller.par, numbers))
+    return dataclasses.replace(controller, par=replace_at(controller.par, numbers_at(knobs, logs)))
 
 
 def calm(flight: Scenario) -> Scenario:

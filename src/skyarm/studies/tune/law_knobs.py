@@ -16,7 +16,7 @@ import dataclasses
 import math
 import re
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -53,16 +53,25 @@ class GainKnob:
 
     Attributes:
         path: path of the constants. unit: unit of the numbers, or nothing. numbers: place among the constants -> value.
+        least, most: bounds of the numbers.
     """
 
     path: str
     unit: str
     numbers: tuple[tuple[Place, float], ...]
+    least: float = 0.0
+    most: float = math.inf
 
     @property
     def values(self) -> tuple[float, ...]:
         """Present values of the controller parameters that one gain scales."""
         return tuple(number for _, number in self.numbers)
+
+
+def numbers_at(knobs: Sequence[GainKnob], logs: Sequence[float]) -> dict[Place, float]:
+    """Numbers of tunable gains by place, multiplied by each gain's factor, whose logarithm is given."""
+    pairs = zip(knobs, logs, strict=True)
+    return {place: value * math.exp(log) for knob, log in pairs for place, value in knob.numbers}
 
 
 def inner_place(controller: Controller) -> Place:
@@ -96,6 +105,15 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     )
     if not knobs:
         raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
+    return chosen_knobs(knobs, chosen)
+
+
+def chosen_knobs(knobs: tuple[GainKnob, ...], chosen: Sequence[str] | None) -> tuple[GainKnob, ...]:
+    """Tunable gains at the chosen paths or below them; all for None.
+
+    Raises:
+        KnobError: one line: a path of none.
+    """
     if chosen is None:
         return knobs
     for path in chosen:
@@ -195,24 +213,43 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: s
     """
     catalogue = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *catalogue) if name in catalogue]
+
+    def replace_gains(numbers: Mapping[Place, float]) -> Scenario:
+        law = flight.agent.controller
+        return flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
+
+    return centre(knobs, {name: catalogue[name] for name in names}, replace_gains)
+
+
+def centre(
+    knobs: tuple[GainKnob, ...],
+    catalogue: Mapping[str, Numbers],
+    moved: Callable[[Mapping[Place, float]], Scenario],
+) -> Centred:
+    """Flight with the search centred at the first of known gains if there are any, else at the present ones.
+
+    Args:
+        knobs: gains of the law.
+        catalogue: known gains by name.
+        moved: returns the flight with other numbers of the law.
+    """
+    names = list(catalogue)
     if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, catalogue[names[0]], strict=True)):
         middle = [knob.values for knob in knobs]
     else:
         middle = catalogue[names[0]]
-    moved = tuple(
+    centred = tuple(
         dataclasses.replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
         for knob, at in zip(knobs, middle, strict=True)
     )
-    numbers = {place: number for knob in moved for place, number in knob.numbers}
-    law = flight.agent.controller
-    place = flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
+    place = moved({place: number for knob in centred for place, number in knob.numbers})
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _log_factors(catalogue[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks for as many others
         if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
             starts[name] = row
-    return Centred(flight=place, knobs=moved, starts=starts)
+    return Centred(flight=place, knobs=centred, starts=starts)
 
 
 def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[str, Numbers]:

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from importlib import resources
 
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.identity import identity
-from skyarm.records.leaves import part, walk
+from skyarm.records.leaves import part, parts, walk
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.tune.front import RULE, LoopMargins, Point
-from skyarm.studies.tune.hover_margins import with_gains
-from skyarm.studies.tune.law_knobs import inner_place
-from skyarm.studies.tune.tuning import ASIDE, Aside, Tuning
-from skyarm.vehicle import Vehicle
+from skyarm.studies.tune.tuning import Aside, Tuning
 from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
 
 DIGITS = 6
 """Number of significant digits of a gain in a file."""
+
+
+GROUPS = {"pull error": "pull", "effort": "effort", "delay": "margins", "rotors": "margins", "joints": "joints"}
+"""Head of a column that not every table has -> group of columns that it is of."""
 
 
 def front_name(number: int) -> str:
@@ -29,12 +30,12 @@ def front_name(number: int) -> str:
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
     """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
-    controller = tuning.plan.flight.agent.controller
-    tuned = with_gains(controller, tuning.plan.knobs, point.logs)
-    below, gains = inner_place(controller), {}
+    subject, flight = tuning.plan.subject, tuning.plan.flight
+    tuned, below = subject.constants(tuning.under(flight, point))
+    gains: dict[str, float | list[float]] = {}
     for knob in tuning.plan.knobs:
         place = (*below, *knob.path.split("."))
-        values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
+        values = [_short(float(value)) for _, value in walk(part(tuned, place), place) if isinstance(value, float)]
         gains[knob.path] = values[0] if len(set(values)) == 1 else values
     return gains
 
@@ -53,7 +54,7 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
     before = gains_of(tuning, tuning.before)
     units = {knob.path: knob.unit for knob in plan.knobs}
     lines = [
-        f"# Gains of {plan.label} for {plan.flight.agent.plant.vehicle.name}, written by skyarm tune.",
+        f"# Gains of {plan.label} for {plan.subject.title(plan.flight)}, written by skyarm tune.",
         '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --laws THIS FILE',
         "schema = 1",
         *_table("law", words),
@@ -64,10 +65,10 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
         note = f"    # {units[path]}, was {toml_value(before[path])}" if path in units else ""
         lines.append(f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}")
     lines += _table("about", about(tuning))
-    lines += _table("about.before", plain_point(tuning.before))
-    lines += _table("about.after", plain_point(point))
+    lines += _table("about.before", plain_point(tuning, tuning.before))
+    lines += _table("about.after", plain_point(tuning, point))
     for name, each in tuning.aside.items():
-        lines += _table(f"about.aside.{toml_key(name)}", plain_aside(each))
+        lines += _table(f"about.aside.{toml_key(name)}", plain_aside(tuning, each))
     lines += _table("about.required", plain_required(tuning))
     return "\n".join(lines) + "\n"
 
@@ -78,34 +79,34 @@ def about(tuning: Tuning) -> Facts:
     return {
         **plan.facts(),
         "scenario": plan.check.name,
-        "vehicle": plan.flight.agent.plant.vehicle.name,
-        "vehicle_digest": identity(plan.flight.agent.plant.vehicle),
-        "belief_digest": identity(plan.flight.agent.controller.par.model.vehicle),
+        **plan.subject.origin(plan.flight),
         "flight_digest": identity(plan.flight),
         "candidates": plan.effort.candidates,
-        "unseen_plants": plan.unseen,
+        "unseen_plants": plan.stages.unseen,
         "share_of_usual_payload_and_wind": _short(tuning.plants.eased),
-        "rule": RULE,
+        "rule": rule_words(tuning),
     }
 
 
-def plain_point(point: Point) -> dict[str, float | str]:
+def rule_words(tuning: Tuning) -> str:
+    """Rule of the pick, in words of what was tuned."""
+    return RULE.replace("tip error", tuning.plan.subject.error(tuning.plan.flight))
+
+
+def plain_point(tuning: Tuning, point: Point) -> dict[str, float | str]:
     """Scores and margins of one set of gains, as plain data."""
-    scores = {
-        "error_m": point.error,
-        "tip_m": point.tip,
-        "jitter_rad_s": point.jitter,
-        "effort": point.effort,
-        "lost": point.lost,
-        "saturated": point.saturated,
-    }
-    return _with_few_digits(scores) | plain_margins(point.margins)
+    return _scores(tuning, point) | plain_margins(point.margins)
 
 
-def plain_aside(aside: Aside) -> dict[str, float | bool]:
+def plain_aside(tuning: Tuning, aside: Aside) -> dict[str, float | str | bool]:
     """Scores of gains on validation plants, as plain data."""
-    scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
-    return {**_with_few_digits(scores), "meets_constraints": aside.meets}
+    return {**_scores(tuning, aside), "meets_constraints": aside.meets}
+
+
+def _scores(tuning: Tuning, scored: Point | Aside) -> dict[str, float | str]:
+    """Scores that the subject of a tuning has, by their names in files."""
+    names, numbers = tuning.plan.subject.score_names, parts(scored)
+    return {names[name]: _short(float(numbers[name])) for name in names if name in numbers}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
@@ -125,42 +126,35 @@ def _table(head: str, values: Facts) -> Sequence[str]:
     return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
 
 
-def _with_few_digits(scores: Mapping[str, float]) -> dict[str, float]:
-    return {name: _short(value) for name, value in scores.items()}
-
-
 def _short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def error_words(vehicle: Vehicle) -> str:
-    """Label of a flight's error: of the tip, or of the base if there is no tip."""
-    return "tip error" if vehicle.end_effector else "base error"
-
-
 def tune_page(found: Tuning) -> str:
     """HTML page of a tuning's results, in one self-contained file."""
-    plan, vehicle = found.plan, found.plan.flight.agent.plant.vehicle
+    plan, subject = found.plan, found.plan.subject
     facts = (
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants; the front on {plan.unseen} "
-        f"plants that the search did not use; seed {plan.seed}"
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants; the front on "
+        f"{plan.stages.unseen} plants that the search did not use; seed {plan.seed}"
     )
     body = render_template(
         "studies/tune/tune.html",
         found=found,
-        rule=RULE.replace("tip error", error_words(vehicle)),
+        rule=rule_words(found),
         style=(resources.files("skyarm.studies.tune") / "tune_page.css").read_text("utf-8"),
-        error=error_words(vehicle),
-        joints=vehicle.n,
+        error=subject.error(plan.flight),
+        columns=subject.columns(plan.flight),
+        table="gains" if subject.has_gains_file else "team",
+        after=subject.after,
         gains=[gains_of(found, point) for point in found.points],
         before=gains_of(found, found.before),
         units={knob.path: knob.unit for knob in plan.knobs},
-        aside=ASIDE,
+        aside=plan.stages.aside,
         inf=math.inf,
         text=toml_value,
         key=toml_key,
     )
-    return plain_page(f"{plan.label} for {vehicle.name}", facts, body)
+    return plain_page(f"{plan.label} for {subject.title(plan.flight)}", facts, body)
 
 
 def front_lines(found: Tuning, seconds: float) -> list[str]:
@@ -170,27 +164,37 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
         found: result.
         seconds: duration of the tuning, s.
     """
-    plan, vehicle = found.plan, found.plan.flight.agent.plant.vehicle
-    error = error_words(vehicle)
-    rows: list[Row] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
+    plan, subject = found.plan, found.plan.subject
+    error, columns = subject.error(plan.flight), subject.columns(plan.flight)
+    absent = {name for name, group in GROUPS.items() if group not in columns}
+    head: Row = ("", error, "pull error", "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")
+    rows = list[Row]()
     for i, point in enumerate((found.before, *found.points)):
         mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
-        numbers = (f"{1e3 * point.tip:.3g} mm", f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}")
-        rows.append((mark, *numbers, f"{point.saturated:.1%}", *_margins(point.margins)))
-    if not vehicle.n:  # nothing of joints that there are not
-        rows = [(*row[:3], *row[4:-1]) for row in rows]
+        numbers = (f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}", f"{point.saturated:.1%}")
+        rows.append((mark, *_errors(point), *numbers, *_margins(point.margins)))
     aside = [
-        (name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
+        (name, *_errors(x), f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
         for name, x in found.aside.items()
     ]
     return [
-        f"{plan.label} for {vehicle.name}, from calm to stiff",
-        *aligned_lines(rows),
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants, the front on {plan.unseen} "
-        f"others: {seconds:.0f} s",
-        f"on {ASIDE} plants and a path that chose nothing:",
-        *aligned_lines([("", error, "jitter", "lost", "meets all"), *aside]),
+        f"{plan.label} for {subject.title(plan.flight)}, from calm to stiff",
+        *aligned_lines(_without(absent, [head, *rows])),
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} perturbed plants, the front on "
+        f"{plan.stages.unseen} others: {seconds:.0f} s",
+        f"on {plan.stages.aside} {subject.after}:",
+        *aligned_lines(_without(absent, [("", error, "pull error", "jitter", "lost", "meets all"), *aside])),
     ]
+
+
+def _without(absent: Collection[str], rows: Sequence[Row]) -> list[Row]:
+    """Rows without the columns of some heads; the first row has the heads."""
+    return [tuple(cell for name, cell in zip(rows[0], row, strict=True) if name not in absent) for row in rows]
+
+
+def _errors(scored: Point | Aside) -> tuple[str, str]:
+    """Format the error and the pull for a table row."""
+    return f"{1e3 * scored.tip:.3g} mm", f"{scored.pull:.3g} N"
 
 
 def _margins(margins: LoopMargins) -> tuple[str, str, str]:
@@ -207,10 +211,10 @@ def plain_tuning(found: Tuning) -> Facts:
         "controller": found.plan.label,
         "scenario": found.plan.check.name,
         "about": about(found),
-        "before": plain_point(found.before),
-        "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
+        "before": plain_point(found, found.before),
+        "front": [plain_point(found, point) | {"gains": gains_of(found, point)} for point in found.points],
         "picked": found.picked,
-        "aside": {name: plain_aside(each) for name, each in found.aside.items()},
+        "aside": {name: plain_aside(found, each) for name, each in found.aside.items()},
         "meets_constraints": found.meets,
         "required": plain_required(found),
     }
@@ -218,4 +222,6 @@ def plain_tuning(found: Tuning) -> Facts:
 
 def plain_required(found: Tuning) -> dict[str, float]:
     """Margins that the gains must have, as plain data."""
+    if "margins" not in found.plan.subject.columns(found.plan.flight):
+        return {}
     return {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain}

@@ -1,10 +1,11 @@
-"""Gain tuning for one vehicle and its loop: from a scenario to a Pareto front and the selected gains.
+"""Gain tuning for one vehicle and its loop, or for a team: from a scenario to a Pareto front and the selected gains.
 
 The search flies :func:`skyarm.studies.tune.excitation.tuning_flight` through perturbed plants, each with its own
 motion, every fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants,
 and the rest of them others again, along the scenario's own motion, and have their margins computed in hover. The given
 gains and those of the catalogue for this law go all that way with them. The pick follows from
 :data:`skyarm.studies.tune.front.RULE`; at last it and all starts fly plants and a path by which nothing was chosen.
+What a team flies instead is in :mod:`skyarm.studies.tune.team_subject`.
 """
 
 from __future__ import annotations
@@ -32,32 +33,24 @@ from skyarm.studies.tune.candidate_flights import (
     Scores,
     of_drawn,
     scores,
-    shorten,
     with_own,
 )
-from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, of_vehicle, tuning_flight, with_lost
-from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
+from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
+from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
-from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins, with_gains
-from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, with_catalogue_gains
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, with_gains
+from skyarm.studies.tune.law_knobs import (
+    GainKnob,
+    numbers_at,
+)
+from skyarm.studies.tune.subject import VEHICLE, Stages, Subject
+from skyarm.studies.tune.team_subject import TeamSubject
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Facts
 
 LEADERS = 3
 """Number of leading candidates of the scatter, for each weight, whose margins are evaluated."""
-
-POOL = 8
-"""Number of plants for the leaders of the scatter, over that of the search."""
-
-SEMIFINALISTS, FURTHER = 32, 64
-"""Number of search candidates that fly once more, and of plants that they fly, since a few plants flatter."""
-
-UNSEEN = 100
-"""Number of plants by which the front is judged, none of which is in the search."""
-
-ASIDE = 200
-"""Number of plants of the final check of the pick and the starts, along a path on which nothing is chosen."""
 
 PICKED = "pick"
 """Name of the pick among the checked gains."""
@@ -71,7 +64,7 @@ class TuningPlan:
         flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
             a path not used in tuning. own: scores candidates along the scenario's own motion, where it has one.
         knobs: tunable gains. effort: size of the search. seed: seed of plants, noise and search.
-        label: name of the law as requested.
+        label: name of the law as requested. subject: how the law is flown and scored. stages: sizes after its rounds.
     """
 
     flight: Scenario
@@ -82,13 +75,14 @@ class TuningPlan:
     seed: int
     label: str
     own: Scenario | None = None
-    unseen: int = UNSEEN
+    stages: Stages = Stages()
+    subject: Subject = VEHICLE
 
     def facts(self) -> Facts:
         """Settings that determine a tuning's result besides scenario and controller, as plain data."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
-            "motions": [*KINDS, *(["own"] if self.own else [])],
+            "motions": [*self.subject.kinds, *(["own"] if self.own else [])],
             "seed": self.seed,
             "scatter": self.effort.scatter,
             "rounds": self.effort.rounds,
@@ -102,7 +96,7 @@ class Aside:
     """Scores of gains on validation plants and a reference path that are not used in tuning.
 
     Attributes:
-        tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
+        tip: m, 90 % quantile. pull: N, of a team, likewise. jitter: rad/s, median. lost: share.
         meets: whether the gains met all constraints where the front was judged.
     """
 
@@ -110,6 +104,7 @@ class Aside:
     jitter: float
     lost: float
     meets: bool
+    pull: float = 0.0
 
 
 @immutable(slots=False)
@@ -136,9 +131,13 @@ class Tuning:
         """Selected set of gains of the Pareto front."""
         return self.points[self.picked]
 
+    def under(self, scenario: Scenario, point: Point) -> Scenario:
+        """Scenario with the gains of a point in place of its own."""
+        return self.plan.subject.under(scenario, numbers_at(self.plan.knobs, point.logs))
+
     @property
     def controller(self) -> Controller:
-        """Controller with the selected gains."""
+        """Controller with the selected gains; of a team there is none: :meth:`under` has its scenario."""
         return with_gains(self.plan.flight.agent.controller, self.plan.knobs, self.pick.logs)
 
     @property
@@ -162,20 +161,21 @@ class Tuner:
         self._first: tuple[Array, Scores] | None = None
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
-        rounds += (effort.candidates - effort.scatter) * effort.plants + len(WEIGHTS) * POOL * effort.plants
-        self._total = rounds + SEMIFINALISTS * FURTHER + POINTS * plan.unseen
+        self._stages = sizes = plan.stages
+        rounds += (effort.candidates - effort.scatter) * effort.plants + len(WEIGHTS) * sizes.pool * effort.plants
+        self._total = rounds + sizes.semifinalists * sizes.further + sizes.points * plan.stages.unseen
 
     @cached_property
     def _flights(self) -> CandidateFlights:
         plan = self._plan
         self._progress(self._done, self._total, "making machine code")
-        return CandidateFlights(
+        return plan.subject.flights(
             plan.flight, plan.knobs, self._plants, self._crew, own=plan.own, seed=plan.seed, gust=True
         )
 
     @cached_property
     def _margins(self) -> HoverMargins:
-        return HoverMargins(self._plan.flight, self._plan.knobs, self._crew.workers)
+        return self._plan.subject.margins(self._plan.flight, self._plan.knobs, self._crew.workers)
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Simulate and score the gain candidates of one search round."""
@@ -197,11 +197,11 @@ class Tuner:
         assert self._first is not None
         asked, first_scores = self._first
         leaders = list(dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS))
-        pool = self._drawn(POOL * self._plants.count, self._plan.seed)
+        pool = self._drawn(self._stages.pool * self._plants.count, self._plan.seed)
         return with_lost(pool, self._plants.count, self._flights.fly("pool", asked[leaders], others=pool).lost)
 
     def _drawn(self, count: int, seed: int) -> Plants:
-        plants = draw_plants(self._plan.flight, count, seed=seed, mixed=True)
+        plants = self._plan.subject.draw(self._plan.flight, count, seed=seed, mixed=True)
         return with_own(plants) if self._plan.own else plants
 
     def _candidates_for_margins(self, number: int, count: int) -> list[tuple[float, slice, int]]:
@@ -214,17 +214,18 @@ class Tuner:
     def again(self, asked: Array) -> tuple[Scores, Scores]:
         """Scores of the best gain candidates on further plants: over all motions, and over random motions only."""
         self._progress(self._done, self._total, "the best once more")
-        flown = self._flights.fly("again", asked, others=self._drawn(FURTHER, self._plan.seed + 2))
+        flown = self._flights.fly("again", asked, others=self._drawn(self._stages.further, self._plan.seed + 2))
         short = self._margins.costs(asked)
         every, drawn = (dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
-        self._done += len(asked) * FURTHER
+        self._done += len(asked) * self._stages.further
         return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
         """Evaluate initial gains and the best candidates on unseen plants, with their stability margins."""
         plan = self._plan
-        mixed = plan.check.agent.reference == plan.flight.agent.reference
-        flown = self._flown_once("unseen", plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
+        flown = self._flown_once(
+            "unseen", plan.check, plan.stages.unseen, 1, rows, mixed=plan.own is None, saturation=True
+        )
         self._progress(self._total, self._total, "margins")
         scored, margins = scores(flown), self._margins.measure(rows)
         return [
@@ -232,6 +233,7 @@ class Tuner:
                 logs=tuple(row.tolist()),
                 error=math.sqrt(float(scored.error[i]) * float(again.error[i])),
                 tip=float(scored.tip[i]),
+                pull=float(scored.pull[i]),
                 jitter=float(scored.jitter[i]),
                 effort=float(scored.effort[i]),
                 lost=float(scored.lost[i]),
@@ -243,14 +245,20 @@ class Tuner:
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
         """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
-        required = required_margins(self._plan.flight)
+        required = self._plan.subject.required(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         rows = np.array([each.logs for each in points.values()])
-        flown = scores(self._flown_once("aside", self._plan.aside, ASIDE, 3, rows))
-        tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
+        flown = scores(self._flown_once("aside", self._plan.aside, self._stages.aside, 3, rows))
+        tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True)
         return {
-            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, required))
-            for (name, point), tip, jitter, lost in tables
+            name: Aside(
+                tip=float(tip),
+                jitter=float(jitter),
+                lost=float(lost),
+                meets=is_allowed(point, required),
+                pull=float(pull),
+            )
+            for (name, point), tip, jitter, lost, pull in tables
         }
 
     def _flown_once(
@@ -266,28 +274,50 @@ class Tuner:
     ) -> Flown:
         """Simulate some gain candidates on another scenario, with plants and noise not used in the search."""
         seed = self._plan.seed + further
-        plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
-        flights = CandidateFlights(scenario, self._plan.knobs, plants, self._crew, seed=seed, saturation=saturation)
+        subject = self._plan.subject
+        plants = subject.draw(scenario, count, seed=seed, mixed=mixed)
+        flights = subject.flights(scenario, self._plan.knobs, plants, self._crew, seed=seed, saturation=saturation)
         return flights.fly(stage, rows)
+
+
+TEAM = TeamSubject()
+
+
+def subject_of(scenario: Scenario) -> Subject:
+    """Subject of a search in a scenario: its team where it has one, else its vehicle.
+
+    Raises:
+        ValueError: one line: several vehicles without a team, or one of a team alone.
+    """
+    if scenario.team is not None and not scenario.others:
+        return TEAM
+    scenario.alone("a search for gains without [team]")
+    return VEHICLE
 
 
 BOUNDS = {"candidates": (64, 100_000), "plants": (4, 1000), "seed": (0, 2**31 - 1)}
 """Option -> its smallest and largest value."""
 
 
-def require_size(candidates: int, plants: int, seed: int, prefix: str = "") -> None:
+def require_size(candidates: int | None, plants: int | None, seed: int, prefix: str = "") -> None:
     """Raise an error if the size of a search is out of bounds; ``prefix`` precedes the parameter's name."""
     for (name, (low, high)), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
-        if not low <= value <= high:
+        if value is not None and not low <= value <= high:
             raise ValueError(f"{prefix}{name} = {value}: must be from {low} to {high}")
+
+
+def effort_of(subject: Subject, candidates: int | None, plants: int | None) -> Effort:
+    """Size of a search; None for the usual number of its subject."""
+    usual = subject.stages
+    return Effort().scale(candidates or usual.candidates, plants or usual.plants)
 
 
 def tune(
     what: Vehicle | Scenario | PathLike,
     controller: str | None = None,
     *,
-    candidates: int = 1640,
-    plants: int = 24,
+    candidates: int | None = None,
+    plants: int | None = None,
     knobs: Sequence[str] | None = None,
     seed: int = 0,
     workers: int = 1,
@@ -295,13 +325,15 @@ def tune(
     folder: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Tune a law's gains for a vehicle, as ``skyarm tune`` does; ``controller`` of the result has the selected ones.
+    """Tune a law's gains, as ``skyarm tune`` does; ``controller`` of the result has the selected ones.
+
+    Of a scenario with [team] the options of the team's law; ``under(scenario, pick)`` of the result has them.
 
     Args:
         what: a scenario or a vehicle, or the name or path of one.
-        controller: name of the law, in place of the scenario's.
-        candidates: sets of gains that are tried.
-        plants: perturbed plants that each of them flies.
+        controller: name of the vehicles' law, in place of the scenario's.
+        candidates: sets of gains that are tried; 1640 if left out, of a team 235.
+        plants: perturbed plants that each of them flies; 24 if left out, of a team 8.
         knobs: paths of the constants of the law that may change; all gains if left out.
         seed: seed of plants, noise and search.
         workers: threads or processes that fly; results do not depend on it.
@@ -319,9 +351,10 @@ def tune(
     if isinstance(what, Vehicle) or not (isinstance(what, Scenario) or is_scenario(str(what))):
         moves, scenario = False, of_vehicle(what if isinstance(what, Vehicle) else load_vehicle(what), controller)
     else:
-        moves, scenario = True, as_scenario(what, controller).alone("a search for gains")
-    label = controller or scenario.agent.controller.name
-    plan = plan_of(scenario, moves, label, knobs, Effort().scale(candidates, plants), seed)
+        moves, scenario = True, as_scenario(what, controller)
+    subject = subject_of(scenario)
+    label = subject.label(scenario, controller)
+    plan = plan_of(scenario, moves, label, knobs, effort_of(subject, candidates, plants), seed)
     return tune_plan(plan, workers=workers, on=on, folder=folder, progress=progress)
 
 
@@ -338,17 +371,17 @@ def plan_of(
         effort: size of the search.
         seed: seed of plants, noise and search.
     """
-    scenario.agent.controller.require_compiled("skyarm tune")
-    flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
+    for each in scenario.agents.values():
+        each.controller.require_compiled("skyarm tune")
+    subject = subject_of(scenario)
     return TuningPlan(
-        flight=flight,
-        check=own if moves else flight,
-        own=shorten(own) if moves else None,
-        aside=tuning_flight(scenario, unseen=True),
-        knobs=find_knobs(scenario.agent.controller, scenario.agent.controller.name, knobs),
+        **subject.scenes(scenario, moves),
+        knobs=subject.knobs(scenario, knobs),
         effort=effort,
         seed=seed,
         label=label,
+        stages=subject.stages,
+        subject=subject,
     )
 
 
@@ -380,27 +413,28 @@ def tune_plan(
 
 def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     """Tune the gains of a controller, with a given runner for the simulations."""
-    start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
-    law = start.flight.agent.controller
+    subject, sizes = plan.subject, plan.stages
+    start = subject.centred(plan.flight, plan.knobs, plan.label)
+    centre = numbers_at(start.knobs, (0.0,) * len(start.knobs))
     plan = dataclasses.replace(
         plan,
         flight=start.flight,
-        check=plan.check.with_controller(law),
-        aside=plan.aside.with_controller(law),
-        own=plan.own.with_controller(law) if plan.own else None,
+        check=subject.under(plan.check, centre),
+        aside=subject.under(plan.aside, centre),
+        own=subject.under(plan.own, centre) if plan.own else None,
         knobs=start.knobs,
     )
-    plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
+    plants = subject.draw(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
     tuner = Tuner(plan, plants, crew, progress)
     logs, rounds = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
     # of the scatter nobody flew all plants; the starts come along
-    best = len(rounds[0].error) + np.array(finalists(rounds[1:], SEMIFINALISTS))
+    best = len(rounds[0].error) + np.array(finalists(rounds[1:], sizes.semifinalists))
     count = len(start.starts)
     asked = logs[[*range(count), *best]]
     again, drawn = tuner.again(asked)
-    last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
+    last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))], sizes.points))]
     points = tuner.check(asked[last], drawn.part(last))
-    required = required_margins(plan.flight)
+    required = subject.required(plan.flight)
     front, picked = front_of(points[:count], points[count:], required)
     starting = dict(zip(start.starts, points, strict=False))
     aside = tuner.fly_aside({**starting, PICKED: front[picked]})

@@ -49,12 +49,26 @@ class Decentralised(Sharing):
     ] = 0.002
     adaptation: Annotated[
         Scalar,
-        Unit("kg s^2/m^2", "rate of the adapted mass per velocity of the tip, divided by gravity", low=0.0),
+        Unit(
+            "kg s^2/m^2",
+            "rate of the adapted mass per velocity of the tip, divided by gravity",
+            low=0.0,
+            effect="higher values find the mass sooner and swing",
+        ),
     ] = 40.0
     initial_mass: Annotated[
         Scalar, Unit("kg", "part of the body's mass that each member supposes at first", low=0.0)
     ] = 0.0
-    filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the velocity", low=0.0, strict=True)] = 10.0
+    filter: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the velocity",
+            low=0.0,
+            strict=True,
+            effect="higher values react sooner and pass more noise",
+        ),
+    ] = 10.0
 
     def first(self, period: float) -> tuple[MemberState, ...]:
         """Initial state of the law: nothing shifted, the initial mass."""

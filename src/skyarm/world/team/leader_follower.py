@@ -45,7 +45,16 @@ class LeaderFollower(Sharing):
     """
 
     leader: str = ""
-    virtual_mass: Annotated[Scalar, Unit("kg", "mass of a follower's virtual body", low=0.0, strict=True)] = 2.0
+    virtual_mass: Annotated[
+        Scalar,
+        Unit(
+            "kg",
+            "mass of a follower's virtual body",
+            low=0.0,
+            strict=True,
+            effect="higher values yield later and follow less noise",
+        ),
+    ] = 2.0
     damping: Annotated[
         Scalar,
         Unit("N s/m", "damping of the virtual body", low=0.0, effect="higher values yield more slowly and swing less"),

@@ -177,7 +177,16 @@ class ObjectWrench(Sharing):
             effect="higher values damp the swing sooner and shift the members more",
         ),
     ] = 0.0
-    filter: Annotated[Scalar, Unit("rad/s", "bandwidth of the filter of all shifts", low=0.0, strict=True)] = 10.0
+    filter: Annotated[
+        Scalar,
+        Unit(
+            "rad/s",
+            "bandwidth of the filter of all shifts",
+            low=0.0,
+            strict=True,
+            effect="higher values shift the tips sooner and pass more noise",
+        ),
+    ] = 10.0
     delay: Annotated[
         float,
         Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, high=1.0, fixed=True),

@@ -1,0 +1,111 @@
+"""Subject of a search for gains: how a law is flown, scored and shown; here the law of one vehicle."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+
+from skyarm.records.identity import identity
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.tune.candidate_flights import CandidateFlights, shorten
+from skyarm.studies.tune.excitation import KINDS, draw_plants, tuning_flight
+from skyarm.studies.tune.front import POINTS
+from skyarm.studies.tune.hover_margins import HoverMargins, required_margins
+from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, inner_place, with_catalogue_gains
+from skyarm.view.pages import Facts
+
+
+@immutable
+class Stages:
+    """Sizes of a search: its usual numbers, and those of the stages after its rounds.
+
+    Attributes:
+        candidates, plants: usual numbers of sets of gains, and of perturbed plants that each flies.
+        pool: plants for the leaders of the scatter, over those of the search.
+        semifinalists, further: candidates that fly once more, and plants that they fly, since a few plants flatter.
+        points: largest number of sets of the front. unseen: plants that judge it, none of which is in the search.
+        aside: plants of the final check of the pick and the starts, by which nothing is chosen.
+    """
+
+    candidates: int = 1640
+    plants: int = 24
+    pool: int = 8
+    semifinalists: int = 32
+    further: int = 64
+    points: int = POINTS
+    unseen: int = 100
+    aside: int = 200
+
+
+class Subject:
+    """Law of one vehicle, on motions that are drawn, with margins in hover; base class of other subjects.
+
+    Attributes:
+        stages: sizes of a search. kinds: kinds of motion, or of disturbance.
+        score_names: score of a set of gains -> its name in files. further: columns of a table beside the usual.
+        has_gains_file: whether gains are written as a file for ``--laws``, else as scenarios.
+        after: plants of the final check, in words. draw: draws perturbed plants; of mixed ones each has one kind.
+        centred: flight with the search centred at known gains. flights: flies candidates. margins: their margins.
+        required: margins that gains must have.
+    """
+
+    stages = Stages()
+    kinds: Sequence[str] = KINDS
+    score_names: Mapping[str, str] = MappingProxyType(
+        {"error": "error_m", "tip": "tip_m", "jitter": "jitter_rad_s"}
+        | {name: name for name in ("effort", "lost", "saturated")}
+    )
+    has_gains_file = True
+    after = "plants and a path that chose nothing"
+    draw = staticmethod(draw_plants)
+    centred = staticmethod(with_catalogue_gains)
+    flights: type[CandidateFlights] = CandidateFlights
+    margins: type[HoverMargins] = HoverMargins
+    required = staticmethod(required_margins)
+
+    def label(self, scenario: Scenario, named: str | None = None) -> str:
+        """Name of the law that is tuned; ``named`` is a law in place of the scenario's."""
+        return named or scenario.agent.controller.name
+
+    def title(self, scenario: Scenario) -> str:
+        """Name of what flies the law."""
+        return scenario.agent.plant.vehicle.name
+
+    def error(self, scenario: Scenario) -> str:
+        """Head of the error's column: of the tip, or of the base if there is no tip."""
+        return "tip error" if scenario.agent.plant.vehicle.end_effector else "base error"
+
+    def columns(self, scenario: Scenario) -> Collection[str]:
+        """Groups of columns that not every table has."""
+        return ("margins", "effort", "joints") if scenario.agent.plant.vehicle.n else ("margins",)
+
+    def scenes(self, scenario: Scenario, moves: bool) -> dict[str, Scenario]:
+        """Scenarios of a plan by their names there; its own motion is flown, too, if it ``moves``."""
+        flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
+        scenes = {"flight": flight, "check": flight, "aside": tuning_flight(scenario, unseen=True)}
+        return scenes | ({"check": own, "own": shorten(own)} if moves else {})
+
+    def constants(self, scenario: Scenario) -> tuple[Tree, Place]:
+        """Record with the numbers of the law, and the place in it where the paths of gains begin."""
+        return scenario.agent.controller.par, inner_place(scenario.agent.controller)
+
+    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> tuple[GainKnob, ...]:
+        """Tunable gains of the law; all for None."""
+        return find_knobs(scenario.agent.controller, scenario.agent.controller.name, chosen)
+
+    def under(self, scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
+        """Scenario with other numbers of the law, by their places among its constants."""
+        law = scenario.agent.controller
+        return scenario.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
+
+    def origin(self, scenario: Scenario) -> Facts:
+        """Digests of what flew, as plain data."""
+        vehicle = scenario.agent.plant.vehicle
+        model = scenario.agent.controller.par.model.vehicle
+        return {"vehicle": vehicle.name, "vehicle_digest": identity(vehicle), "belief_digest": identity(model)}
+
+
+VEHICLE = Subject()
