@@ -126,7 +126,8 @@ def test_mujoco_flies_a_rod_on_cables_alike():
 @pytest.mark.parametrize("pull", [0.0, 0.3])
 def test_three_vehicles_carry_a_plate_on_cables(pull):
     log = skyarm.run(skyarm.scenario_from(plate(internal_force=pull)))
-    error, late = 1e3 * log.team_position_error[:, 0], log.time > 0.5
+    # rotors begin at the vehicles' own weights: the plate drops by 18 mm, and is back within 0.7 s
+    error, late = 1e3 * log.team_position_error[:, 0], log.time > 0.7
     assert log.info["status"] == "completed"
     assert error[late].max() < 8.0
     assert error[-100:].max() < 1.0

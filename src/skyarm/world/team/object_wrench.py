@@ -136,9 +136,9 @@ class ObjectWrench(Sharing):
         Scalar,
         Unit(
             "1/s",
-            "rate at which the error of the body's pose shifts all tips",
+            "rate at which the error of the body's pose, less that of the tips, shifts all tips",
             low=0.0,
-            effect="higher values remove a misplaced grasp sooner and swing with the members' loops",
+            effect="higher values remove a misplaced grasp sooner and pass more noise",
         ),
     ] = 0.3
     blind: Annotated[
