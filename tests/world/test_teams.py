@@ -293,6 +293,15 @@ def test_errors_of_the_tips_are_no_errors_of_the_pose():
         assert np.allclose([*own.turn], -0.3 * DT * (1.0 - part) * turn, atol=1e-8)
 
 
+@pytest.mark.parametrize("kind", ["fixed", "cable"])
+def test_errors_of_tips_that_last_are_removed_by_the_integral(kind):
+    whole, off = team(PLATE, pose_gain=0.3), np.array([0.01, -0.02, 0.03])
+    whole = dataclasses.replace(whole, members=tuple(dataclasses.replace(m, kind=kind) for m in whole.members))
+    given = dataclasses.replace(inputs(whole, 5.0, off=off), behind=[vec(-off)] * 3)
+    own, _ = whole.lead(whole.first(DT), given, DT)
+    assert np.allclose([*own.place], -0.3 * DT * off, atol=1e-9)
+
+
 def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
     whole = dataclasses.replace(team(), pose_gain=1e4)  # a step to the limit of 0.3 m
     own, rows, track = whole.first(DT), [], []

@@ -122,7 +122,7 @@ def tune(
     loads = f" --plugin {inputs.label.rpartition(':')[0]}" if is_law_of_file(inputs.label) else ""
     flown = target if inputs.has_motion else "SCENARIO"
     tell(
-        f"written: {gains or best}; the page of the front: {folder / PAGE}",
+        f"written: {gains or best or 'no scenario'}; the page of the front: {folder / PAGE}",
         *([] if gains is None else [f"next: skyarm run {flown}{loads} --laws {gains}"]),
         *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
     )

@@ -20,6 +20,7 @@ from skyarm.control.controller import learns_load, part_of
 from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
@@ -171,10 +172,19 @@ class Stages:
             if each is team:
                 contact, touching = cast("Contact", self.shared[-1]), cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
-                found = {name: part_of(own.memory, "carrying") for name, own in rows}
-                borne: dict[str, Borne] = {name: each for name, each in found.items() if is_record(each)}
+                borne = {name: self._borne(name, loop, motion.agents[name], team.steers) for name, loop in rows}
                 memory = cast("TeamMemory", shared[i])
                 shared[i] = team.direct(memory, time, self.period, motion, contact, touching, borne)
+
+    def _borne(self, name: str, loop: AgentLoop, motion: PointMotion, told: bool) -> Borne:
+        """Load at a tip as the vehicle's law estimates it; of one that is ``told`` nothing, limits alone, for logs."""
+        found = part_of(loop.memory, "carrying")
+        if is_record(found) and told:
+            return cast("Borne", found)
+        from skyarm.world.team import NothingBorne
+
+        model = self.scenario.agents[name].controller.par.model.vehicle
+        return NothingBorne(limits=largest_load(PointMotion(model, loop.state, gravity=motion.gravity)))
 
     def law_references(self, rows: Sequence[InputRow[Reference]], shared: Memories) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""

@@ -74,12 +74,12 @@ class TeamFlights(CellFlights):
 
 
 def without_noise(document: Record) -> Document:
-    """Scenario file without sensors, delays and noise of the body's pose, which are those of the conditions."""
+    """Scenario file without sensors, delays, and noise and age of the body's motion: those are of the conditions."""
 
     def without_words(table: Record) -> Document:
         return {key: entry for key, entry in table.items() if key not in ("sensors", "delays")}
 
-    team = {key: entry for key, entry in document["team"].items() if not key.endswith("_noise")}
+    team = {key: entry for key, entry in document["team"].items() if not key.endswith("_noise") and key != "pose_age"}
     agents = {name: without_words(table) for name, table in document["agents"].items()}
     return {key: {"agents": agents, "team": team}.get(key, entry) for key, entry in without_words(document).items()}
 
@@ -125,6 +125,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
             for name in chosen:
                 if name not in there:
                     raise ValueError(f"{TEAM}: {shown(name)}: {must_be_one_of(there, name)}")
+        if str(self.scenario).endswith(".npz"):
+            raise ValueError(f"{self.scenario}: must be a scenario (.toml), whose conditions {TEAM} changes, not a log")
         own = load_scenario(self.scenario)
         given = team_of(own, str(self.scenario))
         case, planned = Case(name=own.name, title=own.title, scenario=own.name), list[TeamFlights]()

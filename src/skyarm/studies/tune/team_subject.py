@@ -97,7 +97,8 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Ar
     team = team_of(scenario)
     agent, equal = team.members[member].agent, team.with_masses([1.0] * len(team.members))
     outward = equal.outward([each.place for each in team.members])[member]
-    grasp = next(i for i, each in enumerate(cast("Contact", scenario.world).grasps) if each.agent == agent)
+    held = enumerate(cast("Contact", scenario.world).grasps)
+    grasp = next(i for i, each in held if (each.agent, each.body) == (agent, team.object))
     values: dict[str, Array] = {}
     for k, axis in enumerate("xyz"):
         # a tip takes hold where it is, and the team supposes another place; on a cable the place itself is another
@@ -134,8 +135,14 @@ def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool =
 def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
     """Flight with the search centred at the defaults of the law of its team."""
     usual: dict[str, Any] = {each.name: each.default for each in dataclasses.fields(team_of(flight))}
-    numbers: Numbers = [(float(usual[knob.path]),) if usual[knob.path] else () for knob in knobs]
+    # an option whose default is 0, or that has none, is searched around its given value
+    numbers: Numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
     return centre(knobs, {label: numbers}, lambda moved: with_options(flight, moved))
+
+
+def _is_above_0(value: object) -> bool:
+    """Whether an option is a plain number above 0, which a factor can change."""
+    return type(value) in (int, float) and float(cast("float", value)) > 0.0
 
 
 def with_options(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
@@ -235,9 +242,11 @@ class TeamSubject(Subject):
         """Options above zero whose fields state an effect."""
         team = team_of(scenario)
         knobs = tuple(
-            GainKnob(path=name, unit=unit.unit, numbers=(((name,), value),), least=max(unit.low, 0.0), most=unit.high)
+            GainKnob(
+                path=name, unit=unit.unit, numbers=(((name,), float(value)),), least=max(unit.low, 0.0), most=unit.high
+            )
             for name, unit in units(type(team)).items()
-            if unit.effect and (value := float(getattr(team, name))) > 0.0
+            if unit.effect and not unit.fixed and _is_above_0(value := getattr(team, name))
         )
         if not knobs:
             words = "has no options to tune: none above 0 that states an effect"

@@ -8,7 +8,9 @@ and attitude shift and turn all tip references together:
 
 Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
 it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
-With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members.
+With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members. It is left
+out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the tip that
+lasts, and the integrals have to remove it.
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
 by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
@@ -62,6 +64,9 @@ EASING, LEAST_EASE, SLACK = 5.0, 0.02, 0.1
 PATIENCE, TOLERANCE, SINKING = 1.0, 0.02, 0.15
 """Time (s) and share of an overload, after a member was lost, that the others bear before they stop within 1 s and set
 the body down; speed (m/s) of that."""
+
+LASTING = ("fixed", "cable")
+"""Kinds of grasps at which tips may stay behind their references."""
 
 LEAST_LEVER = 0.02
 """Lever (m) of the weight, beyond what forces and fixed grasps of the members bear, from which the body tips."""
@@ -266,7 +271,9 @@ class ObjectWrench(Sharing):
         then = desired  # at the time of the measurement
         if self.pose_age:
             then = self.motion.at(course.clock - course.pace * self.pose_age).at_pace(course.pace, 0.0)
-        behind, askew = team.rigid_shift(inputs.behind or [ZERO3] * len(arms), arms)
+        behind, askew = ZERO3, ZERO3
+        if inputs.behind and all(each.kind not in LASTING for each in self.members):
+            behind, askew = team.rigid_shift(inputs.behind, arms)
         off = then.position + course.lower - inputs.body.position - behind
         place = shorten(own.place + off * rate, FARTHEST)
         turn = shorten(own.turn + (team.turn_error(inputs.body.rotation, then.R) - askew) * rate, FARTHEST)

@@ -156,7 +156,7 @@ class Borne(Protocol):
 
 @immutable
 class NothingBorne:
-    """Load of a member whose law estimates none: nothing borne, no error of its tip, and no limits."""
+    """Load of a member whose law estimates none: nothing borne, no error of its tip."""
 
     force: Vec3 = ZERO3
     moment: Vec3 = ZERO3
@@ -363,7 +363,7 @@ class Team(Component[TeamMemory]):
             motion: motion of all vehicles.
             contact: contact model in which the body moves.
             touching: its internal state.
-            borne: load of each member by the estimate of its own law, by its name; of those that estimate one.
+            borne: load of each member by the estimate of its own law, by its name.
         """
         if self.motion is None:
             return memory
@@ -374,7 +374,7 @@ class Team(Component[TeamMemory]):
             by_agent |= {grasp.agent: by.force} if of == index else {}
             closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
-        loads = [borne.get(each.agent, NothingBorne()) for each in self.members]
+        loads = [borne[each.agent] for each in self.members]
         limits = [each.limits.weight for each in loads]
         rows = zip(self.members, limits, strict=True)
         masses = (where(m.mass > 0.0, m.mass, self.usual_mass(limit)) * closed.get(m.agent, 1.0) for m, limit in rows)
