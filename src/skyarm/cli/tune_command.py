@@ -175,8 +175,8 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         scenario = load_scenario(target, controller=controller)
         if not subject_of(scenario).has_gains_file:
             if Path(target).suffix not in ("", ".toml"):
-                words = "must be a scenario (.toml) or a shipped one, since the options of a team are written into it"
-                raise ValueError(f"scenario = {shown(target)}: {words}")
+                allowed = "must be a scenario (.toml) or a shipped one, since the options of a team are written into it"
+                raise ValueError(f"scenario = {shown(target)}: {allowed}")
             label = subject_of(scenario).label(scenario)
             return Wanted(
                 scenario=scenario, has_motion=True, words={}, kept={}, label=label, name=f"{scenario.name}_{label}"
