@@ -67,7 +67,7 @@ def tune(
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Tune the law of a vehicle or of a team; write the Pareto front.
+    """Tune a vehicle's or a team's law; write the Pareto front.
 
     best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
     gains meet the margins.
