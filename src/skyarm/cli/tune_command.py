@@ -112,8 +112,9 @@ def tune(
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(tuning).encode())
     gains = save(folder / GAINS, tuning.pick) if has_gains else None
-    chosen = scenario.with_controller(tuning.controller) if has_gains else tuning.under(scenario, tuning.pick)
-    best = _save_scenario(folder / BEST, chosen, target, law) if inputs.has_motion else None
+    best = (
+        _save_scenario(folder / BEST, tuning.under(scenario, tuning.pick), target, law) if inputs.has_motion else None
+    )
     tell_report(front_lines(tuning, time.perf_counter() - begin))
     if tuning.pick.margins.why_none and "margins" in plan.subject.columns(plan.flight):
         say(f"margins are not asked for: {tuning.pick.margins.why_none}")

@@ -38,7 +38,7 @@ from skyarm.studies.tune.candidate_flights import (
 from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
-from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, with_gains
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread
 from skyarm.studies.tune.law_knobs import (
     GainKnob,
     numbers_at,
@@ -138,7 +138,7 @@ class Tuning:
     @property
     def controller(self) -> Controller:
         """Controller with the selected gains; of a team there is none: :meth:`under` has its scenario."""
-        return with_gains(self.plan.flight.agent.controller, self.plan.knobs, self.pick.logs)
+        return self.under(self.plan.flight, self.pick).agent.controller
 
     @property
     def meets(self) -> bool:
