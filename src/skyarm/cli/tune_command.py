@@ -54,7 +54,7 @@ def tune(
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
     candidates: Annotated[
         int | None,
-        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 235"),
+        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 234"),
     ] = None,
     plants: Annotated[
         int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 8")

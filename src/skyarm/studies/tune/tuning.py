@@ -332,7 +332,7 @@ def tune(
     Args:
         what: a scenario or a vehicle, or the name or path of one.
         controller: name of the vehicles' law, in place of the scenario's.
-        candidates: sets of gains that are tried; 1640 if left out, of a team 235.
+        candidates: sets of gains that are tried; 1640 if left out, of a team 234.
         plants: perturbed plants that each of them flies; 24 if left out, of a team 8.
         knobs: paths of the constants of the law that may change; all gains if left out.
         seed: seed of plants, noise and search.
