@@ -54,7 +54,7 @@ def tune(
     out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
     candidates: Annotated[
         int | None,
-        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 235"),
+        typer.Option(help="sets of gains that are tried, in whole rounds, 132 or more; left out: 1640, of a team 234"),
     ] = None,
     plants: Annotated[
         int | None, typer.Option(help="perturbed plants that each candidate flies; left out: 24, of a team 8")
@@ -67,7 +67,7 @@ def tune(
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Tune the law of a vehicle or of a team; write the Pareto front.
+    """Tune a vehicle's or a team's law; write the Pareto front.
 
     best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
     gains meet the margins.
@@ -112,8 +112,9 @@ def tune(
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(tuning).encode())
     gains = save(folder / GAINS, tuning.pick) if has_gains else None
-    chosen = scenario.with_controller(tuning.controller) if has_gains else tuning.under(scenario, tuning.pick)
-    best = _save_scenario(folder / BEST, chosen, target, law) if inputs.has_motion else None
+    best = (
+        _save_scenario(folder / BEST, tuning.under(scenario, tuning.pick), target, law) if inputs.has_motion else None
+    )
     tell_report(front_lines(tuning, time.perf_counter() - begin))
     if tuning.pick.margins.why_none and "margins" in plan.subject.columns(plan.flight):
         say(f"margins are not asked for: {tuning.pick.margins.why_none}")

@@ -122,7 +122,7 @@ def test_a_grasp_that_is_off_is_that_of_the_team_suite() -> None:
                 assert np.asarray(ours.derivatives(t)) == pytest.approx(np.asarray(theirs.derivatives(t)), abs=1e-7)
 
 
-def test_plants_are_in_turn_as_they_are_with_other_masses_and_with_the_grasp_of_each_member_off() -> None:
+def test_plants_have_in_turn_other_masses_and_the_grasp_of_each_member_off() -> None:
     flight = team_flight(short())
     plants, other = (TEAM.draw(flight, 40, seed=seed, mixed=True) for seed in (4, 5))
     mass = {path: column for path, column in plants.values.items() if path.endswith("mass")}

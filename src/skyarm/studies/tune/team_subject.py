@@ -212,7 +212,7 @@ class TeamSubject(Subject):
     margins = NoMargins
     required = staticmethod(no_required_margins)
 
-    stages = Stages(candidates=235, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
+    stages = Stages(candidates=234, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
         """Name of the team's law."""

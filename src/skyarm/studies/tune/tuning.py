@@ -38,7 +38,7 @@ from skyarm.studies.tune.candidate_flights import (
 from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
-from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, with_gains
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread
 from skyarm.studies.tune.law_knobs import (
     GainKnob,
     numbers_at,
@@ -138,7 +138,7 @@ class Tuning:
     @property
     def controller(self) -> Controller:
         """Controller with the selected gains; of a team there is none: :meth:`under` has its scenario."""
-        return with_gains(self.plan.flight.agent.controller, self.plan.knobs, self.pick.logs)
+        return self.under(self.plan.flight, self.pick).agent.controller
 
     @property
     def meets(self) -> bool:
@@ -332,7 +332,7 @@ def tune(
     Args:
         what: a scenario or a vehicle, or the name or path of one.
         controller: name of the vehicles' law, in place of the scenario's.
-        candidates: sets of gains that are tried; 1640 if left out, of a team 235.
+        candidates: sets of gains that are tried; 1640 if left out, of a team 234.
         plants: perturbed plants that each of them flies; 24 if left out, of a team 8.
         knobs: paths of the constants of the law that may change; all gains if left out.
         seed: seed of plants, noise and search.
