@@ -186,7 +186,7 @@ def test_an_error_of_one_name_has_one_value_in_every_command() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the shell's pipe and quotes")
 def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (line,) = re.findall(r"^    (skyarm run case3 --json \|.*)$", DOCS.read_text("utf-8"), re.MULTILINE)
+    (line,) = re.findall(r"^(skyarm run case3 --json \|.*)$", DOCS.read_text("utf-8"), re.MULTILINE)
     words = line.replace("skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1")
     words = words.replace("| python ", f"| {sys.executable} ")
     done = subprocess.run(words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True)

@@ -87,7 +87,7 @@ class Rotor:
             "s",
             "time constant of a rising speed",
             rule=number,
-            usual=1.0,
+            usual=0.5,
             effect="longer lags take phase margin from the attitude loop",
         ),
     ] = 0.0125
@@ -97,7 +97,7 @@ class Rotor:
             "s",
             "time constant of a falling speed",
             rule=number,
-            usual=1.0,
+            usual=0.5,
             effect="longer lags take phase margin from the attitude loop",
         ),
     ] = 0.025

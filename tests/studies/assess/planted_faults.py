@@ -18,7 +18,7 @@ Document = dict[str, Any]
 HEALTHY = tuple(name for name in list_vehicles() if name != "hummingbird_arm2")
 """Those that fly; the paper's own model is not a body."""
 
-ARMS = tuple(name for name in HEALTHY if name not in ("hummingbird", "tilted_hexarotor"))
+ARMS = tuple(name for name in HEALTHY if load_vehicle(name).n)
 
 
 def document(name: str) -> Document:
