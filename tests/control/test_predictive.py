@@ -236,7 +236,7 @@ def test_stages_and_rollouts_foresee_dry_friction_at_the_rates_that_are_wanted()
     )
     np.testing.assert_allclose(found[0][0], expected, rtol=1e-12, atol=1e-12)
     rollouts = Rollouts(model, WEIGHTS, "tool", Bounds(np.full(2, 1e9), np.full(4, 1e9)))
-    zero = Policy(np.zeros((1, 6)), np.zeros((1, 6, 21)), np.zeros((21, 21)))
+    zero = Policy(np.zeros((1, 6)), np.zeros((1, 6, 21)), np.zeros((21, 21)), np.zeros(21))
     given = np.array([[0.03, 0.03], [0.0, 1.0]]), d, np.tile(wanted, (2, 1))
     motions = rollouts.run(np.stack([x, x]), u[None], zero, np.zeros(1), x, given)
     np.testing.assert_allclose(motions.x[1, :, 0], expected, rtol=1e-12, atol=1e-12)
@@ -462,7 +462,10 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
     bounds = Bounds(np.array([0.05, 0.04]), np.full(4, 495.0))
     rng, shares = np.random.default_rng(4), np.array([1.0, 0.3, 0.0])
     found = Policy(
-        rng.normal(size=(14, 6)) * SCALES, 2e-3 * rng.normal(size=(14, 6, 21)) * SCALES[:, None], np.zeros((21, 21))
+        rng.normal(size=(14, 6)) * SCALES,
+        2e-3 * rng.normal(size=(14, 6, 21)) * SCALES[:, None],
+        np.zeros((21, 21)),
+        np.zeros(21),
     )
     times = np.column_stack([np.append(steps, steps[-1]), np.append(steps, 0.2)])
     made = Rollouts(MODEL, par.weights, par.mode, bounds)
