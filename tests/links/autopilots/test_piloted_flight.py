@@ -204,7 +204,8 @@ def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(tmp_path: Path
 
 def test_the_goal_table_has_the_set_points_of_the_reference(tmp_path: Path) -> None:
     session = Session(load_scenario("case3", duration=8.0))
-    table = goal_columns(session._engine.inputs)
+    (inputs,) = session._engine.inputs.each
+    table = goal_columns(inputs)
     assert table is not None
     for tick in (0, 10, 1300, 1599):
         session._engine.tick = tick
