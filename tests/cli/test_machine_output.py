@@ -186,11 +186,12 @@ def test_an_error_of_one_name_has_one_value_in_every_command() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the shell's pipe and quotes")
 def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (line,) = re.findall(r"^(skyarm run case3 --json \|.*)$", DOCS.read_text("utf-8"), re.MULTILINE)
+    pipe = r"^```bash\n(skyarm run case3 --json \|.*)\n```\n<!-- [^>]* -->\n```text\n((?:.*\n)*?)```$"
+    ((line, printed),) = re.findall(pipe, DOCS.read_text("utf-8"), re.MULTILINE)
     words = line.replace("skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1")
     words = words.replace("| python ", f"| {sys.executable} ")
     done = subprocess.run(words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True)
-    assert done.stdout == "completed\n"
+    assert done.stdout == printed == "completed\n"
     assert not done.stderr
 
 

@@ -129,13 +129,14 @@ def test_records_of_windows_refuse_what_is_none(value):
 def test_no_metric_of_a_short_flight_is_undefined_without_a_word():
     """A flight of 1 s without windows: every metric of every group is a number, over a log and in a batch.
 
-    Those of contact are apart: without contact they have no number.
+    Those of contact and of teams are apart: without contact, or without a carried body, they have no number.
     """
     groups = tuple(name for name in GROUPS if name not in ("contact", "team"))
     scenario = scenario_from(document("case2", duration=1.0))
     log = run(scenario)
     found = skyarm.score(log, groups)
     assert all(math.isfinite(value) for value in found.values()), found
+    assert all(math.isnan(value) for value in skyarm.score(log, ["team"]).values())
     flown = Batch(scenario, metrics=groups, bit_exact=True).fly({}, episodes=np.array([0]))
     assert set(flown.metrics) == set(metric_names(groups, 2))
     for name, value in found.items():

@@ -247,10 +247,13 @@ def test_two_controllers_link_into_one_program_by_their_declarations(tmp_path):
     for name in names:
         for key, record in (("measurement", measurement), ("reference", reference)):
             rows = []
+            (struct,) = re.findall(rf"^struct {name}_{key} {{\n(.*?)^}};", texts[name], re.DOTALL | re.MULTILINE)
+            members = re.findall(r"^    double (\w+)", struct, re.MULTILINE)
             for field in dataclasses.fields(record):
                 held = getattr(record, field.name)
-                if held == ():
-                    continue  # a struct has no member for what there is none of
+                if field.name not in members:
+                    assert held == (), f"{key}.{field.name}: a struct lacks a member only for what there is none of"
+                    continue
                 rows.append(
                     "{" + (", ".join(map(repr, held)) or "0.0") + "}" if hasattr(held, "__iter__") else repr(held)
                 )
