@@ -65,7 +65,7 @@ def compare(
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,
-    out: Annotated[str | None, out_option("folder of the results")] = None,
+    out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
     laws: Laws = None,
     only: Annotated[
         str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas; all if left out")
@@ -76,7 +76,7 @@ def compare(
     scenario: Annotated[
         str,
         typer.Option(
-            help="with team-suite: a scenario with [team] and grasps that close in flight",
+            help="with team-suite: a scenario with [team]",
             autocompletion=name_completion("scenario"),
         ),
     ] = FLOWN,
@@ -93,10 +93,7 @@ def compare(
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Compare laws on a suite of trials, or on a scenario.
-
-    Tables, figure and page. The same command continues what was interrupted.
-    """
+    """Compare laws on a suite of trials, or on a scenario."""
     require_within("--seeds", seeds, 1, MOST)
     require_within("--plants", PLANTS if plants is None else plants, 1, MOST)
     require_within("--seed", seed, 0)

@@ -20,7 +20,7 @@ LARGEST, LEVER = 1e4, 1e-3
 
 @immutable
 class LoadLimits:
-    """Largest load that a vehicle bears at its tip in a pose."""
+    """Largest load at the tip of a vehicle in a pose."""
 
     weight: Annotated[Scalar, Unit("N", "largest weight at the tip that rotors and joints bear")] = LARGEST
     moment: Annotated[Scalar, Unit("N m", "largest moment at the tip, of any direction, that the joints bear")] = (

@@ -141,7 +141,7 @@ def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Ce
 
 
 def _is_above_0(value: object) -> bool:
-    """Whether an option is a plain number above 0, which a factor can change."""
+    """True for an option that is a plain number above 0, which a factor can change."""
     return type(value) in (int, float) and float(cast("float", value)) > 0.0
 
 

@@ -156,7 +156,7 @@ class Borne(Protocol):
 
 @immutable
 class NothingBorne:
-    """Load of a member whose law estimates none: nothing borne, no error of its tip."""
+    """Load of a member whose law estimates none: no force, no moment, no error of its tip."""
 
     force: Vec3 = ZERO3
     moment: Vec3 = ZERO3
@@ -333,7 +333,7 @@ class Team(Component[TeamMemory]):
         if self.motion is not None and self.pose_age:
             begin = self.motion.at(0.0)
             still = CarriedFrame(position=begin.position, rotation=begin.R, velocity=ZERO3, turning=ZERO3)
-            seen = (stored(still),) * round(self.pose_age / period)
+            seen = (data_of(still),) * round(self.pose_age / period)
         return TeamMemory(own=self.first(period), seen=seen, carries=carries, drawn=drawn, logged=logged)
 
     def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
@@ -405,7 +405,7 @@ class Team(Component[TeamMemory]):
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(
             own=own,
-            seen=tuple(map(stored, seen[: len(memory.seen)])),
+            seen=tuple(map(data_of, seen[: len(memory.seen)])),
             carries=carries,
             drawn=memory.drawn,
             logged=tuple(data(each) for each in logged),
@@ -630,7 +630,7 @@ def shorten(v: Vec3, most: Scalar) -> Vec3:
     return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
 
 
-def stored(frame: CarriedFrame) -> CarriedFrame:
+def data_of(frame: CarriedFrame) -> CarriedFrame:
     """Motion of a body whose numbers are data."""
     return CarriedFrame(
         position=as_data(frame.position),
