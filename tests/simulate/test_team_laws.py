@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators.load_limits import largest_load
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.stages import Stages
 from skyarm.studies.compare.suite import NOISE
 from skyarm.view.figures.flight_plot import plot
 from support.teams import TEAMS
@@ -163,6 +169,22 @@ def fixed(tables: dict[str, Any]) -> dict[str, Any]:
     for grasp in tables["world"]["grasps"]:
         grasp |= {"kind": "fixed", "radius": (20.0 / grasp["stiffness"]) ** 0.5}
     return tables
+
+
+def test_laws_that_say_nothing_have_the_limits_of_their_members_in_the_log():
+    """Shares and pulls of a log are by what members can bear, also under a law that has not computed it."""
+    scenario = skyarm.scenario_from(bar("own_paths"))
+    model = scenario.agents["left"].controller.par.model.vehicle
+    zero, motion = Vec3(0.0, 0.0, 0.0), SimpleNamespace(gravity=9.81)
+    state = State(
+        position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero,
+        joints=(0.0, 0.6, -1.0, 0.0, 0.5, 0.0), joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
+    )  # fmt: skip
+    most = largest_load(PointMotion(model, state, gravity=9.81))
+    loop = SimpleNamespace(memory=scenario.agents["left"].controller.memory, state=state)
+    found = Stages(scenario)._borne("left", loop, motion, told=False)
+    assert (float(found.limits.weight), [*found.force]) == (pytest.approx(float(most.weight)), [0.0] * 3)
+    assert 5.0 < float(found.limits.weight) < 100.0
 
 
 def test_a_known_age_of_the_measured_pose_hardly_matters():
