@@ -114,7 +114,7 @@ class TeamCondition(Condition):
         return with_entries(changed, entries)
 
     def _grasp(self, entry: Record, given: CarryingTeam) -> Document:
-        """Entry of a grasp of the body with another stiffness, and of the last member's with its end."""
+        """Table of a grasp with the stiffness of the condition, and with the time at which the last member's opens."""
         changed, own = dict(entry), given.grasps.get(entry["agent"])
         if own is None or entry["body"] != own.body:
             return changed
@@ -124,7 +124,7 @@ class TeamCondition(Condition):
         return changed | ({"release": given.onset} if self.lost and own.agent == given.last else {})
 
     def change_path(self, scenario: Scenario, last: str) -> Scenario:
-        """Scenario in which the path of the member of a name is late."""
+        """Scenario in which the path of a named member is late."""
 
         def later(signal: Signal) -> Signal:
             return signal if isinstance(signal, Constant) else Shifted(signal, self.late)

@@ -108,7 +108,7 @@ class CandidateFlights:
     """
 
     word = "controller"
-    """Word of a scenario's paths below which the gains are."""
+    """First word of the parameter paths of the gains."""
 
     def __init__(
         self,
@@ -260,7 +260,7 @@ def _error(window: str, name: str) -> str:
 
 
 def penalize(error: Array, lost: Mask) -> Array:
-    """Errors, of lost flights and those without a value the largest."""
+    """Errors with the largest one for lost flights and for missing values."""
     return np.where(lost, LOST, np.minimum(np.nan_to_num(error, nan=LOST), LOST))
 
 

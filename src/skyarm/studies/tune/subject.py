@@ -1,4 +1,4 @@
-"""Subject of a search for gains: how a law is flown, scored and shown; here the law of one vehicle."""
+"""Law that a search for gains tunes: its flights, scores and tables; here the law of one vehicle."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Stages:
 
 
 class Subject:
-    """Law of one vehicle, on motions that are drawn, with margins in hover; base class of other subjects.
+    """Law of one vehicle that a search tunes, on drawn motions, with margins in hover; base class of the law of a team.
 
     Attributes:
         stages: sizes of a search. kinds: kinds of motion, or of disturbance.
@@ -71,15 +71,15 @@ class Subject:
         return named or scenario.agent.controller.name
 
     def title(self, scenario: Scenario) -> str:
-        """Name of what flies the law."""
+        """Name of the vehicle, or of the scenario of a team, for titles."""
         return scenario.agent.plant.vehicle.name
 
     def error(self, scenario: Scenario) -> str:
-        """Head of the error's column: of the tip, or of the base if there is no tip."""
+        """Column head of the position error: of the tip, or of the base if there is no tip."""
         return "tip error" if scenario.agent.plant.vehicle.end_effector else "base error"
 
     def columns(self, scenario: Scenario) -> Collection[str]:
-        """Groups of columns that not every table has."""
+        """Groups of columns in the tables of results, beside those that all have."""
         return ("margins", "effort", "joints") if scenario.agent.plant.vehicle.n else ("margins",)
 
     def scenes(self, scenario: Scenario, moves: bool) -> dict[str, Scenario]:
