@@ -15,7 +15,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
 
 import skyarm
-from skyarm.studies.tune.subject import Stages
+from skyarm.studies.tune.subject import SearchSizes
 from support.measured_tables import print_table, progress
 
 
@@ -31,7 +31,7 @@ def main() -> None:
     rows = [
         ("tip error, 90 % quantile, mm", *(f"{1e3 * each.tip:.3g}" for each in (before, after))),
         ("rotor jitter, rad/s", *(f"{each.jitter:.2g}" for each in (before, after))),
-        ("lost plants", *(f"{Stages().aside * each.lost:.0f}" for each in (before, after))),
+        ("lost plants", *(f"{SearchSizes().aside * each.lost:.0f}" for each in (before, after))),
     ]
     print_table(("quantity", ">before", ">after"), rows)
 

@@ -20,7 +20,7 @@ from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, 
 from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.law_knobs import find_knobs
-from skyarm.studies.tune.subject import Stages, Subject
+from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.studies.tune.tuning import Tuner, TuningPlan
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -159,7 +159,7 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
     first = [flies.judge(0, asked, 4), flies.judge(1, asked, 8), *flies.again(asked[:6])]
     # the geometric mean of the kinds' quantiles; the finalists' error in the front is of drawn motions
     assert [each.error[0] for each in first] == pytest.approx([2e-3, 2e-3, 2e-3, 1e-3])
-    last = ("again", 6, Stages().further)
-    stages = [("round_000", 50, 4), ("pool", 1, 8 * Stages().pool), ("round_001", 50, 8), last]
+    last = ("again", 6, SearchSizes().further)
+    stages = [("round_000", 50, 4), ("pool", 1, 8 * SearchSizes().pool), ("round_001", 50, 8), last]
     assert Told.flown == stages
     assert plan.facts()["motions"] == [*KINDS, "own"]

@@ -27,13 +27,13 @@ from skyarm.studies.tune.candidate_flights import scores
 from skyarm.studies.tune.front import Point
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.hover_margins import margins_of
-from skyarm.studies.tune.subject import Stages
-from skyarm.studies.tune.team_subject import FIRST_OFF, MASSES, TeamFlights, grasp_numbers, team_flight
+from skyarm.studies.tune.subject import SearchSizes
+from skyarm.studies.tune.team_subject import FIRST_OFF, MASSES, TeamCandidates, grasp_numbers, team_flight
 from skyarm.studies.tune.tuning import TEAM, Tuning, TuningPlan, plan_of
 from support.cables import BAR, HANGING, SWINGING, on_cables
 from support.cases import sampled
 
-FEW = Stages(pool=1, semifinalists=4, further=6, points=3, unseen=6, aside=6)
+FEW = SearchSizes(pool=1, semifinalists=4, further=6, points=3, unseen=6, aside=6)
 EFFORT = dataclasses.replace(Effort().scale(64, 4), population=4, rounds=2)
 PHASES = [
     {"kind": "hold", "duration": 2.2},
@@ -155,7 +155,7 @@ def test_plants_have_in_turn_other_masses_and_the_grasp_of_each_member_off() -> 
 def test_flights_of_a_batch_are_those_flown_alone() -> None:
     flight, crew = team_flight(short()), Crew()
     plants = TEAM.draw(flight, 3, seed=1, mixed=True)
-    flights = TeamFlights(flight, TEAM.knobs(flight, None), plants, crew, seed=3)
+    flights = TeamCandidates(flight, TEAM.knobs(flight, None), plants, crew, seed=3)
     logs = np.array([[0.0, 0.0, 0.0], [-1.0, -1.5, -2.0]])
     (whole,) = flights._works("all", logs, plants)
     rows = crew.rows([whole])[0]
@@ -196,7 +196,7 @@ def found() -> Tuning:
 def test_tuned_options_are_no_worse_than_the_defaults_under_seeds_not_tuned_on(found: Tuning) -> None:
     flight = found.plan.flight
     plants = TEAM.draw(flight, 12, seed=77, mixed=True)
-    flights = TeamFlights(flight, found.plan.knobs, plants, Crew(), seed=77)
+    flights = TeamCandidates(flight, found.plan.knobs, plants, Crew(), seed=77)
     before, after = scores(flights.fly("unseen", np.array([found.before.logs, found.pick.logs]))).error
     assert after < before
     assert found.meets
@@ -330,6 +330,8 @@ def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place()
         {"world.grasps.1.place.x": 0.0, "world.grasps.1.place.y": -0.21, "world.grasps.1.place.z": 0.0097}, abs=1e-9
     )
     plants = TEAM.draw(team_flight(scenario), 9, seed=0, mixed=True)
-    flown = TeamFlights(team_flight(scenario), TEAM.knobs(scenario, None), plants, Crew()).fly("few", np.zeros((1, 6)))
+    flown = TeamCandidates(team_flight(scenario), TEAM.knobs(scenario, None), plants, Crew()).fly(
+        "few", np.zeros((1, 6))
+    )
     assert not flown.lost.any()
     assert (flown.tip < 0.05).all()

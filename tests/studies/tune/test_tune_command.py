@@ -14,7 +14,7 @@ from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.excitation import draw_plants
-from skyarm.studies.tune.subject import Stages, Subject
+from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--seed", "2")
@@ -64,7 +64,7 @@ def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tu
     seeds, counts, paths, mixed = zip(*DRAWN, strict=True)
     # of the search, which plants its leaders lose, of what is left of it once more, of the front, of what is said
     assert seeds == (2, 2, 4, 3, 5)
-    usual = Stages()
+    usual = SearchSizes()
     assert counts == (4, usual.pool * 4, usual.further, usual.unseen, usual.aside)
     assert paths[0] == paths[1] == paths[2] == paths[3] != paths[4]
     assert mixed == (True, True, True, True, False)

@@ -19,7 +19,7 @@ from skyarm.studies.flights import Rows, Store, Work, executor, fly, store
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.front import LoopMargins
 from skyarm.studies.tune.gain_search import Effort
-from skyarm.studies.tune.subject import Stages, Subject
+from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.studies.tune.tuning import Tuning, TuningPlan, plan_of
 from support.cases import sampled
 
@@ -68,7 +68,7 @@ def plan(seed: int = 0) -> TuningPlan:
     effort = dataclasses.replace(Effort().scale(240, 8), population=4, rounds=4)
     knobs = ("gains.position", "gains.rate")
     found = plan_of(load_scenario("case1", controller="paper_pd"), True, "paper_pd", knobs, effort, seed)
-    return dataclasses.replace(found, stages=Stages(semifinalists=4, further=8, unseen=6, aside=6))
+    return dataclasses.replace(found, stages=SearchSizes(semifinalists=4, further=8, unseen=6, aside=6))
 
 
 def result_of(found: Tuning) -> Any:

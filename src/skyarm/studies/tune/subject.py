@@ -19,7 +19,7 @@ from skyarm.view.pages import Facts
 
 
 @immutable
-class Stages:
+class SearchSizes:
     """Sizes of a search: its usual numbers, and those of the stages after its rounds.
 
     Attributes:
@@ -52,7 +52,7 @@ class Subject:
         required: margins that gains must have.
     """
 
-    stages = Stages()
+    stages = SearchSizes()
     kinds: Sequence[str] = KINDS
     score_names: Mapping[str, str] = MappingProxyType(
         {"error": "error_m", "tip": "tip_m", "jitter": "jitter_rad_s"}

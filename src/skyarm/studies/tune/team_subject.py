@@ -34,7 +34,7 @@ from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
 from skyarm.studies.tune.hover_margins import HoverMargins
 from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, Numbers, centre, chosen_knobs
-from skyarm.studies.tune.subject import Stages, Subject
+from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.view.pages import Facts
 from skyarm.world.contact.contact import Contact
 from skyarm.world.team.team import Team
@@ -150,7 +150,7 @@ def with_options(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario
     return dataclasses.replace(scenario, team=replace_at(team_of(scenario), numbers))
 
 
-class TeamFlights(CandidateFlights):
+class TeamCandidates(CandidateFlights):
     """Flights of options of a team's law on perturbed plants."""
 
     word = "team"
@@ -208,11 +208,11 @@ class TeamSubject(Subject):
     draw = staticmethod(draw_team_plants)
     centred = staticmethod(at_defaults)
     under = staticmethod(with_options)
-    flights = TeamFlights
+    flights = TeamCandidates
     margins = NoMargins
     required = staticmethod(no_required_margins)
 
-    stages = Stages(candidates=234, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
+    stages = SearchSizes(candidates=234, plants=8, pool=2, semifinalists=12, further=16, points=8, unseen=24, aside=24)
 
     def label(self, scenario: Scenario, named: str | None = None) -> str:
         """Name of the team's law."""

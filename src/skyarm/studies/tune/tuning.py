@@ -43,7 +43,7 @@ from skyarm.studies.tune.law_knobs import (
     GainKnob,
     numbers_at,
 )
-from skyarm.studies.tune.subject import VEHICLE, Stages, Subject
+from skyarm.studies.tune.subject import VEHICLE, SearchSizes, Subject
 from skyarm.studies.tune.team_subject import TeamSubject
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -75,7 +75,7 @@ class TuningPlan:
     seed: int
     label: str
     own: Scenario | None = None
-    stages: Stages = Stages()
+    stages: SearchSizes = SearchSizes()
     subject: Subject = VEHICLE
 
     def facts(self) -> Facts:
