@@ -30,13 +30,14 @@ from skyarm.log.motion import PoseSeries
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario
+from skyarm.scenario.scenario_record import Delays, Environment, Rates, Scenario
 from skyarm.simulate import session
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.flights.processes import Processes
 from skyarm.studies.tune.excitation import of_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
+from skyarm.world.component import Air
 from support.cases import whole_text
 
 SHIPPED = {name: tomllib.loads((LIBRARY / f"{name}.toml").read_text("utf-8")) for name in list_scenarios()}
@@ -302,9 +303,16 @@ def unheard(base):
     return make_controller("centroidal", base.controller.par.model, mode=mode, accelerometer=(0.0, 0.0), **facts)
 
 
+@dataclass(frozen=True)
+class ShortSteps(Air):
+    """Calm air that has a plant take steps of at most a length, s."""
+
+    largest_step: float | None = None
+
+
 @cache
-def flown(vehicle, duration, rotors=0.0, joints=0.0, swing=0.8, pace=1.0):
-    """Log of a closed loop at 500 Hz whose commands reach rotors and joints late, s."""
+def flown(vehicle, duration, rotors=0.0, joints=0.0, swing=0.8, pace=1.0, longest=None):
+    """Log of a closed loop at 500 Hz whose commands reach rotors and joints late, s, in steps of at most `longest`."""
     base = of_vehicle(dataclasses.replace(vehicle, drives=()))
     scenario = dataclasses.replace(
         base,
@@ -314,6 +322,7 @@ def flown(vehicle, duration, rotors=0.0, joints=0.0, swing=0.8, pace=1.0):
         duration=duration,
         rates=Rates(physics=10_000, control=500, reference=50),
         delays=Delays(measurement=0.002, rotors=rotors, joints=joints),
+        environment=Environment() if longest is None else Environment(air=(ShortSteps(longest),)),
     )
     log = skyarm.run(scenario)
     assert log.info["status"] == "completed"
