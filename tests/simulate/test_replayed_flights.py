@@ -76,7 +76,7 @@ def held_of(log, name, delay):
 def test_a_replayed_flight_returns_its_own_states(vehicle, first, late, off):
     """To what other steps around the instants of switching leave; a reversal of stiff friction in one costs more.
 
-    A long step of the simulation costs as much where friction reverses within it: that flight is simulated in short ones.
+    A long step of the simulation costs as much where friction reverses within it: that flight has short ones.
     """
     log = flown(vehicle, 0.8, *late, longest=2e-5 if off > 1e-6 else None)
     flights = CommandReplay(lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of).flights(1)
