@@ -10,8 +10,9 @@ One solution stays bounded. It obeys y' = -b y + v, where b and v follow backwar
 if d - a went on evenly there: b' = b^2 - n / l, v' = b v + d - a. From one instant to the one before it that is exact
 for a mean n / l and an even change of d - a. The law integrates y; its higher derivatives come from the equation.
 
-Joints that turn links back as the base tilts about their axis leave a share of d - a, which turns with the heading: at
-each instant of the preview by the yaw of that instant, and now with the yaw's derivatives.
+Joints that turn links back as the base tilts leave a share of d - a: that of the way of the tip against the centre of
+mass. It turns with the heading: at each instant of the preview by the yaw of that instant, and now with the yaw's
+derivatives.
 An arm above the base has l < 0 and zero dynamics that swing: there y'' = (n / |l|) y - (d - a), which agrees with the
 solution for slow motions and passes the resonance.
 
@@ -27,22 +28,24 @@ from itertools import pairwise
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt
+from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
+from skyarm.control.blocks.center_of_mass import axes
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
-from skyarm.dynamics.kinematics import chain
+from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.tip_tasks import joints_of_turns, tip_columns
+from skyarm.dynamics.kinematics import chain, link_poses, parallel
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
-from skyarm.vehicle import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 
 LEAST = 0.02
 """Height (m) of the centre of mass above the tip below which the shift falls in proportion to that height."""
 
 HELD = 0.02
-"""Regularisation of the squared joint rotations that compensate a tilt of the base."""
+"""Regularisation of the squared joint rotations by which an arm of parallel axes compensates a tilt of the base."""
 
 WEAK = 0.15
 """Lower bound of the specific thrust, as a fraction of gravity."""
@@ -127,8 +130,31 @@ class TiltShares:
         return Vec3(v.x * (x + self.mean) + v.y * y, v.x * y + v.y * (-x + self.mean), 0)
 
 
-def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
-    """Fraction of a base tilt that the arm's joints do not compensate, from the second moments of their axes.
+def tilt_shares(vehicle: Vehicle, gains: TipGains, joints: Sequence[Scalar], level: Posture) -> TiltShares:
+    """Fraction of the tip's way in a base tilt that remains when joints turn the links back.
+
+    The way is that of the tip against the centre of mass, over the height between them. An arm whose axes all are
+    parallel turns back as a whole, or not at all.
+    """
+    if all(link.parent == BASE or parallel(vehicle.links[link.parent].joint, link.joint) for link in vehicle.links):
+        return _shares_of_moments(vehicle, level)
+    poses, arm = link_poses(vehicle, joints, summed=True), derivative(level.tip, 0) - derivative(level.com, 0)
+    directions, columns = axes(vehicle, poses), tip_columns(vehicle, joints, poses)
+    least = where(arm.z > 0.0, LEAST, -LEAST)
+    per = divide(1.0, where(absolute(arm.z) > LEAST, arm.z, least))
+    ways = []
+    for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):  # of a thrust along x, and along y
+        way = tilt.cross(arm)
+        still = joints_of_turns(vehicle, gains, directions, [-tilt] * vehicle.n, (0.0,) * vehicle.n)
+        for column, turn in zip(columns, still, strict=True):
+            way = way + column * turn
+        ways.append(way * per)
+    (ahead, aside), half = ways, 0.5
+    return TiltShares(half * (ahead.x + aside.y), half * (ahead.x - aside.y), half * (ahead.y + aside.x))
+
+
+def _shares_of_moments(vehicle: Vehicle, level: Posture) -> TiltShares:
+    """Fractions from the second moments of the joints' axes.
 
     A turn about the axis with the largest moment moves the centre of mass across it.
     """
@@ -249,6 +275,7 @@ def bounded_shift(
     shift: Shift,
     base: Sequence[Vec3],
     yaw: Taylor,
+    joints: Sequence[Taylor],
     level: Posture,
     acting: Acting,
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
@@ -261,13 +288,15 @@ def bounded_shift(
         shift: now.
         base: its reference, value to fourth derivative.
         yaw: rad, series of second order at least.
+        joints: their references, rad or m.
         level: posture of the references on a level base, fourth-order series.
         acting: forces beside those of rotors and weight.
         ahead: times from now (s) and samples of the reference then.
         dt: s.
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
-    shares, per_mass = tilt_shares(vehicle, level), divide(1.0, vehicle.mass)
+    shares = tilt_shares(vehicle, par.tip, [q.derivative(0) for q in joints], level)
+    per_mass = divide(1.0, vehicle.mass)
     push, rate = acting.force * per_mass, acting.rate * per_mass
     slow = acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])

@@ -158,7 +158,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMoti
     if before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drag=drag_rate)
-        moved, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.motion.ahead, dt)
+        moved, shift = bounded_shift(par, before.shift, base, yaw, joints, level, acting, step.motion.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     # the planned centre of mass itself says what force it requires

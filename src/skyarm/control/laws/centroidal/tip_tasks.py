@@ -157,6 +157,12 @@ def link_turning(
     return motions
 
 
+def tip_columns(vehicle: Vehicle, joints: Sequence[Scalar], poses: Sequence[Pose]) -> list[Vec3]:
+    """Jacobian of the tip against the centre of mass, one column per joint, base axes; ``poses`` are of the links."""
+    columns, share = jacobian_columns(vehicle, vehicle.frame(), joints, summed=True), divide(1.0, vehicle.mass)
+    return [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
+
+
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]) -> Scalars:
     """Joint correction, by one Newton step, that orients the links on a tilted base as planned for a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
@@ -267,9 +273,7 @@ def joint_accelerations(
     arm = now.posture.tip - now.posture.com
     rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
     carried = now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
-    columns = jacobian_columns(vehicle, vehicle.frame(), now.joints, summed=True)
-    share = divide(1.0, vehicle.mass)
-    against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
+    against = tip_columns(vehicle, now.joints, poses)
     asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
     # another arm moves the tip through the centre of mass alone: no lever to steer it by
     carriers = chain(vehicle, vehicle.frame().link)
