@@ -16,6 +16,7 @@ from skyarm.studies.identify.window_fit import (
     TURNS,
     Cost,
     WindowFit,
+    at_least,
     blocks_of,
     bounded_step,
     first_noise,
@@ -572,3 +573,17 @@ def test_a_step_that_does_not_lower_the_cost_is_not_taken():
     found = fit_windows(toy, np.full(COUNT, 2.0), noise=np.full((1, 3), 0.1), turns=4)
     assert not found.settled
     assert found.values == pytest.approx(np.full(COUNT, 2.0))
+
+
+def test_rounding_takes_no_information_away():
+    """A flight that shows one direction with 1e12, and less than nothing in another by rounding."""
+    before, turn = np.diag([4.0, 100.0, 1e6]), np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    healthy = before + turn @ np.diag([1e12, 3.0, 0.0]) @ turn.T
+    assert at_least(healthy, before) is healthy
+    wrong = healthy - 130.0 * np.outer(turn[:, 2], turn[:, 2])
+    mended = at_least(wrong, before)
+    assert np.linalg.eigvalsh(wrong)[0] < 0.0
+    np.linalg.cholesky(mended)
+    size = np.sqrt(np.diag(before))
+    assert np.linalg.eigvalsh(mended / np.outer(size, size))[0] == pytest.approx(1.0, rel=1e-3)
+    assert turn[:, 0] @ mended @ turn[:, 0] == pytest.approx(1e12, rel=1e-6)

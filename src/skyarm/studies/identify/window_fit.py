@@ -417,16 +417,33 @@ def _information(
     """
     blocks = blocks_of(windows, block)
     parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
-    curvature: Array = np.asarray(np.linalg.inv(reduced.total))
+    total = at_least(reduced.total, before)
+    curvature: Array = np.asarray(np.linalg.inv(total))
     flights = [windows.owners == i for i in range(len(windows.flights))]
     return {
         "curvature": curvature,
-        "covariance": blocks_covariance(reduced.total, parts, pulls) + curvature @ before @ curvature,
+        "covariance": blocks_covariance(total, parts, pulls) + curvature @ before @ curvature,
         "prior_information": before,
         "block_information": parts,
         "stretch_information": np.stack([reduced.information[own].sum(axis=0) for own in flights]),
         "stretch_scores": np.stack([scores[own].sum(axis=0) for own in flights]),
     }
+
+
+def at_least(total: Array, before: Array) -> Array:
+    """Information (P, P) without what rounding has taken from it: never less than it was before the data.
+
+    Args:
+        total: (P, P) of data and prior. The free numbers of the windows are reduced from it by differences, of which
+            little is left where a flight shows nothing.
+        before: (P, P) before the data, diagonal.
+    """
+    size = np.sqrt(np.diag(before))
+    shares, axes = np.linalg.eigh(total / np.outer(size, size))
+    if shares[0] >= 0.5:
+        return total
+    root = size[:, None] * axes * np.sqrt(np.maximum(shares, 1.0))
+    return np.asarray(root @ root.T)
 
 
 def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
