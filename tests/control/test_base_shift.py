@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from law_parts import planned
 from scipy.integrate import solve_bvp
+from scipy.optimize import brentq
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
@@ -260,31 +261,51 @@ ARMS = ["octo_coaxial_two_arms", "hexarotor_arm6", "hexarotor12_arm5", "quadroto
 
 @pytest.mark.parametrize("name", ARMS)
 def test_the_shares_left_are_those_of_an_arm_that_keeps_its_links_level(name):
-    """Against the way of the tip from the centre of mass, by differences, of a vehicle that really tilts, at a heading.
-
-    Its joints turn so that rotations of the links remain as small as they can, by a pseudoinverse.
-    """
-    vehicle, e, yaw = skyarm.load_vehicle(name), 1e-6, 0.8
+    """Against the way of the tip from the centre of mass, by differences, of a vehicle that tilts, at a heading."""
+    vehicle, yaw = skyarm.load_vehicle(name), 0.8
     q = np.linspace(-0.3, 0.5, vehicle.n) + (0.4 if name == "hextilt_flying_arm_5" else 0.0)
+    found, left = shares_of(vehicle, q), ways_of(vehicle, q) / arm_of(vehicle, q)[2]
+    Z = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    for v in np.eye(2):
+        np.testing.assert_allclose([*found.left(Vec3(*v, 0.0), yaw)][:2], Z @ left @ Z.T @ v, atol=2e-3)
+
+
+@pytest.mark.parametrize("height", [-0.01, 0.01])
+def test_the_shares_left_remain_finite_where_the_tip_is_as_high_as_the_centre_of_mass(height):
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+
+    def posed(angle):
+        return np.array([0.0, angle, 0.0, 0.0, 0.4, 0.0])
+
+    angle = brentq(lambda angle: arm_of(vehicle, posed(angle))[2] - height, -2.5, 0.0)
+    found, left = shares_of(vehicle, posed(angle)), ways_of(vehicle, posed(angle)) / np.copysign(LEAST, height)
+    for v in np.eye(2):
+        np.testing.assert_allclose([*found.left(Vec3(*v, 0.0), 0.0)][:2], left @ v, atol=0.02)
+    assert np.abs(left).max() > 0.2
+
+
+def shares_of(vehicle, q):
     gains = make_centroidal(Model(vehicle=vehicle, gravity=G), mode="tip").par.tip
-    found = tilt_shares(vehicle, gains, tuple(map(float, q)), level_at(vehicle, q))
-    R = [rotation_of(vehicle, q, link) for link in range(vehicle.n)]
+    return tilt_shares(vehicle, gains, tuple(map(float, q)), level_at(vehicle, q))
+
+
+def ways_of(vehicle, q):
+    """Way of the tip from the centre of mass, horizontal, m, in a tilt by a thrust along x and along y, symmetric part.
+
+    The joints turn so that rotations of the links remain as small as they can, by a pseudoinverse.
+    """
+    e, R = 1e-6, [rotation_of(vehicle, q, link) for link in range(vehicle.n)]
     spins = np.array([
         [unskewed((rotation_of(vehicle, q + each, link) - R[link]) @ R[link].T) / e for link in range(vehicle.n)]
         for each in e * np.eye(vehicle.n)
     ])  # fmt: skip
-    jacobian = spins.reshape(vehicle.n, -1).T
+    jacobian, arm = spins.reshape(vehicle.n, -1).T, arm_of(vehicle, q)
     ways = []
     for tilt in ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]):
         turns = np.linalg.pinv(jacobian, rcond=1e-3) @ -np.tile(tilt, vehicle.n)
-        ways.append(
-            (np.cross(tilt, arm_of(vehicle, q)) + (arm_of(vehicle, q + e * turns) - arm_of(vehicle, q)) / e)[:2]
-        )
-    left = np.array(ways).T / arm_of(vehicle, q)[2]
-    left = 0.5 * (left + left.T)
-    Z = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    for v in np.eye(2):
-        np.testing.assert_allclose([*found.left(Vec3(*v, 0.0), yaw)][:2], Z @ left @ Z.T @ v, atol=2e-3)
+        ways.append((np.cross(tilt, arm) + (arm_of(vehicle, q + e * turns) - arm) / e)[:2])
+    left = np.array(ways).T
+    return 0.5 * (left + left.T)
 
 
 def level_at(vehicle, q):
