@@ -271,7 +271,7 @@ def test_the_shares_left_are_those_of_an_arm_that_keeps_its_links_level(name):
 
 
 @pytest.mark.parametrize("height", [-0.01, 0.01])
-def test_the_shares_left_remain_finite_where_the_tip_is_as_high_as_the_centre_of_mass(height):
+def test_the_shares_left_are_finite_at_a_lever_of_zero(height):
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
 
     def posed(angle):
@@ -323,7 +323,7 @@ def unskewed(S):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.2, np.pi / 2.0])
-def test_an_arm_of_six_joints_keeps_its_tip_on_a_line_in_any_direction(yaw):
+def test_an_arm_of_six_joints_keeps_its_tip_on_a_line_anywhere(yaw):
     """Its wrist turns about the arm's plane, too, but hardly moves the tip: the base must shift."""
     path = {"kind": "ramp", "start": 1.0, "duration": 4.0, "height": 0.9, "shape": "nonic"}
     scenario = skyarm.scenario_from({
