@@ -80,7 +80,9 @@ class Member:
     length: Annotated[
         float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
     ] = field(default=0, metadata=WRITTEN_IF_ANY)
-    taken: Annotated[Vec3 | None, Unit("m", "place to which the tip really goes to take hold; left out: place")] = None
+    taken: Annotated[Vec3 | None, Unit("m", "place where the tip takes hold, if that is another; left out: place")] = (
+        None
+    )
     mass: Annotated[
         Scalar,
         Unit(
@@ -195,9 +197,13 @@ class Team(Component[TeamMemory]):
     object: Annotated[str, Unit("", "object that the team carries", rule=coerce.name)]
     members: tuple[Member, ...] = ()
     motion: PoseTrajectory | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    take: Annotated[Scalar, Unit("s", "time from which the members hold the body", low=0.0)] = 0.0
+    take: Annotated[
+        Scalar, Unit("s", "time from which the members hold the body; 0: when the last grasp closes", low=0.0)
+    ] = 0.0
     mass: Annotated[Scalar, Unit("kg", "supposed mass of the body; 0: that of the object", low=0.0)] = 0
-    inertia: Annotated[Vec3, Unit("kg m^2", "supposed moments of inertia of the body", low=0.0)] = ZERO3
+    inertia: Annotated[
+        Vec3, Unit("kg m^2", "supposed moments of inertia of the body; 0: those of the object", low=0.0)
+    ] = ZERO3
     position_noise: Annotated[
         Scalar, Unit("m", "standard deviation of the body's measured position, each axis", low=0.0)
     ] = 0
