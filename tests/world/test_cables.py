@@ -278,15 +278,16 @@ def test_a_law_that_sees_the_attitude_levels_a_beam_under_compression():
 
 
 @pytest.mark.thorough
-def test_thapas_numbers_survive_rotors_and_attitude_at_a_fifth_of_his_gain():
-    log = skyarm.run(skyarm.scenario_from(thapa(0.02)))
+@pytest.mark.parametrize("gain", [0.1, 0.02])
+def test_thapas_numbers_survive_rotors_and_attitude(gain):
+    """At his gain, 0.1 m/(N s), and at a fifth of it."""
+    log = skyarm.run(skyarm.scenario_from(thapa(gain)))
+    assert log.info["status"] == "completed"
     late = log.time > 15.0
     assert log.team_pull[late].mean() == pytest.approx(2.0, abs=0.01)
     assert np.allclose(log.object_velocity[late].mean(axis=0), [0.2, 0.0, 0.0], atol=1e-3)
     weight = log.grasp_pull[late].reshape(-1, 2, 3)[:, :, 2].mean(axis=0)
     assert weight.sum() == pytest.approx(0.5 * 9.81, abs=5e-3)
-    lost = skyarm.run(skyarm.scenario_from(thapa(0.1)))
-    assert lost.info["status"] == "joint_limit"
 
 
 @pytest.mark.thorough
