@@ -28,7 +28,7 @@ from itertools import pairwise
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt, where
+from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.center_of_mass import axes
@@ -112,45 +112,53 @@ class PreviewInstant:
 
 @immutable(kw_only=False)
 class TiltShares:
-    """Fraction of a base tilt that joints do not compensate: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
+    """What joints leave of a base tilt: matrix [[m + x, y - s], [y + s, m - x]] on horizontal vectors.
 
     Attributes:
-        mean: m, mean of all directions. x, y: deviations from it at heading 0.
+        mean: m, mean of all directions. x, y: deviations from it at heading 0. skew: s.
+        length: whether they are lengths (m), by which the centre of mass must shift for a tilt of 1 rad, and not
+            fractions of its height above the tip.
     """
 
     mean: Scalar
     x: Scalar
     y: Scalar
+    skew: Scalar = 0
+    length: bool = False
 
     def left(self, v: Vec3, yaw: Scalar) -> Vec3:
         """Part of a horizontal vector (world axes, or its series) that joints do not compensate at a heading (rad)."""
         ahead, aside = cos(yaw), sin(yaw)
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
-        return Vec3(v.x * (x + self.mean) + v.y * y, v.x * y + v.y * (-x + self.mean), 0)
+        skew = self.skew
+        return Vec3(v.x * (x + self.mean) + v.y * (y - skew), v.x * (y + skew) + v.y * (-x + self.mean), 0)
+
+    def over(self, height: Scalar, size: Scalar) -> Scalar:
+        """Factor by which they are shares of a pendulum of a given size (m)."""
+        return divide(1.0 if self.length else height, size)
 
 
 def tilt_shares(vehicle: Vehicle, gains: TipGains, joints: Sequence[Scalar], level: Posture) -> TiltShares:
-    """Fraction of the tip's way in a base tilt that remains when joints turn the links back.
+    """What remains of the tip's way in a base tilt when joints turn the links back.
 
-    The way is that of the tip against the centre of mass, over the height between them. An arm whose axes all are
-    parallel turns back as a whole, or not at all.
+    The way is that of the tip against the centre of mass. An arm whose axes all are parallel turns back as a whole, or
+    not at all: of it a fraction remains.
     """
     if all(link.parent == BASE or parallel(vehicle.links[link.parent].joint, link.joint) for link in vehicle.links):
         return _shares_of_moments(vehicle, level)
     poses, arm = link_poses(vehicle, joints, summed=True), derivative(level.tip, 0) - derivative(level.com, 0)
     directions, columns = axes(vehicle, poses), tip_columns(vehicle, joints, poses)
-    least = where(arm.z > 0.0, LEAST, -LEAST)
-    per = divide(1.0, where(absolute(arm.z) > LEAST, arm.z, least))
     ways = []
     for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):  # of a thrust along x, and along y
         way = tilt.cross(arm)
         still = joints_of_turns(vehicle, gains, directions, [-tilt] * vehicle.n, (0.0,) * vehicle.n)
         for column, turn in zip(columns, still, strict=True):
             way = way + column * turn
-        ways.append(way * per)
-    (ahead, aside), half = ways, 0.5
-    return TiltShares(half * (ahead.x + aside.y), half * (ahead.x - aside.y), half * (ahead.y + aside.x))
+        ways.append(way)
+    (ahead, aside), half = ways, -0.5
+    mean, x, y, skew = ahead.x + aside.y, ahead.x - aside.y, ahead.y + aside.x, ahead.y - aside.x
+    return TiltShares(half * mean, half * x, half * y, half * skew, length=True)
 
 
 def _shares_of_moments(vehicle: Vehicle, level: Posture) -> TiltShares:
@@ -303,7 +311,9 @@ def bounded_shift(
 
     def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, heading: Scalar, height: Scalar) -> PreviewInstant:
         asked = push + rate * time - velocity * slow - acceleration
-        return PreviewInstant(time, acceleration.z, shares.left(asked, heading) * divide(height, _size(height)), height)
+        return PreviewInstant(
+            time, acceleration.z, shares.left(asked, heading) * shares.over(height, _size(height)), height
+        )
 
     height = lever.derivative(0)
     rows = [instant(0, base[1], base[2], yaw.derivative(0), height)]
@@ -321,7 +331,7 @@ def bounded_shift(
     b, per = line[0].b, 1.0 / size
     per0 = per.derivative(0)
     asked = (push - base[1] * slow - base[2], rate - base[2] * slow - base[3], -(base[3] * slow + base[4]))
-    series = vector_series(asked) * (lever * per)
+    series = vector_series(asked) * (per if shares.length else lever * per)
     left = shares.left(series, yaw.truncate(2))
     force = [derivative(left, k) for k in range(3)]
     velocity = line[0].v - now * b
