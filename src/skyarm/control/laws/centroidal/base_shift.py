@@ -112,7 +112,7 @@ class PreviewInstant:
 
 @immutable(kw_only=False)
 class TiltShares:
-    """What joints leave of a base tilt: matrix [[m + x, y - s], [y + s, m - x]] on horizontal vectors.
+    """Part of a base tilt that joints do not compensate: [[m + x, y - s], [y + s, m - x]] on horizontal vectors.
 
     Attributes:
         mean: m, mean of all directions. x, y: deviations from it at heading 0. skew: s.
@@ -140,7 +140,7 @@ class TiltShares:
 
 
 def tilt_shares(vehicle: Vehicle, gains: TipGains, joints: Sequence[Scalar], level: Posture) -> TiltShares:
-    """What remains of the tip's way in a base tilt when joints turn the links back.
+    """Part of the tip's way in a base tilt that remains when joints turn the links back.
 
     The way is that of the tip against the centre of mass. An arm whose axes all are parallel turns back as a whole, or
     not at all: of it a fraction remains.
