@@ -28,7 +28,7 @@ from itertools import pairwise
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, cos, data, divide, maximum, minimum, sin, sqrt
+from skyarm.algebra.scalars import absolute, add, cos, data, divide, maximum, minimum, sin, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.center_of_mass import axes
@@ -131,8 +131,8 @@ class TiltShares:
         ahead, aside = cos(yaw), sin(yaw)
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
-        skew = self.skew
-        return Vec3(v.x * (x + self.mean) + v.y * (y - skew), v.x * (y + skew) + v.y * (-x + self.mean), 0)
+        across, along = (sub(y, self.skew), add(y, self.skew)) if self.length else (y, y)
+        return Vec3(v.x * (x + self.mean) + v.y * across, v.x * along + v.y * (-x + self.mean), 0)
 
     def over(self, height: Scalar, size: Scalar) -> Scalar:
         """Factor by which they are shares of a pendulum of a given size (m)."""
