@@ -431,7 +431,7 @@ def _information(
 
 
 def at_least(total: Array, before: Array) -> Array:
-    """Information (P, P) without what rounding has taken from it: never less than it was before the data.
+    """Information matrix (P, P) raised to what was known before the data, where rounding has made it smaller.
 
     Args:
         total: (P, P) of data and prior. The free numbers of the windows are reduced from it by differences, of which
