@@ -42,7 +42,7 @@ from skyarm.reference.preview import Sample
 from skyarm.vehicle import BASE, Vehicle
 
 LEAST = 0.02
-"""Least length (m) of the pendulum. Of an arm of parallel axes, the shift falls with a smaller height above the tip."""
+"""Least length (m) of the pendulum; the shift of an arm of parallel axes falls with a smaller height above the tip."""
 
 HELD = 0.02
 """Regularisation of the squared joint rotations by which an arm of parallel axes compensates a tilt of the base."""
@@ -135,7 +135,7 @@ class TiltShares:
         return Vec3(v.x * (x + self.mean) + v.y * across, v.x * along + v.y * (-x + self.mean), 0)
 
     def over(self, height: Scalar, size: Scalar) -> Scalar:
-        """Factor that makes the part that of a pendulum of a size (m), with the centre of mass a height (m) above the tip."""
+        """Factor on the part for a pendulum of a size (m), with the centre of mass a height (m) above the tip."""
         return divide(1.0 if self.length else height, size)
 
 
@@ -162,7 +162,7 @@ def tilt_shares(vehicle: Vehicle, gains: TipGains, joints: Sequence[Scalar], lev
 
 
 def _shares_of_moments(vehicle: Vehicle, level: Posture) -> TiltShares:
-    """Fraction of a base tilt that an arm of parallel axes does not compensate, from the second moments of its axes.
+    """Fraction of a base tilt that an arm of parallel axes leaves, from the second moments of the axes.
 
     A turn about the axis with the largest moment moves the centre of mass across it.
     """
