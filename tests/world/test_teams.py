@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import tomllib
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.point_motion import PointMotion
@@ -142,11 +143,11 @@ def test_a_body_on_its_course_shifts_nothing_however_old_its_measured_pose(age):
         old = CarriedFrame(position=at.position, rotation=at.R, velocity=at.velocity, turning=at.rate)
         given = dataclasses.replace(inputs(whole, t), body=old)
         own, rows = whole.lead(whole.first(DT), given, DT)
-        assert max(map(abs, (*own.place, *own.turn))) < 1e-12
+        assert max(map(abs, (*own.pose.place, *own.pose.turn))) < 1e-12
         shifts = [[*Carry.of(row).offset, *Carry.of(row).offset_rate] for row in rows]
         assert np.abs(shifts).max() < 1e-12
         young, _ = team(swing=0.3).lead(whole.first(DT), given, DT)
-        assert max(map(abs, (*young.place, *young.turn))) > 1e-7
+        assert max(map(abs, (*young.pose.place, *young.pose.turn))) > 1e-7
     with pytest.raises(ValueError, match=r"pose_age = 0\.007: must be a whole number of control periods of 0\.005 s"):
         team(pose_age=0.007).require_members(("a0", "a1"), DT)
 
@@ -263,10 +264,10 @@ def test_members_forget_the_moments_of_fixed_grasps():
 def test_an_error_of_the_pose_shifts_and_turns_all_tips_but_not_about_their_line():
     whole, count = team(pose_gain=0.3), 4
     own, _ = instructions(whole, 5.0, count, off=(0.01, -0.02, 0.03), turn=(0.05, 0.01, -0.02))
-    assert np.allclose([*own.place], -0.3 * DT * count * np.array([0.01, -0.02, 0.03]), atol=1e-12)
-    assert np.allclose([*own.turn], -0.3 * DT * count * np.array([0.0, 0.01, -0.02]), atol=1e-6)
+    assert np.allclose([*own.pose.place], -0.3 * DT * count * np.array([0.01, -0.02, 0.03]), atol=1e-12)
+    assert np.allclose([*own.pose.turn], -0.3 * DT * count * np.array([0.0, 0.01, -0.02]), atol=1e-6)
     standing, _ = instructions(whole, 2.5, count, off=(0.01, -0.02, 0.03))
-    assert [*standing.place] == [0.0, 0.0, 0.0]
+    assert [*standing.pose.place] == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(("places", "masses"), [(PLATE, (1.0, 2.0, 0.5)), (BAR, (2.0, 0.7)), (LINE, (1.0, 0.0, 3.0))])
@@ -289,8 +290,8 @@ def test_errors_of_the_tips_are_no_errors_of_the_pose():
     for part in (1.0, 0.25):
         behind = [vec(-part * (off + np.cross(turn, arm))) for arm in arms]
         own, _ = whole.lead(whole.first(DT), dataclasses.replace(given, behind=behind), DT)
-        assert np.allclose([*own.place], -0.3 * DT * (1.0 - part) * off, atol=1e-9)
-        assert np.allclose([*own.turn], -0.3 * DT * (1.0 - part) * turn, atol=1e-8)
+        assert np.allclose([*own.pose.place], -0.3 * DT * (1.0 - part) * off, atol=1e-9)
+        assert np.allclose([*own.pose.turn], -0.3 * DT * (1.0 - part) * turn, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "cable"])
@@ -299,7 +300,34 @@ def test_errors_of_tips_that_last_are_removed_by_the_integral(kind):
     whole = dataclasses.replace(whole, members=tuple(dataclasses.replace(m, kind=kind) for m in whole.members))
     given = dataclasses.replace(inputs(whole, 5.0, off=off), behind=[vec(-off)] * 3)
     own, _ = whole.lead(whole.first(DT), given, DT)
-    assert np.allclose([*own.place], -0.3 * DT * off, atol=1e-9)
+    assert np.allclose([*own.pose.place], -0.3 * DT * off, atol=1e-9)
+    assert [*own.pose.off] == [0.0, 0.0, 0.0]  # there it would act on the loops of the members
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 2.0])
+def test_the_proportional_part_leaves_its_share_of_a_misfit_that_tips_do_not_explain(share):
+    """Tips that are where they are asked to be hold the body elsewhere: it stays 1 / (1 + share) of that off."""
+    whole = team(PLATE, pose_gain=0.0, pose_shift=share)
+    off, turn = np.array([0.01, -0.02, 0.03]), np.array([0.004, 0.002, -0.003])
+    own, there, turned = whole.first(DT), off, turn
+    for _ in range(600):
+        given = dataclasses.replace(inputs(whole, 5.0, off=there, turn=turned), behind=[ZERO3] * 3)
+        own, rows = whole.lead(own, given, DT)
+        place, about = whole.rigid_shift([Carry.of(row).offset for row in rows], whole.arms(given.desired.R))
+        there, turned = np.add(off, [*place]), np.add(turn, [*about])
+    assert np.allclose(there, off / (1.0 + share), atol=1e-6)
+    assert np.allclose(turned, turn / (1.0 + share), atol=2e-5)
+
+
+def test_the_proportional_part_passes_a_pole_of_the_filter_and_waits_for_the_lift():
+    whole, off = team(PLATE, pose_gain=0.0, filter=8.0), np.array([0.01, -0.02, 0.03])
+    own = whole.first(DT)
+    for _ in range(40):
+        own, _ = whole.lead(own, dataclasses.replace(inputs(whole, 5.0, off=off), behind=[ZERO3] * 3), DT)
+    assert np.allclose([*own.pose.off], -off * (1.0 - math.exp(-8.0 * 40 * DT)), rtol=0.05)
+    assert [*own.pose.place] == [0.0, 0.0, 0.0]
+    still, _ = whole.lead(own, dataclasses.replace(inputs(whole, 2.5, off=off), behind=[ZERO3] * 3), DT)
+    assert [*still.pose.off] == [*own.pose.off]  # not on its support, where nothing gives way
 
 
 def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():

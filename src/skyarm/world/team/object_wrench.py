@@ -1,16 +1,17 @@
 """Team law ``object_wrench``: the body's wrench shared in advance, and its pose and internal force controlled.
 
 The members bear the wrench of the body's desired motion by shares without internal forces, and beside it a stated pull
-T_d along the lines of the grasps; each compensates its part in advance. Slow integrals of the body's measured position
-and attitude shift and turn all tip references together:
+T_d along the lines of the grasps; each compensates its part in advance. The error of the body's measured position and
+attitude, and its slow integral, shift and turn all tip references together:
 
     xi' = k (x_d - x - e),   zeta' = k (rotation R -> R_d, less that of e)   while the body is off its support.
 
 Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
 it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
-With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members. It is left
+With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members; the
+proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as that of a late clock. e is left
 out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the tip that
-lasts, and the integrals have to remove it.
+lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops, and is 0.
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
 by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
@@ -20,7 +21,8 @@ observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
     m p^3 + (c + m W) p^2 + (k + c W + K) p + k W + K w,   W = w_o + w,
 
 and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the places of the tips, in the axes
-of the body, removes the rest. All shifts pass (p + filter)^2, of which the members get value, rate and acceleration.
+of the body, removes the rest. All shifts pass (p + filter)^2, of which the members get value, rate and acceleration;
+the proportional part passes one pole more, so that noise of the pose does not shake the rotors.
 """
 
 from __future__ import annotations
@@ -90,8 +92,18 @@ class ForceMessage:
 
 
 @immutable
+class PoseErrors:
+    """Errors of the body's pose that shift and turn all tips together: their integrals, and filtered ones."""
+
+    place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
+    turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
+    off: Annotated[Vec3, Unit("m", "filtered position error, less that of the tips, world axes")] = ZERO3_DATA
+    askew: Annotated[Vec3, Unit("rad", "filtered attitude error, less that of the tips, world axes")] = ZERO3_DATA
+
+
+@immutable
 class WrenchMemory:
-    """State of the law: integrals of pose and internal forces, filters, and forces under way from member to member.
+    """State of the law: errors of the pose, integrals of internal forces, filters, and forces on their way to others.
 
     Attributes:
         inner: integral of each member's internal force, as a shift (m) in the axes of the body.
@@ -100,8 +112,7 @@ class WrenchMemory:
         ages: age (s) of the message of each member that the others have.
     """
 
-    place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
-    turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
+    pose: PoseErrors = PoseErrors()
     inner: tuple[Vec3, ...]
     eases: tuple[Scalar, ...]
     overload: Annotated[Scalar, Unit("s", "time for which the members have borne more than they can")] = 0.0
@@ -119,6 +130,7 @@ class CarryCourse:
 
     Attributes:
         clock: time (s) of the desired motion that it is at. pace: its rate. desired: motion there.
+        then: motion at the time of the measured pose.
         lower: displacement from it, m, world axes. share: part of the weight that the members bear.
         aloft: 0 after the body was set down, else 1.
         heading: turn (rad) from the desired heading of now, with rate and acceleration.
@@ -127,6 +139,7 @@ class CarryCourse:
     clock: Scalar
     pace: Scalar
     desired: BodyMotion
+    then: BodyMotion
     lower: Vec3
     share: Scalar
     aloft: Scalar
@@ -146,6 +159,15 @@ class ObjectWrench(Sharing):
             effect="higher values remove a misplaced grasp sooner and pass more noise",
         ),
     ] = 0.3
+    pose_shift: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "shift of all tips per error of the body's pose, less that of the tips; of ball grasps",
+            low=0.0,
+            effect="higher values leave less of an error that comes and goes and pass more noise",
+        ),
+    ] = 0.6
     blind: Annotated[
         Scalar,
         Unit(
@@ -172,7 +194,7 @@ class ObjectWrench(Sharing):
             low=0.0,
             effect="higher values remove an internal force sooner and oscillate if blind is low",
         ),
-    ] = 0.06
+    ] = 0.1
     swing: Annotated[
         Scalar,
         Unit(
@@ -265,26 +287,16 @@ class ObjectWrench(Sharing):
             ((pull - inner) * (share * fresh) + (force - own_force) * standing) * h
             for pull, inner, force, own_force, h in zip(pulls, internal, forces, inputs.forces, holding, strict=True)
         ]
-        goal = desired.position + course.lower
-        height = where(self.motion.lift > 0.0, goal.z - self._start, 1.0)  # what hangs from the start has no support
-        rate = where(height > LIFTED, self.pose_gain * dt, 0.0)
-        then = desired  # at the time of the measurement
-        if self.pose_age:
-            then = self.motion.at(course.clock - course.pace * self.pose_age).at_pace(course.pace, 0.0)
-        behind, askew = ZERO3, ZERO3
-        if inputs.behind and all(each.kind not in LASTING for each in self.members):
-            behind, askew = team.rigid_shift(inputs.behind, arms)
-        off = then.position + course.lower - inputs.body.position - behind
-        place = shorten(own.place + off * rate, FARTHEST)
-        turn = shorten(own.turn + (team.turn_error(inputs.body.rotation, then.R) - askew) * rate, FARTHEST)
-        missing, spin = then.velocity - inputs.body.velocity, E_Z * (then.rate.z - inputs.body.turning.z)
+        pose = team._corrected(own.pose, inputs, course, arms, dt)
+        ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
+        missing, spin = course.then.velocity - inputs.body.velocity, E_Z * (course.then.rate.z - inputs.body.turning.z)
         slip = Vec3(missing.x, missing.y, 0.0)
         step = 0.5 * self.pull_gain * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
         shifts, carries, blind, w = [], [], self.blind * (1.0 + STANDING * standing), self.filter
         for i, member in enumerate(self.members):
             shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
-            target = place + turn.cross(arms[i]) + R.apply(inner[i]) + course.lower
+            target = ahead + aslant.cross(arms[i]) + R.apply(inner[i]) + course.lower
             target = target + (slip + spin.cross(arms[i])) * self.swing
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
@@ -301,8 +313,7 @@ class ObjectWrench(Sharing):
             for ease, ratio in zip(own.eases, ratios, strict=True)
         )
         following = WrenchMemory(
-            place=as_data(place),
-            turn=as_data(turn),
+            pose=pose,
             inner=tuple(map(as_data, inner)),
             eases=tuple(map(data, eases)),
             overload=data(overload),
@@ -314,6 +325,26 @@ class ObjectWrench(Sharing):
             late=late[: len(own.late)],
         )
         return following, tuple(carries)
+
+    def _corrected(
+        self, pose: PoseErrors, inputs: TeamInputs, course: CarryCourse, arms: Sequence[Vec3], dt: float
+    ) -> PoseErrors:
+        """Next filtered errors of the body's pose and their integrals, while it is off its support."""
+        assert self.motion is not None
+        goal = course.desired.position.z + course.lower.z
+        # what hangs from the start has no support
+        aloft = where(where(self.motion.lift > 0.0, goal - self._start, 1.0) > LIFTED, dt, 0.0)
+        off = course.then.position + course.lower - inputs.body.position
+        askew, near = self.turn_error(inputs.body.rotation, course.then.R), cast("Scalar", 0.0)
+        if inputs.behind and all(each.kind not in LASTING for each in self.members):
+            of_tips, turn_of_tips = self.rigid_shift(inputs.behind, arms)
+            off, askew, near = off - of_tips, askew - turn_of_tips, aloft * self.filter
+        return PoseErrors(
+            place=as_data(shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST)),
+            turn=as_data(shorten(pose.turn + askew * (aloft * self.pose_gain), FARTHEST)),
+            off=as_data(shorten(pose.off + (off - pose.off) * near, FARTHEST)),
+            askew=as_data(shorten(pose.askew + (askew - pose.askew) * near, FARTHEST)),
+        )
 
     @property
     def _start(self) -> Scalar:
@@ -328,8 +359,10 @@ class ObjectWrench(Sharing):
         pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
         clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
         change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
-        desired = self.motion.at(clock).at_pace(pace, change)
-        now, then = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
+        desired = then = self.motion.at(clock).at_pace(pace, change)
+        if self.pose_age:
+            then = self.motion.at(clock - pace * self.pose_age).at_pace(pace, 0.0)
+        now, there = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
         down = SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
         height = maximum(desired.position.z - self._start, 0.0)
         landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
@@ -337,10 +370,11 @@ class ObjectWrench(Sharing):
             clock=clock,
             pace=pace,
             desired=desired,
+            then=then,
             lower=E_Z * -minimum(down, height),
             share=self.fraction(clock) * (1.0 - landed),
             aloft=1.0 - landed,
-            heading=Vec3(then[0], then[1] * pace, then[2] * (pace * pace) + then[1] * change) - Vec3(*now[:3]),
+            heading=Vec3(there[0], there[1] * pace, there[2] * (pace * pace) + there[1] * change) - Vec3(*now[:3]),
         )
 
     def _loads(
