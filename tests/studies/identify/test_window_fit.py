@@ -587,3 +587,20 @@ def test_rounding_takes_no_information_away():
     size = np.sqrt(np.diag(before))
     assert np.linalg.eigvalsh(mended / np.outer(size, size))[0] == pytest.approx(1.0, rel=1e-3)
     assert turn[:, 0] @ mended @ turn[:, 0] == pytest.approx(1e12, rel=1e-6)
+    np.linalg.cholesky(at_least(wrong + 1e24 * np.outer(turn[:, 0], turn[:, 0]), before))
+
+
+def test_a_search_over_what_a_flight_does_not_show_has_the_information_of_before():
+    """Windows whose own unknowns explain all but rounding: the reduced normal equations keep what was known."""
+    rng = np.random.default_rng(4)
+    columns = rng.normal(size=(3, 12, 2)) * 1e9  # what the windows' own unknowns do
+    rows = columns @ rng.normal(size=(3, 2, 3)) + rng.normal(size=(3, 12, 3)) * 1e-8
+    free, numbers, zeros = columns.transpose(0, 2, 1), rows.transpose(0, 2, 1), np.zeros((3, 3))
+    normal = NormalEquations(
+        own=free @ columns, mixed=free @ rows, common=numbers @ rows, pull=zeros[:, :2], push=zeros, of_rows=zeros
+    )
+    prior = np.array([0.5, 0.1, 1e-3])
+    total = reduce(normal, np.zeros((3, 0)), np.full(2, 1e3), prior).total
+    size = 1.0 / prior
+    np.linalg.cholesky(total)
+    assert np.linalg.eigvalsh(total / np.outer(size, size))[0] >= 0.5

@@ -17,7 +17,7 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.identify.held_out_errors import HeldOut
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
-from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
+from skyarm.studies.identify.window_fit import NORMAL, WindowFit, at_least, variances_of
 from skyarm.vehicle import Vehicle
 
 NOT_SHOWN = "not in this data"
@@ -226,7 +226,7 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
     off, variances = [], []
     for name in names:
         own = [k for k, each in enumerate(flights) if each == name]
-        spread = np.linalg.inv(found.stretch_information[own].sum(axis=0) + prior)
+        spread = np.linalg.inv(at_least(found.stretch_information[own].sum(axis=0) + prior, prior))
         off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
         variances.append(variances_of(scale.rows, spread))
     noise = after / variances_of(scale.rows, found.curvature)

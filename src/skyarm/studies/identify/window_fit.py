@@ -146,7 +146,9 @@ class WindowFit:
     def of_more(self, times: float) -> WindowFit:
         """Expected fit if the number of windows were multiplied by a factor."""
         blocks = times * self.block_information
-        curvature: Array = np.asarray(np.linalg.inv(blocks.sum(axis=0) + self.prior_information))
+        curvature: Array = np.asarray(
+            np.linalg.inv(at_least(blocks.sum(axis=0) + self.prior_information, self.prior_information))
+        )
         wider = np.sqrt(np.diag(self.covariance) / np.diag(self.curvature))
         return dataclasses.replace(
             self, curvature=curvature, covariance=curvature * np.outer(wider, wider), block_information=blocks
@@ -336,7 +338,8 @@ def reduce(normal: NormalEquations, beside: Array, loose: Array, prior: Array) -
     shift = (inverse @ (normal.pull + off / loose**2)[..., None])[..., 0]
     information = normal.common - normal.mixed.transpose(0, 2, 1) @ slopes
     scores = normal.push - np.einsum("wxp,wx->wp", normal.mixed, shift)
-    return Reduced(information, scores, information.sum(axis=0) + np.diag(prior**-2.0), slopes, shift, inverse)
+    before = np.diag(prior**-2.0)
+    return Reduced(information, scores, at_least(information.sum(axis=0) + before, before), slopes, shift, inverse)
 
 
 def loose_with(errors: WindowErrors, spread: Array) -> Array:
@@ -417,17 +420,20 @@ def _information(
     """
     blocks = blocks_of(windows, block)
     parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
-    total = at_least(reduced.total, before)
-    curvature: Array = np.asarray(np.linalg.inv(total))
+    curvature: Array = np.asarray(np.linalg.inv(reduced.total))
     flights = [windows.owners == i for i in range(len(windows.flights))]
     return {
         "curvature": curvature,
-        "covariance": blocks_covariance(total, parts, pulls) + curvature @ before @ curvature,
+        "covariance": blocks_covariance(reduced.total, parts, pulls) + curvature @ before @ curvature,
         "prior_information": before,
         "block_information": parts,
         "stretch_information": np.stack([reduced.information[own].sum(axis=0) for own in flights]),
         "stretch_scores": np.stack([scores[own].sum(axis=0) for own in flights]),
     }
+
+
+SHARPEST = 1e14
+"""Largest information over that before the data: of more, double precision keeps too little of the rest."""
 
 
 def at_least(total: Array, before: Array) -> Array:
@@ -442,7 +448,7 @@ def at_least(total: Array, before: Array) -> Array:
     shares, axes = np.linalg.eigh(total / np.outer(size, size))
     if shares[0] >= 0.5:
         return total
-    root = size[:, None] * axes * np.sqrt(np.maximum(shares, 1.0))
+    root = size[:, None] * axes * np.sqrt(np.clip(shares, 1.0, SHARPEST))
     return np.asarray(root @ root.T)
 
 

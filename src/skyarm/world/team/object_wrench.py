@@ -9,8 +9,9 @@ attitude, and its slow integral, shift and turn all tip references together:
 Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
 it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
 With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members; the
-proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as that of a late clock. e is left
-out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the tip that
+proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as that of a late clock. Below
+h = 1 the loop is stable with any age of the measured pose that is small against 1 / k (small gain). e is left out of
+ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the tip that
 lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops, and is 0.
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
