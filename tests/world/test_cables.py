@@ -221,7 +221,7 @@ def test_a_hanging_body_is_brought_to_its_place_below_its_start_too():
         still = [Vec3(0.0, 0.0, 0.0)] * 2
         inputs = TeamInputs(time=3.0, holding=1.0, desired=at, body=body, gravity=9.81, forces=still, moments=still)
         own, _ = whole.lead(whole.first(0.005), inputs, 0.005)
-        assert own.place.x == pytest.approx(-0.1 * 0.5 * 0.005 if moves else 0.0)
+        assert own.pose.place.x == pytest.approx(-0.1 * 0.5 * 0.005 if moves else 0.0)
 
 
 def test_a_virtual_mass_is_the_share_of_an_adapted_one():
