@@ -289,7 +289,9 @@ def test_errors_of_the_tips_are_no_errors_of_the_pose():
     arms = [[*arm] for arm in whole.arms(given.desired.R)]
     for part in (1.0, 0.25):
         behind = [vec(-part * (off + np.cross(turn, arm))) for arm in arms]
-        own, _ = whole.lead(whole.first(DT), dataclasses.replace(given, behind=behind), DT)
+        own, _ = whole.lead(whole.first(DT), dataclasses.replace(given, behind=[ZERO3] * 3), DT)
+        own = dataclasses.replace(own, pose=dataclasses.replace(own.pose, place=ZERO3, turn=ZERO3))
+        own, _ = whole.lead(own, dataclasses.replace(given, behind=behind), DT)
         assert np.allclose([*own.pose.place], -0.3 * DT * (1.0 - part) * off, atol=1e-9)
         assert np.allclose([*own.pose.turn], -0.3 * DT * (1.0 - part) * turn, atol=1e-8)
 
@@ -317,6 +319,41 @@ def test_the_proportional_part_leaves_its_share_of_a_misfit_that_tips_do_not_exp
         there, turned = np.add(off, [*place]), np.add(turn, [*about])
     assert np.allclose(there, off / (1.0 + share), atol=1e-6)
     assert np.allclose(turned, turn / (1.0 + share), atol=2e-5)
+
+
+def test_a_body_that_swings_about_the_line_of_its_grasps_shifts_nothing():
+    """Grasps above the centre of mass stay where they are, and the middle of the body moves."""
+    places = ((0.0, 0.5, 0.1), (0.0, -0.5, 0.1))
+    whole, rolled = team(places), Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
+    own = whole.first(DT)
+    for _ in range(3):
+        given = inputs(whole, 5.0)
+        R = np.array([[*given.desired.R.apply(vec(e))] for e in np.eye(3)]).T
+        turned, held = R @ rolled, R @ [0.0, 0.0, 0.1]
+        body = dataclasses.replace(
+            given.body,
+            position=given.desired.position + vec(held - turned @ [0.0, 0.0, 0.1]),
+            rotation=Mat3.columns(*(vec(column) for column in turned.T)),
+        )
+        own, _ = whole.lead(own, dataclasses.replace(given, body=body, behind=[ZERO3] * 2), DT)
+    assert np.abs([*own.pose.off, *own.pose.place]).max() < 1e-9
+
+
+@pytest.mark.parametrize("age", [0.0, DT, 4 * DT])
+def test_errors_of_body_and_tips_are_compared_at_the_same_time(age):
+    """Body and tips swing together, faster than the loops of the members: nothing is shifted, however old the pose."""
+    whole = team(PLATE, pose_age=age)
+    own, largest = whole.first(DT), 0.0
+    for k in range(400):
+        t = 5.0 + DT * k
+        away = [np.array([0.05, -0.02, 0.03]) * math.sin(5.5 * (time - 5.0)) for time in (t - age, t - DT)]
+        at = whole.motion.at(t - age)
+        body = CarriedFrame(position=at.position + vec(away[0]), rotation=at.R, velocity=at.velocity, turning=at.rate)
+        behind = [vec(-away[1])] * 3  # of the period before
+        own, _ = whole.lead(own, dataclasses.replace(inputs(whole, t), body=body, behind=behind), DT)
+        if k > 250:
+            largest = max(largest, *map(abs, (*own.pose.off, *own.pose.askew)))
+    assert largest < 5e-5
 
 
 def test_the_proportional_part_passes_a_pole_of_the_filter_and_waits_for_the_lift():

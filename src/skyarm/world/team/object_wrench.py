@@ -8,11 +8,13 @@ attitude, and its slow integral, shift and turn all tip references together:
 
 Here e is the tracking error of the tips, a rigid displacement that fits those of all members: their own loops remove
 it. What an integral of the whole error adds while a gust moves them would come off slowly, and excite a heavy body.
-With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever the loops of the members; the
-proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as that of a late clock. Below
-h = 1 the loop is stable with any age of the measured pose that is small against 1 / k (small gain). e is left out of
-ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the tip that
-lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops, and is 0.
+Both errors are taken at the grasps and at one time: a body that swings about the line of two ball grasps moves its
+middle, and the tips cannot hold that. With a misfit d of the grasps the integrals follow xi' = -k (xi + d), whatever
+the loops of the members; the proportional part h leaves d / (1 + h) of a misfit that comes and goes faster, such as
+that of a late clock. Below h = 1 this loop is stable with any age of the pose that is small against 1 / k (small gain).
+e is left out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the
+tip that lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops,
+and is 0.
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
 by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
@@ -94,12 +96,17 @@ class ForceMessage:
 
 @immutable
 class PoseErrors:
-    """Errors of the body's pose that shift and turn all tips together: their integrals, and filtered ones."""
+    """Errors of the body's pose that shift and turn all tips together: their integrals, and filtered ones.
+
+    Attributes:
+        waiting: errors of the grasps' places on the body or of the tips, newest first, until the other ones are as old.
+    """
 
     place: Annotated[Vec3, Unit("m", "integral of the body's position error, world axes")] = ZERO3_DATA
     turn: Annotated[Vec3, Unit("rad", "integral of the body's attitude error, world axes")] = ZERO3_DATA
     off: Annotated[Vec3, Unit("m", "filtered position error, less that of the tips, world axes")] = ZERO3_DATA
     askew: Annotated[Vec3, Unit("rad", "filtered attitude error, less that of the tips, world axes")] = ZERO3_DATA
+    waiting: tuple[tuple[Vec3, ...], ...] = ()
 
 
 @immutable
@@ -195,7 +202,7 @@ class ObjectWrench(Sharing):
             low=0.0,
             effect="higher values remove an internal force sooner and oscillate if blind is low",
         ),
-    ] = 0.1
+    ] = 0.12
     swing: Annotated[
         Scalar,
         Unit(
@@ -252,7 +259,10 @@ class ObjectWrench(Sharing):
         """Initial state of the law: nothing shifted."""
         count = len(self.members)
         sent = (ForceMessage(),) * count
+        # members say a period later where their tips were
+        waiting = ((ZERO3_DATA,) * count,) * (max(round(self.pose_age / period) - 1, 0) if self.pose_age else 1)
         return WrenchMemory(
+            pose=PoseErrors(waiting=waiting),
             inner=(ZERO3_DATA,) * count,
             eases=(1.0,) * count,
             shifts=(TipShift(),) * count,
@@ -336,15 +346,21 @@ class ObjectWrench(Sharing):
         # what hangs from the start has no support
         aloft = where(where(self.motion.lift > 0.0, goal - self._start, 1.0) > LIFTED, dt, 0.0)
         off = course.then.position + course.lower - inputs.body.position
-        askew, near = self.turn_error(inputs.body.rotation, course.then.R), cast("Scalar", 0.0)
+        askew, near, waiting = self.turn_error(inputs.body.rotation, course.then.R), cast("Scalar", 0.0), pose.waiting
         if inputs.behind and all(each.kind not in LASTING for each in self.members):
-            of_tips, turn_of_tips = self.rigid_shift(inputs.behind, arms)
-            off, askew, near = off - of_tips, askew - turn_of_tips, aloft * self.filter
+            there = [course.then.position + course.lower + course.then.R.apply(m.place) for m in self.members]
+            here = [inputs.body.position + inputs.body.rotation.apply(m.place) for m in self.members]
+            apart, behind = tuple(a - b for a, b in zip(there, here, strict=True)), tuple(inputs.behind)
+            late = (tuple(map(as_data, behind if self.pose_age else apart)), *waiting)
+            apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)
+            off, askew = self.rigid_shift([a - b for a, b in zip(apart, behind, strict=True)], arms)
+            near, waiting = aloft * self.filter, late[:-1]
         return PoseErrors(
             place=as_data(shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST)),
             turn=as_data(shorten(pose.turn + askew * (aloft * self.pose_gain), FARTHEST)),
             off=as_data(shorten(pose.off + (off - pose.off) * near, FARTHEST)),
             askew=as_data(shorten(pose.askew + (askew - pose.askew) * near, FARTHEST)),
+            waiting=waiting,
         )
 
     @property
