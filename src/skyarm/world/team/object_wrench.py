@@ -298,7 +298,7 @@ class ObjectWrench(Sharing):
             ((pull - inner) * (share * fresh) + (force - own_force) * standing) * h
             for pull, inner, force, own_force, h in zip(pulls, internal, forces, inputs.forces, holding, strict=True)
         ]
-        pose = team._corrected(own.pose, inputs, course, arms, dt)
+        pose = team._pose_errors(own.pose, inputs, course, arms, dt)
         ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
         missing, spin = course.then.velocity - inputs.body.velocity, E_Z * (course.then.rate.z - inputs.body.turning.z)
         slip = Vec3(missing.x, missing.y, 0.0)
@@ -337,7 +337,7 @@ class ObjectWrench(Sharing):
         )
         return following, tuple(carries)
 
-    def _corrected(
+    def _pose_errors(
         self, pose: PoseErrors, inputs: TeamInputs, course: CarryCourse, arms: Sequence[Vec3], dt: float
     ) -> PoseErrors:
         """Next filtered errors of the body's pose and their integrals, while it is off its support."""
