@@ -580,6 +580,8 @@ def test_rounding_takes_no_information_away():
     before, turn = np.diag([4.0, 100.0, 1e6]), np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
     healthy = before + turn @ np.diag([1e12, 3.0, 0.0]) @ turn.T
     assert at_least(healthy, before) is healthy
+    assert at_least(healthy, np.diag([4.0, 0.0, 1e6])) is healthy
+    assert at_least(np.zeros((0, 0)), np.zeros((0, 0))).shape == (0, 0)
     wrong = healthy - 130.0 * np.outer(turn[:, 2], turn[:, 2])
     mended = at_least(wrong, before)
     assert np.linalg.eigvalsh(wrong)[0] < 0.0

@@ -445,6 +445,8 @@ def at_least(total: Array, before: Array) -> Array:
         before: (P, P) before the data, diagonal.
     """
     size = np.sqrt(np.diag(before))
+    if not size.size or not size.all():  # of a number of which nothing was known
+        return total
     shares, axes = np.linalg.eigh(total / np.outer(size, size))
     if shares[0] >= 0.5:
         return total
