@@ -294,7 +294,7 @@ def test_the_command_writes_scenarios_that_fly_and_no_file_of_gains(
     (found,) = seen
     assert (said["best"], said["gains"], said["required"]) == ("found/best.toml", None, {})
     assert said["front"][1]["pull_n"] == 0.25
-    assert said["front"][1]["gains"] == {"pull_gain": pytest.approx(0.1 * np.exp(0.1 / 4.0), rel=1e-5)}
+    assert said["front"][1]["gains"] == {"pull_gain": pytest.approx(0.12 * np.exp(0.1 / 4.0), rel=1e-5)}
     assert (found.plan.label, found.plan.effort.plants, found.plan.stages) == ("object_wrench", 8, TEAM.stages)
     assert {path.name for path in (tmp_path / "found").iterdir()} == {
         *("best.toml", "front_1.toml", "front_2.toml", "tune.html"),
