@@ -226,7 +226,7 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
     off, variances = [], []
     for name in names:
         own = [k for k, each in enumerate(flights) if each == name]
-        spread = np.linalg.inv(at_least(found.stretch_information[own].sum(axis=0) + prior, prior))
+        spread: Array = np.asarray(np.linalg.inv(at_least(found.stretch_information[own].sum(axis=0) + prior, prior)))
         off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
         variances.append(variances_of(scale.rows, spread))
     noise = after / variances_of(scale.rows, found.curvature)
