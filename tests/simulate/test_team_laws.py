@@ -187,6 +187,7 @@ def test_laws_that_say_nothing_have_the_limits_of_their_members_in_the_log():
     assert 5.0 < float(found.limits.weight) < 100.0
 
 
+@pytest.mark.thorough
 def test_a_known_age_of_the_measured_pose_hardly_matters():
     """An integral of 0.3 1/s over 50 ms of a carry by 2 m, were the age not taken into account, would be 30 mm off."""
     log, late = (flown(bar(pose_age=age) | {"duration": 9.0}) for age in (0.0, 0.05))

@@ -152,6 +152,7 @@ def test_plants_have_in_turn_other_masses_and_the_grasp_of_each_member_off() -> 
     assert all(np.array_equal(column, plants.values[path][:3]) for path, column in first.values.items())
 
 
+@pytest.mark.thorough
 def test_flights_of_a_batch_are_those_flown_alone() -> None:
     flight, crew = team_flight(short()), Crew()
     plants = TEAM.draw(flight, 3, seed=1, mixed=True)
