@@ -186,7 +186,7 @@ def test_a_gripper_on_a_handle_moves_the_mechanism_and_is_moved_by_it(kind):
     )
     assert after == pytest.approx([before] * len(after), rel=2e-4)
     assert held[-1].rate > 0.02, "it is pulled along"
-    grip = contact.grasps.frames(PointMotion(bird, found[-1]))[0].position
+    grip = contact.gripping.frames(PointMotion(bird, found[-1]))[0].position
     handle = handled.frame(held[-1]).position + handled.frame(held[-1]).rotation.apply(Vec3(lever, 0.0, 0.0))
     assert [*grip] == pytest.approx([*handle], abs=2e-3)
 
