@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,9 +26,10 @@ from skyarm.studies.assess.causes import ALARMS
 from skyarm.studies.assess.finding import NOTE, OK, WARNING, Finding
 from skyarm.studies.assess.joints import joint_torques
 from skyarm.studies.assess.thrust import thrust_margin, torque_authority
-from skyarm.world.contact.carrier import NOBODY
-from skyarm.world.contact.contact import Contact
-from skyarm.world.contact.grasp import Grasp
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
+    from skyarm.world.contact.grasp import Grasp
 
 WITH_SHARE = " with its share"
 """Words behind the questions about a vehicle that bears its share of the bodies."""
@@ -90,6 +92,8 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
 
 def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
     """Remarks about the surfaces that an object touches at the start."""
+    from skyarm.world.contact.carrier import NOBODY
+
     names = {
         each.surface if each.by == index else contact.carriers[each.by].name
         for each in contact.meetings(contact.start(0.0, ()), motion)

@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +22,12 @@ from skyarm.studies.compare.suite import Condition, library_rows
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.sweep.study import Study
-from skyarm.world.contact.contact import Contact
-from skyarm.world.contact.free_object import FreeObject
-from skyarm.world.contact.grasp import Grasp
-from skyarm.world.team.team import Team
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
+    from skyarm.world.contact.free_object import FreeObject
+    from skyarm.world.contact.grasp import Grasp
+    from skyarm.world.team.team import Team
 
 ROWS: Mapping[str, Record] = {row["name"]: row for row in library_rows("team_rows")}
 """Condition -> its fields; left out, its flights are those of the suite, and all laws fly it."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -36,8 +36,10 @@ from skyarm.studies.tune.hover_margins import HoverMargins
 from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, Numbers, centre, chosen_knobs
 from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.view.pages import Facts
-from skyarm.world.contact.contact import Contact
-from skyarm.world.team.team import Team
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
+    from skyarm.world.team.team import Team
 
 AS_IT_IS, MASSES, FIRST_OFF = 0, 1, OWN + 1
 """Kinds of plants: as the scenario has it, with other masses, and from the last one on a grasp off, one a member.

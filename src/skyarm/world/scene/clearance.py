@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, clip, divide, logical_and, maximum, sign, sqrt, where
@@ -21,8 +22,10 @@ from skyarm.dynamics.kinematics import IDENTITY, Pose, link_poses
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.vehicle_shapes import HULL, boom_and_disc, disc_name, rod_ends
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.surface import Surface
 
 _TINY = 1e-24
 """Squared length (m^2) under a root or in a divisor: a direction without length is zero instead of NaN."""
