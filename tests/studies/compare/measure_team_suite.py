@@ -1,11 +1,11 @@
 """Measure the team suite: the tables of docs/results_carrying.md.
 
-    python tests/studies/compare/measure_team_suite.py summary|errors|goals|limits|others [--seeds 64] [--small]
+    python tests/studies/compare/measure_team_suite.py summary|errors|limits|goals|others [--seeds 64] [--small]
 
-Four tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
-``goals`` with what was reached of them, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares
-of the load. ``others`` is of other teams, with 16 flights. What was flown is kept in the folder of ``--out``; the same
-command, and the others of the bar, go on with it.
+Three tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and
+pull, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares of the load. ``goals`` has 200
+flights of ``object_wrench`` in each condition, ``others`` 16 of other teams. What was flown is kept in the folder of
+``--out``; the same command, and the others of the same flights, go on with it.
 """
 
 from __future__ import annotations
@@ -130,7 +130,14 @@ def error_tables(flown: Summaries) -> Iterator[Table]:
 
 
 def goal_tables(flown: Summaries) -> Iterator[Table]:
-    """Goals of ``object_wrench``, what was reached, and which are missed: a table for each error."""
+    """Flights of ``object_wrench`` that placed the bar, then a table for each error: goals, and what was reached."""
+    counts = {ROWS[row]["title"]: flown[row]["object_wrench"] for row in GOALS if row in flown}
+    ends = {
+        title: [f"{100.0 * end:.0f}" for end in each["success_interval"]] if each["episodes"] > 1 else ["", ""]
+        for title, each in counts.items()
+    }
+    heads = ("condition", ">placed", ">interval of 95 %, from, %", ">to, %")
+    yield heads, ([title, placed(each), *ends[title]] for title, each in counts.items())
 
     def rows(which: int) -> Iterator[list[str]]:
         usual, largest, factor = (POSITION, DIRECTION, PULL)[which]
@@ -183,7 +190,7 @@ def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
     """Fly what is not there yet, and print the tables of one name."""
     flown = compare(
         "team-suite",
-        None,
+        ("object_wrench",) if table == "goals" else None,
         out,
         rows=tuple(rows),
         seeds=seeds,
@@ -249,11 +256,11 @@ def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=(*TABLES, "others"))
-    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 64, of other teams 16")
+    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 64, goals 200, others 16")
     parser.add_argument("--out", default="out/team_suite")
     parser.add_argument("--small", action="store_true", help="one condition, two flights of each law")
     given = parser.parse_args()
-    given.seeds = given.seeds or (16 if given.table == "others" else 64)
+    given.seeds = given.seeds or {"others": 16, "goals": 200}.get(given.table, 64)
     progress(f"{given.seeds} flights of each law in each condition with noise; one flight alone takes about 5 s")
     if given.table == "others":
         with tempfile.TemporaryDirectory() as spare:
@@ -261,6 +268,8 @@ def main() -> None:
     elif given.small:
         with tempfile.TemporaryDirectory() as out:
             measure(given.table, 2, out, ("noisy",))
+    elif given.table == "goals":
+        measure(given.table, given.seeds, f"{given.out}_goals", tuple(GOALS))
     else:
         measure(given.table, given.seeds, given.out, tuple(ROWS))
 
