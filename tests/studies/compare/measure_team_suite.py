@@ -224,15 +224,15 @@ SHOWN = ("leader_follower", "decentralised", "object_wrench")
 
 def others(seeds: int, out: str, small: bool) -> None:
     """Fly the conditions on other teams, and print a table of each quantity: a condition a row, a law a column."""
-    laws, found = SHOWN[-1:] if small else SHOWN, dict[tuple[str, str], Mapping[str, Any]]()
+    found = dict[tuple[str, str], Mapping[str, Any]]()
     for file, (words, rows) in list(OTHER_TEAMS.items())[: 1 if small else None]:
         flown = compare(
             "team-suite",
-            laws,
+            SHOWN,
             f"{out}/{file}",
             rows=rows[:1] if small else rows,
             scenario=TEAMS / f"{file}.toml",
-            seeds=seeds,
+            seeds=2 if small else seeds,
             workers=os.cpu_count() or 1,
             progress=lambda done, of, last: progress(f"{done} of {of}: {last}"),
         )
@@ -240,8 +240,8 @@ def others(seeds: int, out: str, small: bool) -> None:
             found[words, ROWS[row].get("own", ROWS[row]["title"])] = next(iter(cases.values()))
 
     def table(head: str, cell: Callable[[Mapping[str, Any]], str]) -> None:
-        lines = ([*names, *(cell(of[law]) for law in laws)] for names, of in found.items())
-        print_table(("team", head, *(f">`{law}`" for law in laws)), lines)
+        lines = ([*names, *(cell(of[law]) for law in SHOWN)] for names, of in found.items())
+        print_table(("team", head, *(f">`{law}`" for law in SHOWN)), lines)
 
     def number(metric: str, how: str, factor: float) -> Callable[[Mapping[str, Any]], str]:
         return lambda summary: shown(value(summary, metric, how, factor))
