@@ -15,6 +15,7 @@ from messages_by_rosbags import by_rosbags, composed
 import skyarm
 from skyarm.log.contents import log_info
 from skyarm.log.flight_log import rows_of
+from skyarm.log.flight_summary import facts, summary
 from skyarm.log.formats import load_log
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.scenario.scenario_differences import changed_field_lines
@@ -37,6 +38,20 @@ def armed() -> Any:
 @pytest.fixture(scope="module")
 def bar() -> Any:
     return skyarm.run(team("bar", duration=0.2))
+
+
+def test_what_a_world_has_of_all_vehicles_is_said_once_above_them(bar):
+    values = facts(bar)
+    taken = {"gripper": "claw", "held": "ball", "start": 3.0, "end": None, "gave_way": False, "peak": 1.3}
+    touches = [{"surface": "wall", "point": name, "first_touch": 1.0, "losses": 0, "peak": 2.0} for name in bar.agents]
+    for own, touch in zip(values["agents"].values(), touches, strict=True):
+        own |= {"grasps": [taken], "contacts": [touch]}
+    lines = [str(each) for each in summary(bar, values)]
+    said = [k for k, line in enumerate(lines) if line.startswith("claw took ball at 3 s")]
+    below = [k for k, line in enumerate(lines) if line.startswith("wall touched")]
+    assert said == [1]
+    assert len(below) == len(bar.agents) == 2
+    assert [lines[k].split()[2] for k in below] == list(bar.agents)
 
 
 def topics_of(log: Any, folder: Path) -> dict[str, Any]:

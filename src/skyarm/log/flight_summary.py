@@ -36,6 +36,9 @@ LABELS = {
 COMMANDS = ("rotor_jitter", "rotor_saturation")
 """Metrics of the rotor commands over the window of the errors."""
 
+WORLD = ("contacts", "mechanisms", "grasps")
+"""Facts of the world, which the logs of all vehicles have: a summary of several vehicles says them once."""
+
 MOST_NAMED = 3
 """Number of parameters changed in flight that are named."""
 
@@ -162,9 +165,14 @@ def _mechanisms(log: Log) -> list[Facts]:
 def summary(log: Log, values: Facts) -> list[Line]:
     """Text of a flight's summary: status, table of tracking errors, thrust and events; of several vehicles of each."""
     if len(log.agents) > 1:
-        lines: list[Line] = [heading(headline(log, values))]
+        first, *others = values["agents"].values()
+        shared = {
+            key: first[key] for key in WORLD if key in first and all(each.get(key) == first[key] for each in others)
+        }
+        lines: list[Line] = [heading(headline(log, values)), *sentences(shared)]
         for name, own in log.agents.items():
-            lines += [heading(name), *summary(own, values["agents"][name])[1:]]
+            rest = {key: value for key, value in values["agents"][name].items() if key not in shared}
+            lines += [heading(name), *summary(own, rest)[1:]]
         rows = [
             (name, *(shown_number(each, 4) for each in force.values()))
             for name, force in values.get("grasp_forces", {}).items()
