@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import math
 import sys
 
@@ -255,3 +256,23 @@ def test_a_truth_value_of_numpy_is_one():
     graph = Graph()
     assert graph.constant(np.bool_(True)) is graph.constant(True)
     assert graph.constant(np.float64(1.0)) is graph.constant(1.0)
+
+
+@pytest.mark.parametrize("collects", [True, False])
+def test_the_garbage_collector_rests_while_a_function_is_traced_and_no_longer(collects):
+    def function(x):
+        assert not gc.isenabled()
+        return branch_if(x) if fails else x
+
+    was = gc.isenabled()
+    try:
+        (gc.enable if collects else gc.disable)()
+        fails = False
+        trace(function, 1.0)
+        assert gc.isenabled() is collects
+        fails = True
+        with pytest.raises(TracedBranchError):
+            trace(function, 1.0)
+        assert gc.isenabled() is collects
+    finally:
+        (gc.enable if was else gc.disable)()

@@ -83,7 +83,7 @@ def test_each_bit_of_the_scenario_and_each_detail_has_a_program_of_its_own(monke
     heavier = whole.with_agent(replace(whole.agent, plant=plant))
     names = [program_name(whole, False, None), program_name(heavier, False, None), program_name(whole, True, None)]
     names += [program_name(flight(seed=3), False, None), program_name(whole, False, 0)]
-    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    monkeypatch.setenv("OPENBLAS_CORETYPE", os.environ.get("OPENBLAS_CORETYPE", "") + "other")
     names += [program_name(whole, False, None)]
     monkeypatch.setattr(np, "__version__", "0.0")
     names += [program_name(whole, False, None)]

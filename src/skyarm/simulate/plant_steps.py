@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from skyarm.algebra import Scalar, Vec3
-from skyarm.compile import Graph, Node
+from skyarm.compile import Graph, Node, trace
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -228,7 +228,10 @@ class CalledPlant:
                     f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
                 )
         sizes = [each.vehicle.sizes for each in stages.worlds]
-        self._kind, self._commands = scenario.kind, tuple(example_command(*each) for each in sizes)
+        self._kind, commands = scenario.kind, tuple(example_command(*each) for each in sizes)
+        self._intervals = [float(seconds) for seconds, _ in arrivals(self._late, commands, commands)]
+        in_force = trace(lambda *both: tuple(now for _, now in arrivals(self._late, *both)), commands, commands)
+        self._in_force = in_force.flat
         self._end = sum(len(leaves(example_state(*each))) for each in sizes)
         self._several = getattr(plant, "several", False)
         self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._for_plant(around))
@@ -266,12 +269,10 @@ class CalledPlant:
             around = self._read[1]
         if self._impact is not None:
             state = self._impact(state, around)
-        left, parts = self._period, [(self._late[0][0], before)]
-        if len(self._late[0]) > 1 or self._late.count(self._late[0]) < len(self._late):
-            old, new = (rebuild(self._commands, iter(command)) for command in (before, after))
-            parts = [(float(seconds), tuple(leaves(now))) for seconds, now in arrivals(self._late, old, new)]
-        for seconds, command in parts:
+        left, commands = self._period, self._in_force((*before, *after))
+        for k, seconds in enumerate(self._intervals):
             if seconds > 0.0:
+                command = commands[k * len(before) : (k + 1) * len(before)]
                 numbers = self._hold(state, command, around, seconds)
                 state, around = numbers[: self._end], self._with_memories(around, numbers[self._end :])
             left = left - seconds

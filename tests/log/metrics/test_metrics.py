@@ -13,6 +13,8 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Sym3, Vec3
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.log.metrics import score
 from skyarm.log.metrics.score import over_log, settling_time
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip, tip
@@ -320,3 +322,21 @@ def test_a_vehicle_without_a_tool_is_its_own_tool() -> None:
     plain = skyarm.load_vehicle("hummingbird")
     position = np.array([[1.0, 2.0, 3.0]])
     assert np.array_equal(tip(plain, position, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 0))), position)
+
+
+def test_without_machine_code_metrics_have_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    flights = [skyarm.run(skyarm.load_scenario(name, duration=0.5)) for name in ("case3_wind", "press_and_hold")]
+    windows = Windows(steady=Window(0.0, 0.5), transient=Window(0.0, 0.5))
+    names = ("standard", "position_error_mean", "position_min", "peak_pitch")
+    compiled = [skyarm.score(each, names, windows) for each in flights]
+    # from the first instant on, as NumPy has it
+    errors = np.linalg.norm(flights[0].position - flights[0].position_held, axis=1)
+    assert compiled[0]["position_error_mean"] == pytest.approx(errors.mean(), rel=1e-12)
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise NoMachineCodeError
+
+    monkeypatch.setattr(score, "Kernel", refuse)
+    score._program.cache_clear()
+    assert [repr(skyarm.score(each, names, windows)) for each in flights] == [repr(each) for each in compiled]
+    score._program.cache_clear()

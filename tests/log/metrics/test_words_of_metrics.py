@@ -61,3 +61,12 @@ def test_a_metric_that_ships_is_one_row_of_the_registry_with_its_own_words() -> 
         assert skyarm.score(log, ["turns"])["turns"] == 100.0
         assert names("metric") == ("turns", "own_turns")
         assert names("metric", shipped=False) == ("own_turns",)
+
+
+def test_a_metric_that_is_registered_anew_counts_as_it_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = skyarm.run(dataclasses.replace(skyarm.load_scenario("case1"), duration=0.5))
+    with registry_kept():
+        skyarm.register.metric("own_turns")(Turns)
+        assert skyarm.score(log, ["own_turns"])["own_turns"] == 100.0
+        monkeypatch.setattr(Turns, "count", lambda _, memory, now: (memory[0] + 2.0,))
+        assert skyarm.score(log, ["own_turns"])["own_turns"] == 200.0

@@ -22,7 +22,7 @@ from skyarm.studies.paper import inferred_settings
 from skyarm.studies.paper import reproduce as room
 from skyarm.studies.paper.flights import STATED, PaperFlight, flights, metrics, scenario, with_damping, work_of
 from skyarm.studies.paper.published import CASES
-from skyarm.studies.paper.reproduce import Campaign, run_campaign, works
+from skyarm.studies.paper.reproduce import NAMED, Campaign, Drawing, run_campaign, works
 from skyarm.studies.paper.variations import (
     DAMPINGS,
     Variation,
@@ -31,6 +31,7 @@ from skyarm.studies.paper.variations import (
     reshaped_ramps,
     variations,
 )
+from support.logs import all_logs
 
 CASE2, WIND = PaperFlight("case2", "PD", "rigid_body"), PaperFlight("case3_wind", "PD", "mujoco")
 FEW = [
@@ -69,6 +70,36 @@ def test_two_workers_give_the_bits_of_one() -> None:
     assert _same(alone.logs["rigid_body"]["case2"]["PD"], run(scenario(CASE2))), "a kept log is the flight's"
     assert [t[:2] for t in told] == [(1, 3), (2, 3), (3, 3)]
     assert {t[2] for t in told} == {work.label for work in FEW}
+
+
+def test_pictures_are_drawn_between_flights_once_those_that_they_show_have_landed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(room, "works", lambda *_, **__: [FEW[1], FEW[0], FEW[2]])
+    landed, steps = list[str](), list[tuple[int, list[str]]]()
+
+    class Steps(Drawing):
+        def step(self, logs: Any) -> bool:
+            steps.append((len(landed), [f"{case} {law}" for case, laws in logs().items() for law in laws]))
+            return True
+
+    options = {"progress": lambda *words: landed.append(words[2]), "drawing": Steps()}
+    run_campaign(PLANTS, sensitivity=False, **options)
+    assert steps == [(2, ["case2 PD"]), (3, ["case2 PD"])]
+
+
+def test_each_picture_is_drawn_once_the_same_at_any_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = list[float]()
+    monkeypatch.setattr(room, "image_bytes", lambda _, dpi=0.0: drawn.append(dpi) or str(len(drawn)).encode())
+    drawing, logs = Drawing(), all_logs()["rigid_body"]
+    assert drawing.step(lambda: logs)
+    assert (sorted(drawing.files), sorted(drawing.shown), drawn) == (["figure_03"], ["figure_03"], [room.DPI, 0.0])
+    while drawing.step(lambda: pytest.fail("the logs are read once")):
+        pass
+    assert set(drawing.files) == set(NAMED)
+    flown = {f"{case}_{kind}" for case in CASES for kind in ("tracking", "tip")} | {"case3_path"}
+    assert set(drawing.shown) == set(NAMED) | flown
+    assert len(drawn) == len(drawing.files) + len(drawing.shown)
 
 
 def _killed(log: Log) -> dict[str, float]:

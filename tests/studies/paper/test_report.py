@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-from skyarm.studies.paper import report_pages as page_maker
 from skyarm.studies.paper.published import TITLES
 from skyarm.studies.paper.report_pages import (
     MAIN,
@@ -25,9 +24,8 @@ from skyarm.studies.paper.report_pages import (
     typographic,
 )
 from skyarm.studies.paper.variations import GROUPS, variations
-from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
-from support.logs import CASES, WINDOWS, all_logs, synthetic_log
+from support.logs import CASES, all_logs, synthetic_log
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")
@@ -114,19 +112,18 @@ def some_sensitivity() -> dict[str, Any]:
 PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="single opening")
 
 
+PNG = b"\x89PNG"
+
+REDRAWN = {f"figure_{number:02d}": PNG for number in (3, 4, 5)}
+"""Pictures of the paper's figures of Case 1."""
+
+FLIGHTS = {f"{case}_{kind}": PNG for case in CASES for kind in ("tracking", "tip")} | {"case3_path": PNG}
+
+
 @pytest.fixture(scope="module")
 def sources() -> dict[str, str]:
-    logs = all_logs()
-    figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page_maker, "image_bytes", lambda _figure: b"\x89PNG")
-        return report_pages(some_results(), some_sensitivity(), logs, figures, opening=PICTURE)
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what the pictures show: the test is of the words beside them."""
-    monkeypatch.setattr(page_maker, "image_bytes", lambda _figure: b"\x89PNG")
+    drawn = {**REDRAWN, **FLIGHTS}
+    return report_pages(some_results(), some_sensitivity(), all_logs(), drawn, opening=PICTURE)
 
 
 @pytest.fixture(scope="module")
@@ -392,8 +389,7 @@ def test_captions_name_the_plant_that_flew() -> None:
             for cell in cells.values():
                 cell["rigid_body"] = None
     logs = {"mujoco": all_logs()["mujoco"]}
-    figures = paper_figures({"case1": logs["mujoco"]["case1"]}, WINDOWS)
-    read = whole(results, some_sensitivity(), logs, figures)
+    read = whole(results, some_sensitivity(), logs, REDRAWN)
     assert "Layout of the paper, mujoco plant" in read.text
     assert "Joint damping [N m s/rad], mujoco; bold" in read.text
 
@@ -408,7 +404,6 @@ def test_every_group_of_variations_has_a_title() -> None:
     assert {each.group for each in variations()} == set(GROUPS)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_an_episode_that_ended_early_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     ended = {**log.info, "status": "joint_limit", "cause": "joint 2 < limit", "end_time": 3.0}
@@ -418,7 +413,6 @@ def test_an_episode_that_ended_early_is_named() -> None:
     assert "joint_limit at 3 s, joint 2 < limit" in read.text
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     away = dataclasses.replace(log, position=log.position + 7.0)

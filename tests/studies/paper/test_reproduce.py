@@ -15,7 +15,6 @@ import skyarm
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
-from skyarm.studies.paper import report_pages
 from skyarm.studies.paper import reproduce as room
 from skyarm.studies.paper.flights import metrics, results, settings
 from skyarm.studies.paper.published import CASES, PRINTED, digits
@@ -30,7 +29,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
         notes: list[str] = []
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(room, "run_campaign", few)
-            draw_small(patch, room, report_pages)
+            draw_small(patch, room)
             table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
         return folder, table, notes
 

@@ -19,6 +19,7 @@ from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps, Worker
 from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.tracer import pause_collection
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import positional
 
@@ -80,6 +81,7 @@ class Assembly:
     effort: int
 
     @staticmethod
+    @pause_collection()
     def of(loop: Loop, lanes: Lanes, *, logging: bool = False, effort: int = 2) -> Assembly:
         """Write a program in LLVM's language; the arguments are those of :class:`Kernel`."""
         size = written = operations(loop.program.nodes)

@@ -10,7 +10,7 @@ from typing import Any
 from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import floats
 from skyarm.compile.tracing.lower import arrange, live, lower
-from skyarm.compile.tracing.tracer import Graph, Lowered, Node
+from skyarm.compile.tracing.tracer import Graph, Lowered, Node, pause_collection
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 
@@ -60,6 +60,7 @@ class Program:
         return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
 
 
+@pause_collection()
 def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
     """Trace ``function`` on symbolic arguments shaped like ``examples`` and return its program.
 
@@ -199,6 +200,7 @@ class Loop:
         return python_function(self.program)
 
 
+@pause_collection()
 def trace_loop(
     step: Callable[..., tuple[Tree, Tree]],
     carry: Tree,

@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, reduce
 from itertools import compress
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Quaternion, Scalars, Vec3
 from skyarm.compile import trace
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import CONTINUOUS, advance_totals, first_totals, quantity
+from skyarm.log.metrics.accumulate import (
+    ADDED,
+    CONTINUOUS,
+    Total,
+    Totals,
+    advance_totals,
+    first_totals,
+    quantity,
+)
+from skyarm.log.metrics.interaction import TOTALS
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, shown
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.world.component import columns_of_agent
 
 
@@ -69,26 +83,48 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
     used = tuple(dict.fromkeys(window for _, window, _ in counted))
     totals = first_totals(counted)
     instants = _instants(log, whole=True)
-    example = rebuild(instants, iter([0.0] * len(leaves(instants))))
-    flags = (0.0,) * len(used)
-    program = trace(
-        lambda before, now, inside: advance_totals(
-            before, counted, now, {name: flag > 0.5 for name, flag in zip(used, inside, strict=True)}
-        ),
-        totals,
-        example,
-        flags,
-    )
     columns = [np.asarray(leaf, dtype=float) for leaf in leaves(instants)]
     columns += [masks[name].astype(float) for name in used]
-    memory = tuple(leaves(totals))
-    for row in np.stack(columns, axis=1).tolist() if columns else ():
-        memory = program.flat((*memory, *row))
+    example = rebuild(instants, iter([0.0] * len(leaves(instants))))
+    # the user's own metric may have changed since a program was made with it
+    own = any(kind == ADDED and name not in TOTALS for kind, _, name in counted)
+    count_on = (_program.__wrapped__ if own else _program)(tuple(counted), used, totals, example)
+    memory = count_on([float(each) for each in leaves(totals)], np.stack(columns, axis=1))
     last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])
     scores = values([*names.values()], last, count, joints, period)
     return {name: float(scores[each][0]) for name, each in names.items()}
+
+
+@lru_cache(maxsize=32)
+def _program(
+    counted: Sequence[Total],
+    used: Sequence[str],
+    totals: Totals,
+    instant: MetricInstant,
+) -> Callable[[Sequence[float], Array], Sequence[float]]:
+    """Function of the first totals and of all instants (N, numbers), one row an instant, that returns the last ones.
+
+    Args:
+        counted: definitions of the totals.
+        used: windows that they count in.
+        totals: totals to begin with, as an example.
+        instant: an instant, as an example.
+    """
+
+    def step(before: Totals, _: Tree, row: tuple[MetricInstant, Scalars], __: Scalars) -> tuple[Totals, tuple[()]]:
+        now, flags = row
+        inside = {name: flag > 0.5 for name, flag in zip(used, flags, strict=True)}
+        return advance_totals(before, counted, now, inside), ()
+
+    loop = trace_loop(step, totals, (), (instant, (0.0,) * len(used)))
+    try:
+        kernel = Kernel(loop, Lanes(1), effort=0)
+    except NoMachineCodeError:
+        count = loop.stepper()
+        return lambda start, rows: reduce(lambda memory, row: count((*memory, *row)), rows.tolist(), tuple(start))
+    return lambda start, rows: kernel.run(np.array([start]).T, np.zeros((0, 1)), rows)[0][:, 0].tolist()
 
 
 SETTLING_BAND = 0.02

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
@@ -45,7 +45,6 @@ from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.studies.paper.verdict_sentences import verdict
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
-from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import Mark, bullets, details, grouped_table, image, markdown, page, paragraph, table
 
 Cells = Mapping[str, Record]
@@ -288,7 +287,7 @@ def report_pages(
     results: Record,
     sensitivity: Record,
     logs: Logs,
-    figures: Mapping[int, Figure] | None = None,
+    pictures: Mapping[str, bytes] | None = None,
     inferred: str = "",
     opening: str = "",
 ) -> dict[str, str]:
@@ -297,8 +296,8 @@ def report_pages(
     Args:
         results: content of ``results.json``: "experiments" and "settings".
         sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
-        logs: plant -> case -> law -> log, for the plots of flights.
-        figures: the paper's number -> static figure, put into the page of its case as an image.
+        logs: plant -> case -> law -> log, for what is said of the flights.
+        pictures: name -> PNG: of the paper's figures ("figure_03"), and of each flight (:func:`flight_figures`).
         inferred: HTML of the section on inferred settings.
         opening: HTML that the first page opens with.
 
@@ -307,8 +306,7 @@ def report_pages(
         and images are inside; no address is outside the folder.
     """
     experiments, plant = results.get("experiments", {}), first_plant(results)
-    drawn = {number: image_bytes(figure) for number, figure in (figures or {}).items()}
-    files = case_files(experiments)
+    drawn, files = pictures or {}, case_files(experiments)
     sections = [
         ("verdict", "Every count", _counts(results, plant)),
         *([("inferred", "Inferred settings", inferred)] if inferred else []),
@@ -319,8 +317,7 @@ def report_pages(
     opened = verdict_table(experiments, files, plant) + opening
     pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=verdict(results), opening=opened, sections=sections)}
     for case, file in files.items():
-        own = {number: png for number, png in drawn.items() if PAPER_CATALOGUE[number].case == case}
-        pages[file] = _case_page(case, experiments[case], logs, own, plant)
+        pages[file] = _case_page(case, experiments[case], logs, drawn, plant)
     titles = {MAIN: "Overview", **{file: title_of(case).split(":")[0] for case, file in files.items()}}
     style = (resources.files("skyarm.studies.paper") / "report.css").read_text("utf-8")
     footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
@@ -348,39 +345,61 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
     return {case: file for case, file in named.items() if file != MAIN}
 
 
-def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes], plant: str) -> _Page:
+def _case_page(case: str, laws: Record, logs: Logs, drawn: Mapping[str, bytes], plant: str) -> _Page:
     """Report page of a case: plots of its flights, table of its numbers, and redrawn figures."""
-    flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
+    flown = next((each for each, cases in logs.items() if cases.get(case)), "")
+    flights, redrawn = _flights(case, drawn, flown), _paper_figures(case, drawn, plant)
     sections = [
-        *([("flights", "Flights", _flights(case, flown))] if flown else []),
+        *([("flights", "Flights", flights)] if flights else []),
         ("numbers", "Numbers", experiment_table(case, laws)),
-        *([("figures", "The paper's figures", _paper_figures(figures, plant))] if figures else []),
+        *([("figures", "The paper's figures", redrawn)] if redrawn else []),
     ]
     return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), sections=sections)
 
 
-def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
-    """HTML plots of a case's flights over time: base, joints and tip."""
-    plant, laws = next(iter(flown.items()))
+def _kinds(case: str) -> dict[str, str]:
+    """Kinds of plots of a case's flights, each with its words."""
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
-    if case == "case3":
-        kinds["path"] = "path of the tip"
+    return kinds | {"path": "path of the tip"} if case == "case3" else kinds
+
+
+def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> Iterator[tuple[str, Figure]]:
+    """Names and figures of a plant's flights over time, case by case: base, joints and tip.
+
+    Args:
+        logs: case -> law -> log.
+    """
+    for case, laws in logs.items():
+        for kind in _kinds(case):
+            yield f"{case}_{kind}", flight_plot(laws, kind=kind, window=CIRCLE if kind == "path" else None)
+
+
+def _flights(case: str, drawn: Mapping[str, bytes], plant: str) -> str:
+    """HTML plots of a case's flights over time; empty without any."""
     images = ""
-    for kind, words in kinds.items():
-        caption = f"{title_of(case)}: {words}, desired and flown, on {plant}."
-        drawn = flight_plot(laws, kind=kind, window=CIRCLE if kind == "path" else None)
-        images += image(caption, caption, image_bytes(drawn), wide=kind == "path")
+    for kind, words in _kinds(case).items():
+        png = drawn.get(f"{case}_{kind}")
+        if png is not None:
+            caption = f"{title_of(case)}: {words}, desired and flown, on {plant}."
+            images += image(caption, caption, png, wide=kind == "path")
     return images
 
 
-def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
-    """HTML section with the published figures, redrawn from simulated flights."""
+def _paper_figures(case: str, drawn: Mapping[str, bytes], plant: str) -> str:
+    """HTML section with a case's published figures, redrawn from simulated flights; empty without any."""
     parts = []
-    for number, png in sorted(figures.items()):
-        caption = f"Figure {number}. {PAPER_CATALOGUE[number].caption}"
-        parts.append(image(caption, caption, png, name=f"figure-{number}", kind="figure"))
+    for number, spec in sorted(PAPER_CATALOGUE.items()):
+        png = drawn.get(figure_name(number))
+        if spec.case == case and png is not None:
+            caption = f"Figure {number}. {spec.caption}"
+            parts.append(image(caption, caption, png, name=f"figure-{number}", kind="figure"))
     note = paragraph(f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.HOLDS}", "note")
-    return f'{note}<div class="paper">{"".join(parts)}</div>'
+    return f'{note}<div class="paper">{"".join(parts)}</div>' if parts else ""
+
+
+def figure_name(number: int) -> str:
+    """Name of a redrawn figure's picture and file, by the paper's number."""
+    return f"figure_{number:02d}"
 
 
 def _assumptions() -> str:

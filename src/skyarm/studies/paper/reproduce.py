@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,15 @@ from skyarm.studies.paper.flights import STATED, STEADY, WINDOWS, Metrics, fligh
 from skyarm.studies.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.studies.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
 from skyarm.studies.paper.published import CASES, Record
-from skyarm.studies.paper.report_pages import MAIN, case_files, inferred_section, markdown_tables, report_pages
+from skyarm.studies.paper.report_pages import (
+    MAIN,
+    case_files,
+    figure_name,
+    flight_figures,
+    inferred_section,
+    markdown_tables,
+    report_pages,
+)
 from skyarm.studies.paper.report_text import LOOK, OVERVIEW
 from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
@@ -38,11 +46,14 @@ class Campaign:
     """Results of all flights that reproduce Barakou et al. 2026: logs and metrics.
 
     Attributes:
-        logs: plant -> case -> law -> log of the paper's flights. sensitivity: metrics under variations.
+        logs: plant -> case -> law -> log of the paper's flights.
+        files: (plant, case, law) -> content of that log's npz file.
+        sensitivity: metrics under variations.
         found: settings (stated, inferred, predicted, a variation) -> (case, law, plant) -> metrics.
     """
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
+    files: dict[tuple[str, str, str], bytes] = field(default_factory=dict)
     sensitivity: Sensitivity = field(default_factory=dict)
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
@@ -59,7 +70,8 @@ class Campaign:
             if column.dtype.kind == "f" and name != "end_time"
         }
         if work.keeps_log:
-            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(rows["log"][0], work.label)
+            content = self.files[plant, case, law] = rows["log"][0]
+            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(content, work.label)
 
 
 def works(
@@ -100,6 +112,7 @@ def run_campaign(
     on: str | None = None,
     store: Store | None = None,
     progress: Progress | None = None,
+    drawing: Drawing | None = None,
 ) -> Campaign:
     """Simulate all flights that reproduce Barakou et al. 2026; backend and number of workers change no result.
 
@@ -112,19 +125,21 @@ def run_campaign(
         on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
         store: keeps the flights; those that it holds do not fly again.
         progress: called after every episode.
+        drawing: pictures of the paper's flights on the first plant, one of which is drawn whenever a flight has landed.
     """
     chosen = variations() if sensitivity else []
     every = works(plants, chosen, evidence, inferred=inferred)
+    pictured = [work for work in every if work.keeps_log and work.fixed["plant"] == plants[0]]
     landed: dict[str, bytes] = {}
     with Crew(on, workers, store) as crew:
         for work, content in crew.fly(every):
             landed[work.label] = content
             if progress is not None:
                 progress(len(landed), len(every), work.label)
+            if drawing is not None and all(each.label in landed for each in pictured):
+                drawing.step(lambda: _campaign_of(pictured, landed).logs[plants[0]])
     # in the order of the report, whichever landed first
-    campaign = Campaign()
-    for work in every:
-        campaign.keep(work, unpack_rows(landed[work.label]))
+    campaign = _campaign_of(every, landed)
     for each in chosen:
         cells = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
         for (case, law, plant), numbers in campaign.found[each.name].items():
@@ -133,12 +148,51 @@ def run_campaign(
     return campaign
 
 
+def _campaign_of(works: Sequence[Work], contents: Mapping[str, bytes]) -> Campaign:
+    """Results of some work items, from the contents of their result files by label."""
+    campaign = Campaign()
+    for work in works:
+        campaign.keep(work, unpack_rows(contents[work.label]))
+    return campaign
+
+
 Note = Callable[[str], None]
 
-NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")
+NAMED = (*map(figure_name, range(3, 19)), "overview")
 
 DPI = 300
 """Resolution of the figure files, sharp in print at their size of one column."""
+
+
+class Drawing:
+    """Pictures of the paper's flights, drawn one by one while other processes fly.
+
+    Attributes:
+        files: name -> PNG of the files of the paper's figures.
+        shown: name -> PNG of these figures and of the flights, for the report's pages.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+        self.shown: dict[str, bytes] = {}
+        self._pictures: Iterator[None] | None = None
+
+    def step(self, logs: Callable[[], Mapping[str, Mapping[str, Log]]]) -> bool:
+        """Draw another figure; False if all are drawn. ``logs`` gives case -> law -> log."""
+        if self._pictures is None:
+            self._pictures = self._draw(logs())
+        return next(self._pictures, self) is not self
+
+    def _draw(self, logs: Mapping[str, Mapping[str, Log]]) -> Iterator[None]:
+        figures = {figure_name(number): figure for number, figure in paper_figures(logs, WINDOWS).items()}
+        for name, figure in {**figures, "overview": overview_figure(logs, STEADY)}.items():
+            self.files[name] = image_bytes(figure, dpi=DPI)
+            figure.set_layout_engine(None)  # what is arranged already
+            self.shown[name] = image_bytes(figure)
+            yield
+        for name, figure in flight_figures(logs):
+            self.shown[name] = image_bytes(figure)
+            yield
 
 
 def reproduce(
@@ -186,11 +240,16 @@ def reproduce(
         store = Store.if_kept(folder)
         if store is None:
             say(f"pyarrow is missing, flights are not kept; {needs_extra('sweep')}")
-        campaign = run_campaign(plants, evidence=evidence, workers=workers, on=on, store=store, progress=progress)
-        return _write(folder, plants, campaign, evidence, say)
+        drawing = Drawing()
+        campaign = run_campaign(
+            plants, evidence=evidence, workers=workers, on=on, store=store, progress=progress, drawing=drawing
+        )
+        return _write(folder, plants, campaign, drawing, evidence, say)
 
 
-def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Record, say: Note) -> Facts:
+def _write(
+    folder: Path, plants: Sequence[str], campaign: Campaign, drawing: Drawing, evidence: Record, say: Note
+) -> Facts:
     """Write tables, logs, figures and pages; returns the content of ``results.json``."""
     stated = campaign.found[STATED]
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
@@ -201,16 +260,15 @@ def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Re
     tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
     write_atomically(folder / "inference.md", markdown_of(tables).encode())
     say("drawing Figures 3-18")
-    first = campaign.logs[plants[0]]
-    figures = paper_figures(first, WINDOWS)
-    overview = overview_figure(first, STEADY)
-    for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
-        write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
+    while drawing.step(lambda: campaign.logs[plants[0]]):
+        pass
+    for name, picture in drawing.files.items():
+        write_atomically(folder / "figures" / f"{name}.png", picture)
     inferred = inferred_section(table, predicted, evidence, plants[0]) if INFERRED in campaign.found else ""
     say("writing report.html")
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
-    opening = image(caption, caption, image_bytes(overview), kind="single opening")
-    pages = report_pages(table, campaign.sensitivity, campaign.logs, figures, inferred, opening)
+    opening = image(caption, caption, drawing.shown["overview"], kind="single opening")
+    pages = report_pages(table, campaign.sensitivity, campaign.logs, drawing.shown, inferred, opening)
     for name, page in pages.items():
         write_atomically(folder / name, page.encode())
     return table
@@ -251,7 +309,5 @@ def _write_data(folder: Path, table: Facts, campaign: Campaign) -> None:
     write_atomically(folder / "results.json", _json(table))
     write_atomically(folder / "sensitivity.json", _json({"schema": 1, "variations": campaign.sensitivity}))
     write_atomically(folder / "table2.md", markdown_tables(table).encode())
-    for plant, cases in campaign.logs.items():
-        for case, controllers in cases.items():
-            for controller, log in controllers.items():
-                log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")
+    for (plant, case, law), content in campaign.files.items():
+        write_atomically(folder / "logs" / plant / f"{case}_{law}.npz", content)
