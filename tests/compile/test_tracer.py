@@ -6,12 +6,15 @@ import dataclasses
 import gc
 import math
 import sys
+import weakref
 
 import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3, scalars
 from skyarm.compile import Graph, TracedBranchError, trace
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.compile.tracing.tracer import pause_collection
 
 
 def line_of(function, offset):
@@ -256,6 +259,31 @@ def test_a_truth_value_of_numpy_is_one():
     graph = Graph()
     assert graph.constant(np.bool_(True)) is graph.constant(True)
     assert graph.constant(np.float64(1.0)) is graph.constant(1.0)
+
+
+def test_a_program_goes_as_soon_as_nobody_has_it_without_a_collection():
+    for make in (
+        lambda: trace(lambda x: x * x + 1.0, 2.0),
+        lambda: trace(lambda x: x * x + 1.0, 2.0).lowered,
+        lambda: trace_loop(lambda x, *_: (x * x, ()), 2.0, (), ()).program,
+    ):
+        with pause_collection():
+            made = make()
+            graph = weakref.ref(made.inputs[0].graph)
+            assert graph() is not None
+            del made
+            assert graph() is None
+
+
+def test_threads_that_trace_at_once_leave_the_garbage_collector_on():
+    assert gc.isenabled()
+    first, second = pause_collection(), pause_collection()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert not gc.isenabled()
+    second.__exit__(None, None, None)
+    assert gc.isenabled()
 
 
 @pytest.mark.parametrize("collects", [True, False])

@@ -12,15 +12,17 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.command_delay import switches
-from skyarm.simulate.first_state import commands_waiting
+from skyarm.simulate.first_state import commands_waiting, first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.stages import joined_reference
+from skyarm.simulate.plant_steps import CalledPlant
+from skyarm.simulate.stages import Stages, joined_reference
 from support.cases import sampled
 from support.flights import circling, fly
 
@@ -289,3 +291,33 @@ def test_joints_of_mujocos_plant_do_not_wait_for_rotors_within_a_period() -> Non
     first, second = (run(dataclasses.replace(planned, delays=Delays(rotors=late))) for late in (0.005, 0.007))
     assert np.array_equal(first.joint_rates, second.joint_rates)
     assert not np.array_equal(first.joint_rates[11], first.joint_rates[10])
+
+
+@pytest.mark.parametrize(
+    ("late", "heard"),
+    [
+        ({}, [(0.005, (2.0,) * 4, (20.0,) * 2)]),
+        ({"command": 0.002}, [(0.002, (1.0,) * 4, (10.0,) * 2), (0.003, (2.0,) * 4, (20.0,) * 2)]),
+        (
+            {"rotors": 0.003, "joints": 0.001},
+            [(0.001, (1.0,) * 4, (10.0,) * 2), (0.002, (1.0,) * 4, (20.0,) * 2), (0.002, (2.0,) * 4, (20.0,) * 2)],
+        ),
+    ],
+)
+def test_a_called_plant_holds_what_acts_until_each_part_has_heard(late: Any, heard: Any) -> None:
+    scenario = dataclasses.replace(load_scenario("case1", plant="mujoco"), delays=Delays(**late))
+    first, held = first_loop_state(scenario), []
+
+    class Plant:
+        def advance(self, state: Any, command: Any, around: Any, seconds: float) -> Any:
+            held.append((pytest.approx(seconds), tuple(command[:4]), tuple(command[4:])))
+            return (*state[1:], float(len(held)))
+
+    around = first_surroundings(scenario, first)
+    called = CalledPlant(Plant(), Stages(scenario), around)  # type: ignore[arg-type]
+    state, numbers = tuple(leaves(first.agent.state)), tuple(leaves(around))
+    after = called._advance(state, (1.0,) * 4 + (10.0,) * 2, (2.0,) * 4 + (20.0,) * 2, numbers)
+    assert held == heard
+    assert after[-len(heard) :] == tuple(float(k + 1) for k in range(len(heard))), (
+        "each interval begins where one ended"
+    )

@@ -337,6 +337,21 @@ def test_without_machine_code_metrics_have_the_same_bits(monkeypatch: pytest.Mon
         raise NoMachineCodeError
 
     monkeypatch.setattr(score, "Kernel", refuse)
-    score._program.cache_clear()
+    monkeypatch.setattr(score, "_kept_counter", score._make_counter)
     assert [repr(skyarm.score(each, names, windows)) for each in flights] == [repr(each) for each in compiled]
-    score._program.cache_clear()
+
+
+def test_a_program_that_is_kept_counts_as_one_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Flights of two and six joints, with a contact, of two vehicles, cut, without limits, in other windows."""
+    names = ("case1", "press_and_hold", "two_hold_a_bar", "case3")
+    flights = [skyarm.run(skyarm.load_scenario(name, duration=0.5)) for name in names]
+    flights += [
+        skyarm.run(skyarm.load_scenario("case1", duration=0.2)),
+        dataclasses.replace(flights[0], info={k: v for k, v in flights[0].info.items() if k != "scenario_record"}),
+    ]
+    ways = [Windows(steady=Window(0.0, end), transient=Window(0.0, end)) for end in (0.1, 0.2)]
+    kept = [repr(skyarm.score(each, windows=way)) for _ in range(2) for each in flights for way in ways]
+    assert kept[: len(kept) // 2] == kept[len(kept) // 2 :]
+    assert score._kept_counter.cache_info().hits > 0
+    monkeypatch.setattr(score, "_kept_counter", score._make_counter)
+    assert kept[: len(kept) // 2] == [repr(skyarm.score(each, windows=way)) for each in flights for way in ways]

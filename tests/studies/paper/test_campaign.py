@@ -9,6 +9,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -96,10 +97,55 @@ def test_each_picture_is_drawn_once_the_same_at_any_pace(monkeypatch: pytest.Mon
     assert (sorted(drawing.files), sorted(drawing.shown), drawn) == (["figure_03"], ["figure_03"], [room.DPI, 0.0])
     while drawing.step(lambda: pytest.fail("the logs are read once")):
         pass
+    assert not drawing.step(dict)
     assert set(drawing.files) == set(NAMED)
     flown = {f"{case}_{kind}" for case in CASES for kind in ("tracking", "tip")} | {"case3_path"}
     assert set(drawing.shown) == set(NAMED) | flown
     assert len(drawn) == len(drawing.files) + len(drawing.shown)
+
+
+def test_a_picture_that_cannot_be_drawn_ends_no_campaign_and_is_said_in_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(room, "works", lambda *_, **__: list(FEW))
+    monkeypatch.setattr(room, "paper_figures", lambda *_: {})
+    monkeypatch.setattr(room, "overview_figure", lambda *_: None)
+
+    def fail(*_: Any, **__: Any) -> bytes:
+        raise OSError("no font")
+
+    monkeypatch.setattr(room, "image_bytes", fail)
+    drawing = Drawing()
+    assert len(run_campaign(PLANTS, sensitivity=False, drawing=drawing).all_logs()) == 2
+    for _ in range(2):
+        with pytest.raises(OSError, match="no font"):
+            drawing.step(dict)
+
+
+@pytest.mark.usefixtures("few")
+def test_of_flights_that_were_kept_nothing_is_drawn_before_others_fly(tmp_path: Path) -> None:
+    steps = list[str]()
+
+    class Steps(Drawing):
+        def step(self, logs: Any) -> bool:
+            steps.append("step")
+            return True
+
+    for drawn in (3, 3):
+        run_campaign(PLANTS, sensitivity=False, store=Store(tmp_path / "kept"), drawing=Steps())
+        assert len(steps) == drawn
+
+
+def test_a_figure_is_arranged_once_whatever_a_user_has_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = {"case1": all_logs()["rigid_body"]["case1"]}
+    monkeypatch.setattr(room, "overview_figure", lambda *_: room.paper_figures(logs, {})[3])
+    shown = []
+    for tight in (False, True):
+        with matplotlib.rc_context({"figure.autolayout": tight}):
+            drawing = Drawing()
+            drawing.step(lambda: logs)
+        shown.append((drawing.files, drawing.shown))
+    assert shown[0] == shown[1]
 
 
 def _killed(log: Log) -> dict[str, float]:

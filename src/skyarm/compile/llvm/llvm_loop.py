@@ -11,7 +11,7 @@ parameters alone is computed once per block, before the loop.
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.llvm.llvm_text import Lanes, Writer
@@ -35,21 +35,15 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seed
     first key, and ``%step``. A lane's key is its episode in the low 32 bits and, in the high ones, what is to be added
     to ``%step`` for the step of that lane (both modulo 2^32): episodes may begin at different steps.
     """
-    width = writer.lanes.width
-    words = f"<{width} x i64>"
+    words = writer.lanes.vector_of("i64")
 
     def splat(value: int) -> str:
         return writer.lanes.splat(f"i64 {value}")
 
-    def broadcast(name: str) -> str:
-        first = writer.emit(f"insertelement {words} poison, i64 {name}, i64 0")
-        zeros = writer.lanes.splat("i32 0")
-        return writer.emit(f"shufflevector {words} {first}, {words} poison, <{width} x i32> {zeros}")
-
     if own_seeds:
         seed = writer.emit(f"load {words}, ptr %seeds.ptr, align 8")
     else:
-        seed = broadcast(writer.emit("load i64, ptr %keys, align 8"))
+        seed = writer.broadcast(writer.emit("load i64, ptr %keys, align 8"), "i64")
     keys = [
         writer.emit(f"and {words} {seed}, {splat(LOW)}"),
         writer.emit(f"lshr {words} {seed}, {splat(32)}"),
@@ -57,7 +51,7 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seed
     key = writer.emit(f"load {words}, ptr %episodes.ptr, align 8")
     episode = writer.emit(f"and {words} {key}, {splat(LOW)}")
     ahead = writer.emit(f"lshr {words} {key}, {splat(32)}")
-    step = writer.emit(f"add {words} {broadcast('%step')}, {ahead}")
+    step = writer.emit(f"add {words} {writer.broadcast('%step', 'i64')}, {ahead}")
     step = writer.emit(f"and {words} {step}, {splat(LOW)}")
     numbers: list[str] = []
     for channel, count in draws:
@@ -94,7 +88,7 @@ def _philox(writer: Writer, words: str, counter: list[str], keys: list[str], spl
 def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
     """Write assembly that maps 64-bit random integers to numbers in (0, 1); returns the vector's name."""
     lanes = writer.lanes
-    double = f"<{lanes.width} x double>"
+    double = lanes.vector_of("double")
 
     def number(value: str) -> str:
         return lanes.splat(f"double {value}")
@@ -141,10 +135,10 @@ blocks:
   br i1 %any, label %block, label %done
 block:
   %offset = mul i64 %b, {lanes.width}""")
-    for i, node in enumerate(parameters):
-        writer.names[node.index] = _load(writer, "%parameters", i)
+    for node, name in zip(parameters, _load(writer, "%parameters", loop.parameters), strict=True):
+        writer.names[node.index] = name
     writer.program(invariant)
-    starts = [_load(writer, "%carry", i) for i in range(loop.carry)]
+    starts = _load(writer, "%carry", loop.carry)
     if loop.uniforms:
         writer.do("""
   %episodes.at = getelementptr i64, ptr %keys, i64 %offset
@@ -154,18 +148,20 @@ block:
   br label %head
 head:
   %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]""")
-    for i, (node, start) in enumerate(zip(carry, starts, strict=True)):
-        writer.do(f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ %n{i}, %latch ]")
+    head = len(writer.lines)
+    for i, node in enumerate(carry):
         writer.names[node.index] = f"%c{i}"
-    writer.do("""
+    writer.do(f"""
   %more = icmp slt i64 %i, %end
   br i1 %more, label %body, label %store
 body:
-  %step = add i64 %i, %start""")
+  %step = add i64 %i, %start
+  %line = mul i64 %i, {loop.row}
+  %row = getelementptr {lanes.scalar}, ptr %rows, i64 %line""")
     used = {arg.index for node in varying for arg in node.args} | {node.index for node in loop.program.outputs}
     for i, node in enumerate(rows):
         if node.index in used:
-            writer.names[node.index] = _row(writer, i, loop.row)
+            writer.names[node.index] = _row(writer, i)
     if loop.uniforms:
         for node, name in zip(draws, write_uniforms(writer, loop.uniforms, own_seeds=loop.own_seeds), strict=True):
             writer.names[node.index] = name
@@ -173,13 +169,13 @@ body:
     results = [writer.names[node.index] for node in loop.program.outputs]
     if logging and loop.logged:
         _write_log(writer, results[loop.carry :])
-    writer.do("  br label %latch\nlatch:")
-    for i, name in enumerate(results[: loop.carry]):
-        # a value that is a constant or an input needs a name of its own here
-        writer.do(f"  %n{i} = select i1 true, {lanes.vector} {name}, {lanes.vector} {name}")
-    writer.do("  %i.next = add i64 %i, 1\n  br label %head\nstore:")
-    for i in range(loop.carry):
-        _store(writer, "%carry", i, f"%c{i}")
+    # phis come first in a block, but name what the step computes
+    writer.lines[head:head] = [
+        f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ {end}, %latch ]"
+        for i, (start, end) in enumerate(zip(starts, results[: loop.carry], strict=True))
+    ]
+    writer.do("  br label %latch\nlatch:\n  %i.next = add i64 %i, 1\n  br label %head\nstore:")
+    _store(writer, "%carry", "%offset", [f"%c{i}" for i in range(loop.carry)])
     writer.do("""
   br label %next
 next:
@@ -247,56 +243,48 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
     return invariant, varying
 
 
-def _address(writer: Writer, base: str, index: int) -> str:
-    """Write assembly for the address of variable ``index`` in the current block of SIMD lanes; returns its name."""
-    at = writer.fresh()
-    writer.do(f"""
-  {at}.skip = mul i64 %lanes, {index}
-  {at}.place = add i64 {at}.skip, %offset
-  {at} = getelementptr {writer.lanes.scalar}, ptr {base}, i64 {at}.place""")
-    return at
+def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[str]:
+    """Write assembly for the addresses of variables one after the other, of number ``first`` on; yields their names.
+
+    Each is a step of ``%lanes`` from the last: to multiply for every one made two thirds of a program's text.
+    """
+    at, skip = base, first
+    for _ in range(count):
+        at, skip = writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}"), "%lanes"
+        yield at
 
 
-def _load(writer: Writer, base: str, index: int) -> str:
+def _load(writer: Writer, base: str, count: int) -> list[str]:
+    """Write assembly that reads variables of the current block of SIMD lanes; returns their names."""
     lanes = writer.lanes
-    return writer.emit(f"load {lanes.vector}, ptr {_address(writer, base, index)}, align {lanes.bytes}")
+    places = _addresses(writer, base, "%offset", count)
+    return [writer.emit(f"load {lanes.vector}, ptr {at}, align {lanes.bytes}") for at in places]
 
 
-def _store(writer: Writer, base: str, index: int, name: str) -> None:
+def _store(writer: Writer, base: str, first: str, names: Sequence[str]) -> None:
+    """Write assembly that stores variables of the current block of SIMD lanes."""
     lanes = writer.lanes
-    address = _address(writer, base, index)
-    writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
+    for at, name in zip(_addresses(writer, base, first, len(names)), names, strict=True):
+        writer.do(f"  store {lanes.vector} {name}, ptr {at}, align {lanes.bytes}")
 
 
-def _row(writer: Writer, index: int, width: int) -> str:
+def _row(writer: Writer, index: int) -> str:
     """Write assembly that copies one shared input of a step into all SIMD lanes; returns the vector's name."""
-    lanes, at = writer.lanes, writer.fresh()
-    writer.do(f"""
-  {at}.line = mul i64 %i, {width}
-  {at}.place = add i64 {at}.line, {index}
-  {at}.address = getelementptr {lanes.scalar}, ptr %rows, i64 {at}.place
-  {at}.value = load {lanes.scalar}, ptr {at}.address, align {lanes.bytes}
-  {at}.first = insertelement {lanes.vector} poison, {lanes.scalar} {at}.value, i64 0""")
-    zeros = lanes.splat("i32 0")
-    return writer.emit(f"shufflevector {lanes.vector} {at}.first, {lanes.vector} poison, <{lanes.width} x i32> {zeros}")
+    lanes = writer.lanes
+    at = writer.emit(f"getelementptr {lanes.scalar}, ptr %row, i64 {index}")
+    return writer.broadcast(writer.emit(f"load {lanes.scalar}, ptr {at}, align {lanes.bytes}"), lanes.scalar)
 
 
 def _write_log(writer: Writer, names: list[str]) -> None:
     """Write assembly that stores the logged outputs every ``%every`` steps: log[step / every][output][lane]."""
-    lanes = writer.lanes
     writer.do(f"""
   %log.rest = urem i64 %i, %every
   %log.due = icmp eq i64 %log.rest, 0
   br i1 %log.due, label %write, label %written
 write:
   %log.entry = udiv i64 %i, %every
-  %log.line = mul i64 %log.entry, {len(names)}""")
-    for i, name in enumerate(names):
-        at = writer.fresh()
-        writer.do(f"""
-  {at}.variable = add i64 %log.line, {i}
-  {at}.skip = mul i64 {at}.variable, %lanes
-  {at}.place = add i64 {at}.skip, %offset
-  {at} = getelementptr {lanes.scalar}, ptr %log, i64 {at}.place
-  store {lanes.vector} {name}, ptr {at}, align {lanes.bytes}""")
+  %log.line = mul i64 %log.entry, {len(names)}
+  %log.skip = mul i64 %log.line, %lanes
+  %log.first = add i64 %log.skip, %offset""")
+    _store(writer, "%log", "%log.first", names)
     writer.do("  br label %written\nwritten:")

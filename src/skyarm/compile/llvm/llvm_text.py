@@ -36,25 +36,30 @@ class Lanes:
         """LLVM type of one element of a SIMD vector."""
         return "float" if self.single else "double"
 
+    def vector_of(self, scalar: str) -> str:
+        """LLVM type of a SIMD vector of a scalar type; of one lane that type itself: LLVM compiles it twice as fast."""
+        return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
+
     @property
     def vector(self) -> str:
         """LLVM type of a SIMD vector of floats."""
-        return f"<{self.width} x {self.scalar}>"
+        return self.vector_of(self.scalar)
 
     @property
     def mask(self) -> str:
         """LLVM type of a SIMD vector of truth values (i1)."""
-        return f"<{self.width} x i1>"
+        return self.vector_of("i1")
 
     @property
     def integer(self) -> str:
         """LLVM type of a SIMD vector of integers with as many bits as the floats."""
-        return f"<{self.width} x i{32 if self.single else 64}>"
+        return self.vector_of("i32" if self.single else "i64")
 
     @property
     def suffix(self) -> str:
         """Type suffix of the vector in names of LLVM intrinsics."""
-        return f"v{self.width}f{32 if self.single else 64}"
+        scalar = "f32" if self.single else "f64"
+        return scalar if self.width == 1 else f"v{self.width}{scalar}"
 
     @property
     def bytes(self) -> int:
@@ -70,7 +75,7 @@ class Lanes:
 
     def splat(self, lane: str) -> str:
         """LLVM constant with the same typed value in every SIMD lane."""
-        return f"<{', '.join([lane] * self.width)}>"
+        return lane.partition(" ")[2] if self.width == 1 else f"<{', '.join([lane] * self.width)}>"
 
     def integers(self, value: int) -> str:
         """LLVM constant with the same integer in every SIMD lane."""
@@ -106,6 +111,15 @@ class Writer:
     def do(self, text: str) -> None:
         """Write instructions without a result, or labels, one per line."""
         self.lines += [line for line in text.split("\n") if line]
+
+    def broadcast(self, name: str, scalar: str) -> str:
+        """Write assembly that copies a scalar of a type into all SIMD lanes; returns the vector's name."""
+        lanes, vector = self.lanes, self.lanes.vector_of(scalar)
+        if lanes.width == 1:
+            return name
+        first = self.emit(f"insertelement {vector} poison, {scalar} {name}, i64 0")
+        zeros = f"{lanes.vector_of('i32')} {lanes.splat('i32 0')}"
+        return self.emit(f"shufflevector {vector} {first}, {vector} poison, {zeros}")
 
     def program(self, nodes: Iterable[Node]) -> None:
         """Write the assembly of all operations of a traced program."""
@@ -188,6 +202,8 @@ class Writer:
 
     def _any(self, condition: str) -> str:
         """Write assembly of the condition (i1) that a mask is true in any SIMD lane; returns its name."""
+        if self.lanes.width == 1:
+            return condition
         name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
         self.intrinsics.add(f"declare i1 {name}({self.lanes.mask})")
         return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")

@@ -54,6 +54,7 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
         elif node.op != "input":
             made[node.index] = target.call(node.op, *args)
     results = tuple(made[node.index] for node in outputs)
+    target.close()
     return Lowered(tuple(made[node.index] for node in inputs), tuple(live(results)), results)
 
 
@@ -156,6 +157,7 @@ def compiled_once(
         if any(map(is_condition, (*symbols, *outputs))):
             return function(record)
         call = whole, lower(inputs, live(outputs), outputs), result
+        inner.close()
         known.append(call)
     graph, (_, lowered, shape) = symbols[0].graph, call
     block = graph.apply(lowered, symbols)

@@ -73,7 +73,9 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
     """
     graph = Graph()
     inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))]
-    return Program(graph, inputs, function(*rebuild(examples, iter(inputs))), examples)
+    program = Program(graph, inputs, function(*rebuild(examples, iter(inputs))), examples)
+    graph.close()
+    return program
 
 
 def _literal(value: float) -> str:
@@ -239,4 +241,5 @@ def trace_loop(
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
+    graph.close()
     return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)

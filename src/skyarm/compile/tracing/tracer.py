@@ -12,6 +12,7 @@ import struct
 import sys
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 from skyarm.algebra import Scalar
@@ -56,19 +57,26 @@ def _caller() -> str:
     return f"{frame.f_code.co_filename}:{frame.f_lineno}"
 
 
+_PAUSES, _PAUSING = list[bool](), Lock()
+"""For each pause of the garbage collector, of any thread, whether it collected before; and who may change them."""
+
+
 @contextmanager
 def pause_collection() -> Iterator[None]:
-    """Context manager, and decorator, that pauses Python's garbage collector.
+    """Context manager, and decorator, that pauses Python's garbage collector, for all threads of the process.
 
-    It visits the whole of a graph again and again while that grows and nothing of it is garbage: a fifth of the time.
+    The collector would visit a growing graph again and again, a fifth of the time of tracing, and find no garbage.
     """
-    collects = gc.isenabled()
-    gc.disable()
+    with _PAUSING:
+        _PAUSES.append(gc.isenabled())
+        gc.disable()
     try:
         yield
     finally:
-        if collects:
-            gc.enable()
+        with _PAUSING:
+            # the last of several threads takes what the first has found
+            if _PAUSES.pop():
+                gc.enable()
 
 
 class Node:
@@ -211,6 +219,13 @@ class Graph:
         self.functions: dict[Hashable, list[tuple[tuple[object, object], Lowered, object]]] | None = (
             {} if loops else None
         )
+
+    def close(self) -> None:
+        """Remove the values; a program has those that it needs, and without a cycle they are freed with it."""
+        self.nodes.clear()
+        self._known.clear()
+        if self.functions is not None:
+            self.functions.clear()
 
     def input(self, name: str) -> Node:
         """Add an input to the traced program."""

@@ -88,7 +88,8 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     # the user's own metric may have changed since a program was made with it
     own = any(kind == ADDED and name not in TOTALS for kind, _, name in counted)
-    count_on = (_program.__wrapped__ if own else _program)(tuple(counted), used, totals, example)
+    make = _make_counter if own else _kept_counter
+    count_on = make(tuple(counted), used, totals, example)
     memory = count_on([float(each) for each in leaves(totals)], np.stack(columns, axis=1))
     last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
@@ -97,14 +98,13 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
     return {name: float(scores[each][0]) for name, each in names.items()}
 
 
-@lru_cache(maxsize=32)
-def _program(
-    counted: Sequence[Total],
-    used: Sequence[str],
+def _make_counter(
+    counted: tuple[Total, ...],
+    used: tuple[str, ...],
     totals: Totals,
     instant: MetricInstant,
 ) -> Callable[[Sequence[float], Array], Sequence[float]]:
-    """Function of the first totals and of all instants (N, numbers), one row an instant, that returns the last ones.
+    """Function that counts on through a flight: from the totals before and the instants (N, numbers) to those after.
 
     Args:
         counted: definitions of the totals.
@@ -126,6 +126,8 @@ def _program(
         return lambda start, rows: reduce(lambda memory, row: count((*memory, *row)), rows.tolist(), tuple(start))
     return lambda start, rows: kernel.run(np.array([start]).T, np.zeros((0, 1)), rows)[0][:, 0].tolist()
 
+
+_kept_counter = lru_cache(maxsize=32)(_make_counter)
 
 SETTLING_BAND = 0.02
 """Distance (m) from its steady mean within which the position error has settled."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -363,15 +364,17 @@ def _kinds(case: str) -> dict[str, str]:
     return kinds | {"path": "path of the tip"} if case == "case3" else kinds
 
 
-def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> Iterator[tuple[str, Figure]]:
-    """Names and figures of a plant's flights over time, case by case: base, joints and tip.
+def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> dict[str, Callable[[], Figure]]:
+    """Functions that make the figures of a plant's flights over time, by name: base, joints and tip in each case.
 
     Args:
         logs: case -> law -> log.
     """
-    for case, laws in logs.items():
-        for kind in _kinds(case):
-            yield f"{case}_{kind}", flight_plot(laws, kind=kind, window=CIRCLE if kind == "path" else None)
+    return {
+        f"{case}_{kind}": partial(flight_plot, laws, kind=kind, window=CIRCLE if kind == "path" else None)
+        for case, laws in logs.items()
+        for kind in _kinds(case)
+    }
 
 
 def _flights(case: str, drawn: Mapping[str, bytes], plant: str) -> str:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,6 +39,9 @@ from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import Facts, image
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
@@ -125,7 +131,8 @@ def run_campaign(
         on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
         store: keeps the flights; those that it holds do not fly again.
         progress: called after every episode.
-        drawing: pictures of the paper's flights on the first plant, one of which is drawn whenever a flight has landed.
+        drawing: pictures of the paper's flights on the first plant, one of which is drawn whenever another flight has
+            landed.
     """
     chosen = variations() if sensitivity else []
     every = works(plants, chosen, evidence, inferred=inferred)
@@ -136,8 +143,10 @@ def run_campaign(
             landed[work.label] = content
             if progress is not None:
                 progress(len(landed), len(every), work.label)
-            if drawing is not None and all(each.label in landed for each in pictured):
-                drawing.step(lambda: _campaign_of(pictured, landed).logs[plants[0]])
+            # of flights that were kept none flies meanwhile
+            if drawing is not None and crew.flights and all(each.label in landed for each in pictured):
+                with suppress(Exception):  # what cannot be drawn is said once all have flown
+                    drawing.step(lambda: _campaign_of(pictured, landed).logs[plants[0]])
     # in the order of the report, whichever landed first
     campaign = _campaign_of(every, landed)
     for each in chosen:
@@ -165,7 +174,7 @@ DPI = 300
 
 
 class Drawing:
-    """Pictures of the paper's flights, drawn one by one while other processes fly.
+    """Pictures of the paper's flights, of which one after the other is drawn.
 
     Attributes:
         files: name -> PNG of the files of the paper's figures.
@@ -175,24 +184,33 @@ class Drawing:
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
         self.shown: dict[str, bytes] = {}
-        self._pictures: Iterator[None] | None = None
+        self._left: list[Callable[[], None]] | None = None
 
     def step(self, logs: Callable[[], Mapping[str, Mapping[str, Log]]]) -> bool:
-        """Draw another figure; False if all are drawn. ``logs`` gives case -> law -> log."""
-        if self._pictures is None:
-            self._pictures = self._draw(logs())
-        return next(self._pictures, self) is not self
+        """Draw another figure; False if all are drawn. ``logs`` gives case -> law -> log.
 
-    def _draw(self, logs: Mapping[str, Mapping[str, Log]]) -> Iterator[None]:
+        What cannot be drawn stays the next one.
+        """
+        if self._left is None:
+            self._left = self._drawings(logs())
+        if self._left:
+            self._left[0]()
+            del self._left[0]
+        return bool(self._left)
+
+    def _drawings(self, logs: Mapping[str, Mapping[str, Log]]) -> list[Callable[[], None]]:
         figures = {figure_name(number): figure for number, figure in paper_figures(logs, WINDOWS).items()}
-        for name, figure in {**figures, "overview": overview_figure(logs, STEADY)}.items():
-            self.files[name] = image_bytes(figure, dpi=DPI)
-            figure.set_layout_engine(None)  # what is arranged already
-            self.shown[name] = image_bytes(figure)
-            yield
-        for name, figure in flight_figures(logs):
-            self.shown[name] = image_bytes(figure)
-            yield
+        figures["overview"] = overview_figure(logs, STEADY)
+        files = (partial(self._draw_file, name, figure) for name, figure in figures.items())
+        return [*files, *(partial(self._draw, name, make) for name, make in flight_figures(logs).items())]
+
+    def _draw_file(self, name: str, figure: Figure) -> None:
+        self.files[name] = image_bytes(figure, dpi=DPI)
+        figure.set_layout_engine("none")  # what is arranged already
+        self.shown[name] = image_bytes(figure)
+
+    def _draw(self, name: str, make: Callable[[], Figure]) -> None:
+        self.shown[name] = image_bytes(make())
 
 
 def reproduce(
