@@ -157,16 +157,16 @@ class Stepper:
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
         self._buffer = self._arguments.data  # written faster than the array
-        self._tables: tuple[Array, ...] = ()
         # who keeps the function alone keeps its arrays and its machine code, too
-        step.__dict__["needs"] = (self, kernel)
+        own = (self.carry, self.parameters, self.row, self.output, self._keys, self._arguments)
+        step.__dict__["needs"] = [kernel, own]
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
         """Set the arrays from which steps read their inputs and to which they write logs, one row per step."""
         if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
-        self._tables = rows, log
+        self.step.__dict__["needs"][2:] = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:

@@ -157,7 +157,7 @@ def compiled_once(
         if any(map(is_condition, (*symbols, *outputs))):
             return function(record)
         call = whole, lower(inputs, live(outputs), outputs), result
-        inner.close()
+        inner.close(lowered=True)
         known.append(call)
     graph, (_, lowered, shape) = symbols[0].graph, call
     block = graph.apply(lowered, symbols)

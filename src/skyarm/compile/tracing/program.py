@@ -241,5 +241,5 @@ def trace_loop(
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
-    graph.close()
+    graph.close(lowered=True)
     return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)

@@ -220,8 +220,15 @@ class Graph:
             {} if loops else None
         )
 
-    def close(self) -> None:
-        """Remove the values; a program has those that it needs, and without a cycle they are freed with it."""
+    def close(self, *, lowered: bool = False) -> None:
+        """Remove the values; a program has those that it needs, and without a cycle they are freed with it.
+
+        Args:
+            lowered: the program has been written in basic operations: the values need no operands any more, whatever
+                still refers to one of them.
+        """
+        for node in self.nodes if lowered else ():
+            node.args = ()
         self.nodes.clear()
         self._known.clear()
         if self.functions is not None:
