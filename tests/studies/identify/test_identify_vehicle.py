@@ -63,9 +63,8 @@ def measured(log, seed=0):
     return FlightData(name="flight", file="flight.npz", channels=made)
 
 
-@pytest.fixture(scope="module")
-def flight():
-    """Ten seconds of sines along and about all axes."""
+def flown(duration):
+    """Some seconds of sines along and about all axes."""
     base = of_vehicle(START)
     path = Trajectory(
         x=swings((0.3, 0.4, 0.0), (0.1, 0.9, 1.0)),
@@ -80,7 +79,7 @@ def flight():
                 base,
                 plant=dataclasses.replace(base.plant, vehicle=TRUTH),
                 reference=path,
-                duration=10.0,
+                duration=duration,
                 delays=Delays(measurement=0.005, command=DELAY),
                 sensors=(ideal,),
             )
@@ -89,8 +88,20 @@ def flight():
 
 
 @pytest.fixture(scope="module")
+def flight():
+    return flown(10.0)
+
+
+@pytest.fixture(scope="module")
 def found(flight):
     return identify_by_windows([flight], START)
+
+
+@pytest.fixture(scope="module")
+def longer():
+    """Flight of 14 s and what is found in it: in 10 s drift and roll inertia are not as sure as their tests ask."""
+    flight = flown(14.0)
+    return flight, identify_by_windows([flight], START)
 
 
 @pytest.mark.parametrize(
@@ -243,8 +254,9 @@ def weaker(flight, factor):
     return flight.with_channels({"rotor_speed_commands": Channel(time=told.time, values=values, source=told.source)})
 
 
-def test_drift_of_the_thrust_goes_on_over_gaps(flight, found):
+def test_drift_of_the_thrust_goes_on_over_gaps(longer):
     """Two gaps of 0.3 s in the gyro; the thrust is that of the take-off."""
+    flight, found = longer
     time, drift = flight["rotor_speed_commands"].time, -0.01
     made = weaker(flight, 1.0 + drift * (time - time[0]))
     gyro = made["gyro"]
@@ -340,8 +352,9 @@ def test_damping_that_no_data_sheet_has_is_searched():
     assert noisy.links[0].joint.damping == 0.0
 
 
-def test_the_accuracy_that_a_flight_allows_is_expected_before_the_search(flight, found):
+def test_the_accuracy_that_a_flight_allows_is_expected_before_the_search(longer):
     """Excited are the numbers that the search finds, with their intervals, but for a few."""
+    flight, found = longer
     expected = expected_numbers([flight], START)
     assert [each.name for each in expected] == [each.name for each in found.numbers]
     agreed = [a.is_excited == b.is_known for a, b in zip(expected, found.numbers, strict=True)]
