@@ -244,9 +244,9 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[str]:
-    """Write assembly for the addresses of variables one after the other, of number ``first`` on; yields their names.
+    """Write assembly for the addresses of variables in turn, from the offset ``first`` on; yields their names.
 
-    Each is a step of ``%lanes`` from the last: to multiply for every one made two thirds of a program's text.
+    Each is a step of ``%lanes`` from the last: a multiplication for every one was a quarter of a program's text.
     """
     at, skip = base, first
     for _ in range(count):

@@ -221,7 +221,7 @@ class Graph:
         )
 
     def close(self, *, lowered: bool = False) -> None:
-        """Remove the values; a program has those that it needs, and without a cycle they are freed with it.
+        """Empty the graph, so that its values are freed with the last program that uses them.
 
         Args:
             lowered: the program has been written in basic operations: the values need no operands any more, whatever

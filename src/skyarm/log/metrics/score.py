@@ -104,7 +104,7 @@ def _make_counter(
     totals: Totals,
     instant: MetricInstant,
 ) -> Callable[[Sequence[float], Array], Sequence[float]]:
-    """Function that counts on through a flight: from the totals before and the instants (N, numbers) to those after.
+    """Make the function that updates the totals of metrics over all instants (N, numbers) of a log.
 
     Args:
         counted: definitions of the totals.

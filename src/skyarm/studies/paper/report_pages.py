@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
-from typing import TYPE_CHECKING
 
 from skyarm.log.flight_log import Log
 from skyarm.records.files import file_names
@@ -46,6 +45,7 @@ from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.studies.paper.verdict_sentences import verdict
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
+from skyarm.view.figures.style import Picture
 from skyarm.view.pages import Mark, bullets, details, grouped_table, image, markdown, page, paragraph, table
 
 Cells = Mapping[str, Record]
@@ -258,9 +258,6 @@ def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> lis
     return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
 """plant -> case -> law -> log."""
 
@@ -364,7 +361,7 @@ def _kinds(case: str) -> dict[str, str]:
     return kinds | {"path": "path of the tip"} if case == "case3" else kinds
 
 
-def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> dict[str, Callable[[], Figure]]:
+def flight_figures(logs: Mapping[str, Mapping[str, Log]]) -> dict[str, Callable[[], Picture]]:
     """Functions that make the figures of a plant's flights over time, by name: base, joints and tip in each case.
 
     Args:

@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,11 +36,8 @@ from skyarm.studies.paper.report_pages import (
 from skyarm.studies.paper.report_text import LOOK, OVERVIEW
 from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
-from skyarm.view.figures.style import image_bytes
+from skyarm.view.figures.style import Picture, image_bytes
 from skyarm.view.pages import Facts, image
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
@@ -174,7 +170,7 @@ DPI = 300
 
 
 class Drawing:
-    """Pictures of the paper's flights, of which one after the other is drawn.
+    """Pictures of the paper's flights, drawn one figure at a time.
 
     Attributes:
         files: name -> PNG of the files of the paper's figures.
@@ -204,12 +200,12 @@ class Drawing:
         files = (partial(self._draw_file, name, figure) for name, figure in figures.items())
         return [*files, *(partial(self._draw, name, make) for name, make in flight_figures(logs).items())]
 
-    def _draw_file(self, name: str, figure: Figure) -> None:
+    def _draw_file(self, name: str, figure: Picture) -> None:
         self.files[name] = image_bytes(figure, dpi=DPI)
         figure.set_layout_engine("none")  # what is arranged already
         self.shown[name] = image_bytes(figure)
 
-    def _draw(self, name: str, make: Callable[[], Figure]) -> None:
+    def _draw(self, name: str, make: Callable[[], Picture]) -> None:
         self.shown[name] = image_bytes(make())
 
 

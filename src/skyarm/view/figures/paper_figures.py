@@ -12,14 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import Named, Span, end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
-from skyarm.view.figures.style import PAPER, CurveLook, Handles, Style, limits
+from skyarm.view.figures.style import PAPER, CurveLook, Handles, Picture, Style, limits
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Value at which an axis stops growing with a diverged episode, by unit."""
@@ -148,7 +147,7 @@ def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
     return np.add.reduceat(log.time, starts) / counts, np.add.reduceat(curve, starts) / counts
 
 
-def paper_figures(logs: Mapping[str, Named], windows: Mapping[str, Window]) -> dict[int, Figure]:
+def paper_figures(logs: Mapping[str, Named], windows: Mapping[str, Window]) -> dict[int, Picture]:
     """Draw Figures 3 to 18 of Barakou et al. 2026 from logs; returns figures by their number.
 
     Args:
@@ -165,7 +164,7 @@ def paper_figures(logs: Mapping[str, Named], windows: Mapping[str, Window]) -> d
     }
 
 
-def _draw(number: int, spec: PaperFigure, logs: Named, window: Window | None) -> Figure:
+def _draw(number: int, spec: PaperFigure, logs: Named, window: Window | None) -> Picture:
     """Draw one figure of Barakou et al. 2026: a curve per controller and the reference."""
     figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
@@ -206,7 +205,7 @@ def _law_look(name: str, i: int) -> CurveLook:
     return PAPER.look(PLACES.get(name, 2 + i))
 
 
-def overview_figure(logs: Mapping[str, Named], steady: Window) -> Figure:
+def overview_figure(logs: Mapping[str, Named], steady: Window) -> Picture:
     """Draw tip path and tip error of Case 3, and the base position in the gust of Case 2, side by side.
 
     Args:
