@@ -23,7 +23,8 @@ def step_of(par: Any, state: Any, dt: float = 0.005, **known: Any) -> Any:
     """A step of the law; its memory's following, trim and applied may be given."""
     memory = SimpleNamespace(**{"following": Following(), "trim": (), "applied": (1.0,), **known})
     blank: dict[str, Any] = dict.fromkeys(("measurement", "reference", "timing", "seen"))
-    return Step(par=par, memory=memory, dt=dt, motion=ReferenceMotion(signals=()), state=state, **blank)
+    blank |= {"vehicle": par.model.vehicle, "motion": ReferenceMotion(signals=())}
+    return Step(par=par, memory=memory, dt=dt, state=state, **blank)
 
 
 def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZERO3, **rates: Vec3) -> Any:
@@ -34,7 +35,8 @@ def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZE
 
 def planned(par: Any, state: Any, signals: Any, dt: float, following: Any) -> Any:
     """Planned course of a step in still air, from a state of the base's shift."""
-    return plan(step_of(par, state, dt, following=following), signals, Foreseen(unknown=None, steady=ZERO3))
+    effect = Effect(signals=signals, unknown=None, force=None)
+    return plan(step_of(par, state, dt, following=following), effect, Foreseen(unknown=None, steady=ZERO3))
 
 
 def commanded(par: Any, state: Any, unknown: Any, demand: Any, dt: float, **memory: Any) -> Any:

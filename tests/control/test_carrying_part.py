@@ -6,10 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors
 from skyarm.control.controller import ControllerError, part_of
@@ -23,6 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.reference import Reference, hover
 from skyarm.reference.carry import Carry
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle import Body
 
 VEHICLE = skyarm.load_vehicle("hexarotor_arm6")
 POSTURE = (0.2, 0.6, -1.0, 0.3, 0.5, -0.4)
@@ -30,9 +32,9 @@ FORCE, MOMENT = Vec3(1.5, -0.7, -8.0), Vec3(0.2, 0.1, -0.3)
 DT = 0.005
 
 
-def law(**options):
+def law(vehicle=VEHICLE, **options):
     chosen = {"mode": "tip", "carrying": 1.0, "adaptation": 0.0, "bandwidth": 1.0, **options}
-    return make_centroidal(Model(vehicle=VEHICLE, gravity=9.81), **chosen)
+    return make_centroidal(Model(vehicle=vehicle, gravity=9.81), **chosen)
 
 
 def at_rest(controller, carry=(), yaw=0.0):
@@ -193,20 +195,127 @@ def test_gains_become_those_of_carrying_while_a_load_is_held():
     assert soft.observer.force == pytest.approx(factor * controller.par.observer.force)
 
 
-def test_a_shift_of_the_tip_is_that_of_the_reference():
-    controller = law()
-    offset, rate, acceleration = Vec3(0.01, -0.02, 0.005), Vec3(0.02, 0.01, -0.03), Vec3(0.3, 0.2, -0.5)
-    shift = {"offset": offset, "offset_rate": rate, "offset_acceleration": acceleration}
+def settled(numbers, w, times):
+    """Value, rate and acceleration of a filter with two poles at -w at some times, whose input stays."""
+    value, rate, acceleration = numbers
+    goal = value + 2.0 * rate / w + acceleration / w**2
+
+    def bend(x, v):
+        return w * w * (goal - x) - 2.0 * w * v
+
+    flown = solve_ivp(lambda _, y: (y[1], bend(*y)), (0.0, max(times)), (value, rate), "DOP853", times, rtol=1e-12)
+    return [(x, v, bend(x, v)) for x, v in flown.y.T]
+
+
+def test_a_shift_of_the_tip_is_that_of_the_reference_and_of_its_preview():
+    controller, w = law(), 9.0
+    rows = (0.01, 0.02, 0.3), (-0.02, 0.01, 0.2), (0.005, -0.03, -0.5)
+    offset, rate, acceleration = (Vec3(*each) for each in zip(*rows, strict=True))
+    shift = {"offset": offset, "offset_rate": rate, "offset_acceleration": acceleration, "settling": w}
     reference, measured = at_rest(controller, carrying(**shift))
+    coming = np.reshape(reference.ahead, (-1, 10, 3)).copy()
     plain = dataclasses.replace(reference, carry=carrying())
-    moved = dataclasses.replace(
+    now = dataclasses.replace(
         plain, position=plain.position + offset, velocity=plain.velocity + rate, acceleration=acceleration
     )
-    rows = [controller.law(controller.memory, measured, each, DT, par=controller.par)[1] for each in (reference, moved)]
-    assert np.allclose(rows[0].efforts, rows[1].efforts, atol=1e-9)
-    assert np.allclose(rows[0].rotor_speeds, rows[1].rotor_speeds, atol=1e-6)
-    still = controller.law(controller.memory, measured, plain, DT, par=controller.par)[1]
-    assert not np.allclose(rows[0].rotor_speeds, still.rotor_speeds, atol=1.0)
+    times = controller.par.preview[2:]  # the first two samples continue the reference between its samples
+    coming[2:, :3] += np.array([settled(each, w, times) for each in rows]).transpose(1, 0, 2)
+    moved = dataclasses.replace(now, ahead=tuple(coming.ravel()))
+    first, second, late, still = (
+        controller.law(controller.memory, measured, each, DT, par=controller.par)[1]
+        for each in (reference, moved, now, plain)
+    )
+    assert np.allclose(first.efforts, second.efforts, atol=1e-9)
+    assert np.allclose(first.rotor_speeds, second.rotor_speeds, atol=1e-6)
+    for other in (late, still):
+        assert not np.allclose(first.rotor_speeds, other.rotor_speeds, atol=1.0)
+
+
+LOAD = 0.8
+"""Mass (kg) that the tip moves."""
+
+
+def loaded_memory(controller, ahead=None, mass=LOAD):
+    """Memory of a law that was told of a load one period ago, compensated so in advance."""
+    part = dataclasses.replace(controller.memory.parts.carrying, mass=mass)
+    part = part if ahead is None else dataclasses.replace(part, ahead=ahead)
+    return dataclasses.replace(controller.memory, parts=dataclasses.replace(controller.memory.parts, carrying=part))
+
+
+def test_what_the_model_has_of_a_load_is_no_known_wrench_as_well():
+    controller, h = law(carried_inertia=0.6), 1e-4
+    part, motion = controller.par.parts.carrying, Vec3(0.4, -0.9, 1.3)
+    rates, bends = np.linspace(-1.0, 1.5, 6), np.linspace(3.0, -2.0, 6)
+    turn, rate, bend = 0.7, -0.8, 1.6
+
+    def tip(t):
+        heading, q = turn + t * rate + 0.5 * t * t * bend, POSTURE + t * rates + 0.5 * t * t * bends
+        arm = Rotation.from_euler("z", heading).apply([*frame_pose(VEHICLE, VEHICLE.frame(), q).p])
+        return 0.5 * t * t * np.array([*motion]) + arm
+
+    proper = (tip(h) - 2.0 * tip(0.0) + tip(-h)) / h**2 + [0.0, 0.0, 9.81]
+    told = dataclasses.replace(Carry.none(), held=1.0, force=FORCE, moment=MOMENT, heading=Vec3(0.2, 0.3, -0.4))
+    reference = Reference(
+        acceleration=motion,
+        yaw=turn - 0.2,
+        yaw_rate=rate - 0.3,
+        yaw_acceleration=bend + 0.4,
+        joints=POSTURE,
+        joint_rates=tuple(rates),
+        joint_accelerations=tuple(bends),
+        carry=told.numbers,
+    )
+    memory = loaded_memory(controller).parts.carrying
+    known = part.feedforward(memory, controller.par, reference)[1]
+    left = FORCE + Vec3(*(0.6 * LOAD * proper))
+    wanted = planned_effect(VEHICLE, reference, told, left, MOMENT)
+    for name in ("force", "torque", "efforts"):
+        assert np.allclose([*getattr(known, name)], [*getattr(wanted, name)], atol=1e-5)
+    model, alone = part.adjust_gains(memory, controller.par, DT).model.vehicle, VEHICLE
+    assert float(model.mass) == pytest.approx(float(alone.mass) + 0.6 * LOAD)
+    change = model.links[-1].body.com * float(model.links[-1].body.mass)
+    change = change - alone.links[-1].body.com * float(alone.links[-1].body.mass)
+    assert np.allclose([*change], [0.6 * LOAD * c for c in alone.frame().position], atol=1e-12)
+
+
+@pytest.mark.parametrize("inertia", [0.0, 0.6])
+def test_the_estimate_is_of_the_whole_load_and_the_limits_of_the_vehicle_alone(inertia):
+    controller = law(carried_inertia=inertia)
+    weight = Vec3(0.0, 0.0, -LOAD * 9.81)
+    told = dataclasses.replace(Carry.none(), held=1.0, force=weight, mass=LOAD)
+    reference, measured = at_rest(controller, told.numbers)
+    ahead = planned_effect(VEHICLE, reference, told, weight * (1.0 - inertia), ZERO3)
+    memory, _ = controller.law(loaded_memory(controller, ahead), measured, reference, DT, par=controller.par)
+    found = part_of(memory, "carrying")
+    plain, _ = law().law(law().memory, measured, reference, DT, par=law().par)
+    assert np.allclose([*found.force], [*weight], atol=0.1)
+    assert np.allclose([found.limits.weight], [part_of(plain, "carrying").limits.weight], rtol=1e-6)
+    assert float(found.mass) == LOAD
+
+
+def test_a_load_in_the_model_stiffens_the_arm_as_that_of_the_vehicle_does():
+    off = tuple(q + d for q, d in zip(POSTURE, (0.01, -0.02, 0.015, 0.02, 0.01, -0.03), strict=True))
+    tip, told = VEHICLE.frame(), dataclasses.replace(Carry.none(), held=1.0, mass=LOAD)
+    heavier = VEHICLE.with_body(tip.link, Body(mass=LOAD, com=tip.position, inertia=Sym3(0.0, 0.0, 0.0)))
+    begin, changes = law(heavier).memory, []
+    for vehicle, inertia, force in ((VEHICLE, 0.0, -LOAD * 9.81), (VEHICLE, 1.0, -LOAD * 9.81), (heavier, 0.0, 0.0)):
+        controller = law(carried_inertia=inertia)
+        par = dataclasses.replace(controller.par, model=Model(vehicle=vehicle, gravity=9.81))  # with the same gains
+        carry = dataclasses.replace(told, force=Vec3(0.0, 0.0, force))
+        reference, measured = at_rest(controller, carry.numbers)
+        measured = dataclasses.replace(measured, rotor_speeds=begin.sent.rotor_speeds)
+        left = Vec3(0.0, 0.0, force * (1.0 - inertia))
+        memory = dataclasses.replace(
+            begin, parts=loaded_memory(controller, planned_effect(vehicle, reference, carry, left, ZERO3)).parts
+        )
+        rows = [
+            controller.law(memory, dataclasses.replace(measured, joints=q), reference, DT, par=par)[1]
+            for q in (POSTURE, off)
+        ]
+        changes.append(np.subtract(rows[1].efforts, rows[0].efforts))
+    plain, loaded, own = changes
+    assert np.allclose(loaded, own, rtol=0.01, atol=1e-3)
+    assert not np.allclose(plain, own, rtol=0.2, atol=2e-2)
 
 
 def test_the_error_of_the_tip_is_that_of_its_shifted_reference():
@@ -264,6 +373,8 @@ def test_a_law_without_the_part_or_without_a_carry_is_the_one_before():
         ({"carrying": -1.0}, "controller.carrying = -1.0: must be at least 0"),
         ({"mode": "joint"}, "controller.carrying = 1.0: must be 0 but in mode 'tip' with joints"),
         ({"load": 0.3}, "controller.carrying = 1.0: must be 0 beside load"),
+        ({"carrying": 0.0, "carried_inertia": 0.5}, "controller.carried_inertia = 0.5: must be 0 without carrying"),
+        ({"carried_inertia": 3.0}, "controller.carried_inertia = 3.0: must be at most 2"),
         ({"interaction": (0.5, 0.2)}, "controller.carrying = 1.0: must be 0 beside interaction"),
     ],
 )

@@ -46,6 +46,7 @@ def carried(par, memory, told, on, alone=PULLED, unknown=None, effects=None):
     none = Disturbance(force=zero, torque=zero, efforts=(0, 0))
     step = Step(
         par=par,
+        vehicle=par.model.vehicle,
         memory=memory,
         measurement=blank_measurement(2, 4),
         reference=Reference(load=(told,)),

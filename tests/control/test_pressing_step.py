@@ -45,6 +45,7 @@ def press(gains, par, memory, push, signals, observed, sent, state, unknown, tip
     load = SimpleNamespace(mass=weight / par.model.gravity)
     step = Step(
         par=par,
+        vehicle=par.model.vehicle,
         memory=SimpleNamespace(sent=sent, parts=SimpleNamespace(load=load)),
         measurement=SimpleNamespace(tip_force=tip_force),
         reference=SimpleNamespace(push=push),

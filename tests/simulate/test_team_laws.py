@@ -41,7 +41,7 @@ def bar(law: str = "object_wrench", stiffness: float = 1e4, **team: Any) -> dict
     for grasp in tables["world"]["grasps"]:
         grasp |= {"stiffness": stiffness, "damping": 0.6 * (0.06 * stiffness) ** 0.5}
     if law == "own_paths":
-        del tables["controller"]["carrying"]
+        del tables["controller"]["carrying"], tables["controller"]["carried_inertia"]
     return tables
 
 
@@ -404,7 +404,7 @@ def test_a_wrong_team_is_refused_in_one_line(change, words):
 
 def test_a_law_that_takes_no_instructions_is_refused():
     tables = bar()
-    del tables["controller"]["carrying"]
+    del tables["controller"]["carrying"], tables["controller"]["carried_inertia"]
     with pytest.raises(skyarm.ScenarioError, match=r"agents\.left\.controller\.carrying: must be above 0, as 0\.7"):
         skyarm.scenario_from(tables)
 

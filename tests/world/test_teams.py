@@ -85,7 +85,7 @@ def test_one_member_that_is_left_bears_all_and_none_bears_nothing():
         assert np.allclose([*left.turn_error(turned, matrix(Rotation.identity()))], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("rate", "count"), [(150.0, 300), (200.0, 400), (50.0, 100), (0, 400)])
+@pytest.mark.parametrize(("rate", "count"), [(150.0, 300), (200.0, 400), (50.0, 100), (0, 400), (0.0, 400)])
 def test_messages_are_sent_at_their_rate_although_it_does_not_divide_that_of_control(rate, count):
     whole = team(rate=rate)
     own, sent = whole.first(DT), 0
@@ -550,14 +550,20 @@ def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
     assert bounds[0] < bounds[3]
 
 
+def prompt_rate(whole):
+    """Rate (1/s) at which observers forget an internal force that the others hear late."""
+    late = whole.delay + (0.5 / whole.rate if whole.rate else 0.0)
+    return whole.blind / (1.0 + whole.blind * late)
+
+
 def heard_pull(whole, count, drawn=lambda k: ()):
     own, seen = whole.first(DT), []
     for k in range(count):
         pull = float(k + 1)
         given = inputs(whole, 5.0, forces=[(-pull, 0.0, 0.0), (pull, 0.0, 0.0)])
         own, rows = whole.lead(own, dataclasses.replace(given, drawn=drawn(k)), DT)
-        seen.append(Carry.of(rows[0]).forgotten_force.x / whole.blind)
-    return seen, whole.further_logged(own)
+        seen.append(Carry.of(rows[0]).forgotten_force.x)
+    return np.divide(seen, prompt_rate(whole)), whole.further_logged(own)
 
 
 def test_messages_at_a_rate_are_those_of_the_last_sending():
@@ -586,7 +592,7 @@ def test_late_messages_are_those_of_some_periods_before():
     for k in range(6):
         pull = float(k + 1)
         own, rows = whole.lead(own, inputs(whole, 5.0, forces=[(-pull, 0.0, 0.0), (pull, 0.0, 0.0)]), DT)
-        seen.append(Carry.of(rows[0]).forgotten_force.x / whole.blind)
+        seen.append(Carry.of(rows[0]).forgotten_force.x / prompt_rate(whole))
     assert np.allclose(seen, [0.0, 0.0, 0.0, 1.0, 2.0, 3.0], atol=1e-5)
     with pytest.raises(ValueError, match=r"delay = 0\.007: must be a whole number of control periods of 0\.005 s"):
         team(delay=0.007).require_members(("a0", "a1"), DT)

@@ -28,6 +28,10 @@ class Carry:
     heading: Annotated[
         Vec3, Unit("rad", "turn of the reference's heading about the tip, its rate and acceleration")
     ] = ZERO3
+    settling: Annotated[
+        Scalar, Unit("rad/s", "bandwidth at which the shift settles: its rate dies out so in the preview")
+    ] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "mass of the load that the tip moves, its share")] = 0.0
 
     @property
     def numbers(self) -> Scalars:
@@ -44,4 +48,4 @@ class Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
         zero = Vec3(0.0, 0.0, 0.0)
         names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate", "heading")
-        return cls(held=0.0, offset_acceleration=zero, **dict.fromkeys(names, zero))
+        return cls(held=0.0, offset_acceleration=zero, settling=0.0, mass=0.0, **dict.fromkeys(names, zero))

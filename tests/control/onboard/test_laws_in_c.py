@@ -81,16 +81,18 @@ def test_a_law_on_rotors_that_tilt_has_the_bits_of_python_in_c(tmp_path, sideway
 
 
 @needs_cc
-def test_instructions_of_a_team_and_the_force_at_the_tip_are_in_c(tmp_path):
+@pytest.mark.parametrize("inertia", [0.0, 0.2])
+def test_instructions_of_a_team_and_the_force_at_the_tip_are_in_c(tmp_path, inertia):
     vehicle = skyarm.load_vehicle("hummingbird_arm2")
-    controller = make_controller("centroidal", Model(vehicle=vehicle), mode="tip", carrying=0.7)
+    options = {"mode": "tip", "carrying": 0.7, "carried_inertia": inertia}
+    controller = make_controller("centroidal", Model(vehicle=vehicle), **options)
     text = text_of(controller)
-    assert re.search(r"double carry\[25\];", text)
+    assert re.search(r"double carry\[27\];", text)
     assert "Memory, parts, carrying: estimated force (N) and moment (N m)" in text
     in_c, memory = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off")), controller.memory
     rows = inputs("hummingbird_arm2", count=12, preview=len(preview_leads(controller.par)))
     for k, (measurement, reference) in enumerate(rows):
-        carry = (float(k > 4), *(0.01 * k * (i - 9.0) for i in range(24)))
+        carry = (float(k > 4), *(0.01 * k * (i - 9.0) for i in range(26)))
         given = dataclasses.replace(reference, carry=carry)
         memory, command = controller.law(memory, measurement, given, 0.005, par=controller.par)
         assert same_bits(in_c(measurement, given), [float(x) for x in (*command.rotor_speeds, *command.efforts)])

@@ -387,7 +387,8 @@ def _carry_lines(controller: Controller) -> list[str]:
     return [
         "Reference, carry: 1 in a grasp, else 0; then, three numbers each in world axes: known force (N) and moment",
         "(N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave the observer, shift of the tip (m),",
-        "its rate, its acceleration; turn of the heading about the tip (rad), its rate, its acceleration.",
+        "its rate, its acceleration; turn of the heading about the tip (rad), its rate, its acceleration; at last the",
+        "bandwidth at which the shift settles (rad/s), and the mass of the load that the tip moves (kg).",
         "Memory, parts, carrying: estimated force (N) and moment (N m) on the tip.",
     ]
 

@@ -20,7 +20,7 @@ from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding, at_least, at_most
-from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
+from skyarm.studies.assess.flight_loads import FlightPart, Load, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
 
@@ -59,7 +59,7 @@ class Followed:
     position: Array
 
 
-def along_reference(scenario: Scenario, *, clearance: bool = False) -> list[Finding]:
+def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Sequence[Load] = ()) -> list[Finding]:
     """Check the reference against joint limits, and find when rotors or joints would saturate.
 
     The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
@@ -69,8 +69,9 @@ def along_reference(scenario: Scenario, *, clearance: bool = False) -> list[Find
     Args:
         scenario: scenario of one vehicle.
         clearance: whether distances of its bodies from surfaces and from each other are found, too.
+        carried: its shares of bodies that several vehicles carry.
     """
-    parts = flight_parts(scenario)
+    parts = flight_parts(scenario, carried)
     followed = follow(parts)
     demand, vehicle = followed.demand, scenario.agent.plant.vehicle
     findings = _joint_limits(scenario, demand)

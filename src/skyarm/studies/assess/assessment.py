@@ -31,7 +31,7 @@ from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, rotor_layout
-from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, load_of, losses
+from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
@@ -198,7 +198,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         one, plant = scenario.of(name), scenario.of(name).agent.plant
         about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
         try:
-            along = [*along_reference(one, clearance=True), *push_limits(one)]
+            carried = carried_loads(scenario, name, bodies)
+            along = [*along_reference(one, clearance=True, carried=carried), *push_limits(one)]
             along += load_of(scenario, name, bodies, payload)
         except AllocationError:  # said by the vehicle's own findings
             along = []

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.causes import ALARMS, causes_first
 from skyarm.studies.assess.finding import FAULT, UNITS, WARNING, finding_of_line
+from skyarm.studies.assess.flight_loads import Load
+from skyarm.studies.assess.load_sharing import balances, carried_loads
 from skyarm.studies.assess.push_limits import largest_push, push_limits
 
 
 def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about suspicious values, a reference beyond limits, and a contact force that cannot be held."""
     if len(scenario.agents) > 1:
-        found = {name: warnings_before_flight(scenario.of(name)) for name in scenario.agents}
+        bodies = balances(scenario) if scenario.team is not None else []
+        loads = {name: carried_loads(scenario, name, bodies) for name in scenario.agents}
+        found = {name: _warnings_of(scenario.of(name), carried) for name, carried in loads.items()}
         first, *others = found.values()
         shared = [line for line in first if all(line in lines for lines in others)]  # as those of the world
         own = [f"{name}: {line}" for name, lines in found.items() for line in lines if line not in shared]
         return [*shared, *own]
+    return _warnings_of(scenario, ())
+
+
+def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
+    """Warnings about the flight of one vehicle with its shares of bodies that several carry."""
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    findings, pushing = along_reference(scenario), push_limits(scenario)
+    findings, pushing = along_reference(scenario, carried=carried), push_limits(scenario)
     if at is not None and scenario.worlds:
         from skyarm.studies.assess.pressing_flights import contact_steps  # which can fly batches
 

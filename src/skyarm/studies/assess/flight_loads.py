@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -58,11 +58,14 @@ class FlightPart:
     words: str
 
 
-def flight_parts(scenario: Scenario) -> list[FlightPart]:
-    """Divide a scenario's flight into time intervals of constant payload and parameters, in order."""
+def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[FlightPart]:
+    """Divide a scenario's flight into time intervals of constant payload and parameters, in order.
+
+    ``carried`` are loads beside the scenario's payloads: shares of bodies that several vehicles carry.
+    """
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
     scenario = dataclasses.replace(scenario, changes=of_the_world)
-    loads = _payloads(scenario)
+    loads = [*_payloads(scenario), *carried]
     changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
     edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}
     cuts = [0.0, *sorted(t for t in edges if 0.0 < t < scenario.duration), scenario.duration]

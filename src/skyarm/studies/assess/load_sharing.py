@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
@@ -24,8 +24,10 @@ from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
 from skyarm.studies.assess.causes import ALARMS
 from skyarm.studies.assess.finding import NOTE, OK, WARNING, Finding
+from skyarm.studies.assess.flight_loads import Load
 from skyarm.studies.assess.joints import joint_torques
 from skyarm.studies.assess.thrust import thrust_margin, torque_authority
+from skyarm.vehicle import Body, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.contact.contact import Contact
@@ -222,6 +224,26 @@ def load_of(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: f
 def _spare(margin: Finding) -> str:
     """Words for a thrust margin; empty if it is not known."""
     return "" if math.isnan(margin.value) else f", with {margin.value - 1.0:+.0%} of thrust margin"
+
+
+def carried_loads(scenario: Scenario, name: str, bodies: Sequence[Balance]) -> list[Load]:
+    """Share of one vehicle in the body that its team carries, a point mass at its grasp from lift to place."""
+    team, gravity = scenario.team, float(scenario.agents[name].plant.gravity)
+    if team is None or team.motion is None or not gravity:
+        return []
+    loads = []
+    for each in bodies:
+        frames = [grasp.frame or None for grasp in each.grasps if grasp.agent in ("", name)]
+        mass = each.share(name) / gravity
+        if each.body != team.object or not frames or not mass > 0.0:
+            continue
+
+        def point(vehicle: Vehicle, frame: str | None = frames[0], mass: float = mass) -> tuple[int, Body]:
+            at = vehicle.frame(frame)
+            return at.link, Body(mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0))
+
+        loads.append(Load(each.body, float(team.motion.lift), float(team.motion.stop), mass, point))
+    return loads
 
 
 def balance_of_bodies(bodies: Sequence[Balance]) -> list[Finding]:

@@ -93,5 +93,6 @@ class Decentralised(Sharing):
                 offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
             )
             after.append(moved)
-            carries.append(carry_of(inputs.holding, (moved.offset, moved.rate, bend), -asking))
+            shift, borne = (moved.offset, moved.rate, bend), state.mass * share
+            carries.append(carry_of(inputs.holding, shift, -asking, settling=self.filter, mass=borne))
         return tuple(after), tuple(carries)

@@ -82,8 +82,9 @@ class LeaderFollower(Sharing):
         loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
         after, carries = [], []
         pulls = self.along(self.desired_tensions(inputs.time), arms)
-        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, pulls, strict=True)
-        for member, body, line, force, load, pull in rows:
+        masses, settling = self.masses_moved(share), divide(0.5 * self.damping, self.virtual_mass)
+        rows = zip(self.members, own, self.outward(arms), inputs.forces, loads, pulls, masses, strict=True)
+        for member, body, line, force, load, pull, mass in rows:
             bend: Scalar = 0.0
             moved = body
             if member.agent != leader:
@@ -95,5 +96,5 @@ class LeaderFollower(Sharing):
                 moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
             after.append(moved)
             shift = (line * moved.offset, line * moved.rate, line * bend)
-            carries.append(carry_of(inputs.holding, shift))
+            carries.append(carry_of(inputs.holding, shift, settling=settling, mass=mass * inputs.holding))
         return tuple(after), tuple(carries)

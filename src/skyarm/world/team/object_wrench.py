@@ -24,8 +24,10 @@ observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
     m p^3 + (c + m W) p^2 + (k + c W + K) p + k W + K w,   W = w_o + w,
 
 and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the places of the tips, in the axes
-of the body, removes the rest. All shifts pass (p + filter)^2, of which the members get value, rate and acceleration;
-the proportional part passes one pole more, so that noise of the pose does not shake the rotors.
+of the body, removes the rest. Over messages that are late by L in the mean, both act through a delay: w is divided by
+1 + w L, and the rate of the integral by its square, so that w L stays below 1. All shifts pass (p + filter)^2, of which
+the members get value, rate and acceleration; the proportional part passes one pole more, so that noise of the pose does
+not shake the rotors.
 """
 
 from __future__ import annotations
@@ -302,9 +304,11 @@ class ObjectWrench(Sharing):
         ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
         missing, spin = course.then.velocity - inputs.body.velocity, E_Z * (course.then.rate.z - inputs.body.turning.z)
         slip = Vec3(missing.x, missing.y, 0.0)
-        step = 0.5 * self.pull_gain * dt
+        prompt = self._promptness
+        step = 0.5 * self.pull_gain * prompt * prompt * dt
         inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
-        shifts, carries, blind, w = [], [], self.blind * (1.0 + STANDING * standing), self.filter
+        moved_masses = team.masses_moved(share)
+        shifts, carries, blind, w = [], [], self.blind * prompt * (1.0 + STANDING * standing), self.filter
         for i, member in enumerate(self.members):
             shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
             target = ahead + aslant.cross(arms[i]) + R.apply(inner[i]) + course.lower
@@ -318,7 +322,7 @@ class ObjectWrench(Sharing):
             moment = moments[i] * share
             of_moment = (moment - inputs.moments[i]) * (h * self.blind_moments if member.kind == "fixed" else 0.0)
             forgotten = excess[i] * blind, of_moment
-            carries.append(carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading))
+            carries.append(carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading, w, moved_masses[i]))
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
@@ -362,6 +366,18 @@ class ObjectWrench(Sharing):
             askew=as_data(shorten(pose.askew + (askew - pose.askew) * near, FARTHEST)),
             waiting=waiting,
         )
+
+    @property
+    def _promptness(self) -> Scalar:
+        """Factor on the rate ``blind``, and its square on ``pull_gain``: 1 if messages come at once."""
+        if absent(self.rate) and not self.delay:
+            return 1.0
+        return divide(1.0, 1.0 + self.blind * (self.delay + 0.5 * self._interval))
+
+    @property
+    def _interval(self) -> Scalar:
+        """Time (s) between two messages of a member; 0: it sends one in every control period."""
+        return 0.0 if absent(self.rate) else where(self.rate > 0.0, divide(1.0, maximum(self.rate, SMALL)), 0.0)
 
     @property
     def _start(self) -> Scalar:
@@ -419,7 +435,8 @@ class ObjectWrench(Sharing):
     def _send(self, own: WrenchMemory, inputs: TeamInputs, dt: float) -> tuple[tuple[ForceMessage, ...], Scalar]:
         """Last messages of the members that were not lost, and the time (s) since the members sent some."""
         since = own.since + dt
-        now = 1.0 if absent(self.rate) else where(since * self.rate < 1.0 - 1e-6, 0.0, 1.0)
+        interval = self._interval
+        now = 1.0 if absent(self.rate) else where(since < interval * (1.0 - 1e-6), 0.0, 1.0)
         sent = []
         for each, force, u in zip(own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True):
             through = now * where(u < self.loss, 0.0, 1.0)
@@ -430,5 +447,5 @@ class ObjectWrench(Sharing):
                     lost=data(each.lost + now - through),
                 )
             )
-        left = 0.0 if absent(self.rate) else since - divide(now, self.rate)
-        return tuple(sent), where(left * self.rate > 1.0, 0.0, left)  # after the first message, which is sent at once
+        left = 0.0 if absent(self.rate) else since - now * interval
+        return tuple(sent), where(left > interval, 0.0, left)  # after the first message, which is sent at once

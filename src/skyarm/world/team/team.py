@@ -596,6 +596,12 @@ class Sharing(Team):
         """Fraction of the load that the members bear at a time (s): 1 from lift to place."""
         return 0.0 if self.motion is None else load_fraction(self.motion, t, self.rise)
 
+    def masses_moved(self, share: Scalar) -> list[Scalar]:
+        """Mass (kg) of the body that each tip moves, where the members bear a ``share`` of the load."""
+        masses = [each.mass for each in self.members]
+        whole = divide(self.mass * share, maximum(sum(masses, 0.0), FLOOR))
+        return [whole * each for each in masses]
+
     def desired_tensions(self, t: Scalar) -> list[Scalar]:
         """Desired pull (N) along the line of each pair of grasps at a time (s)."""
         return [pull * self.fraction(t) for pull in self.internal_forces or [self.internal_force] * len(self.pairs)]
@@ -661,6 +667,8 @@ def carry_of(
     moment: Vec3 = ZERO3_DATA,
     forgotten: Sequence[Vec3] = NOTHING,
     heading: Vec3 = ZERO3_DATA,
+    settling: Scalar = 0.0,
+    mass: Scalar = 0.0,
 ) -> Scalars:
     """Instructions to one member as numbers.
 
@@ -671,6 +679,8 @@ def carry_of(
         moment: known moment of the body on the tip, N m, world axes.
         heading: turn of its heading about the tip, rad, with rate and acceleration.
         forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on the tip, world axes.
+        settling: bandwidth at which the shift settles, rad/s.
+        mass: kg, of the body that the tip moves.
     """
     offset, rate, acceleration = map(as_data, shift)
     return Carry(
@@ -683,4 +693,6 @@ def carry_of(
         offset_rate=rate,
         offset_acceleration=acceleration,
         heading=as_data(heading),
+        settling=data(settling),
+        mass=data(mass),
     ).numbers

@@ -79,7 +79,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationD
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = effect.signals[3], tuple(effect.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = plan(step, effect.signals, coming)
+    course = plan(step, effect, coming)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if arm:
@@ -142,12 +142,12 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationD
     return demand, dataclasses.replace(course.following, arm=arm)
 
 
-def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMotion:
+def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
     """Desired motion of base and arm in one step; in tip mode the joints compensate the base's tilt.
 
     Attitude and drag along the path are those of the base as it shifts.
     """
-    par, before, dt = step.par, step.memory.following, step.dt
+    par, before, dt, signals = step.par, step.memory.following, step.dt, effect.signals
     model, force_rate, steady = par.model, coming.rate, coming.steady
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
@@ -158,7 +158,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMoti
     if before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drag=drag_rate)
-        moved, shift = bounded_shift(par, before.shift, base, yaw, joints, level, acting, step.motion.ahead, dt)
+        moved, shift = bounded_shift(par, before.shift, base, yaw, joints, level, acting, effect.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     # the planned centre of mass itself says what force it requires

@@ -90,7 +90,7 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    part_memories, touching = memory.parts, par.parts.touching()
+    part_memories, touching, vehicle = memory.parts, par.parts.touching(), par.model.vehicle
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
@@ -98,6 +98,7 @@ def centroidal(
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
+        vehicle=vehicle,
         memory=memory,
         measurement=measurement,
         reference=reference,
@@ -107,7 +108,7 @@ def centroidal(
         seen=seen,
         state=present(par, timing, seen, dt),
     )
-    effect = Effect(signals=motion.signals, unknown=seen.unknown, force=seen.observed.force)
+    effect = Effect(signals=motion.signals, ahead=motion.ahead, unknown=seen.unknown, force=seen.observed.force)
     memories: dict[str, Any] = {}
     for name, part in touching:
         memories[name], effect = part.affect(getattr(part_memories, name), step, effect)

@@ -33,6 +33,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle import Vehicle
 
 Gains = TypeVar("Gains", bound=Dataclass)
 
@@ -215,12 +216,13 @@ class Step:
     """Inputs of one control step, as passed to the optional parts of the centroidal law.
 
     Attributes:
-        par: constants of this step. dt: s.
+        par: constants of this step. dt: s. vehicle: the model without what optional parts know of a load.
         memory: :class:`skyarm.control.laws.centroidal.law.CentroidalMemory`, one period earlier.
         state: when a command of this step acts.
     """
 
     par: CentroidalParameters
+    vehicle: Vehicle
     memory: Any
     measurement: Measurement
     reference: Reference

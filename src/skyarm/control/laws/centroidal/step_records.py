@@ -70,7 +70,8 @@ class Effect:
     """Changes of a control step due to tip contact: shifted reference, compensated disturbance, stopped adaptation.
 
     Attributes:
-        signals: shifted signals of the reference. unknown: compensated disturbance.
+        signals: shifted signals of the reference. ahead: shifted samples to come, each with its time from then, s.
+        unknown: compensated disturbance.
         force: external force that the posture follows, N, world axes.
         learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
         external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
@@ -89,6 +90,7 @@ class Effect:
     links: Scalars = ()
     forgets: Disturbance | None = None
     force_rate: Vec3 = ZERO3
+    ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
 
     def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
         """Changes of a control step, with adaptation also stopped where ``share`` is 0 because of an external force.

@@ -7,6 +7,11 @@ it. Taken at the observed pose, it would swing the arm in its plane.
 The force and moment at the tip are the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of
 what feed-forward and observer have together, beyond a bias that follows them until the load is taken and then stands.
 
+A load of which only wrenches are known has no inertia in the model: the feedback of the tip is too weak for it, and a
+heavy one swings after a gust. So the model can have a part of its mass, at the tip. Weight and planned acceleration of
+this part are then not in the known wrench, as each counts once. The whole mass would be too much: a grasp has
+compliance, and at frequencies above its own the tip moves alone.
+
 Members of a team pull each other: an observer that compensates this pull integrates it, and so does that of the other
 member. Hence the observer forgets such a force at the rate that the reference says.
 """
@@ -14,11 +19,13 @@ member. Hence the observer forgets such a force at the rate that the reference s
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, cos, data, divide, mul, sin, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra.scalars import add, cos, data, divide, exp, maximum, mul, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks.attitude import derivative
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -31,11 +38,16 @@ from skyarm.dynamics.actuators.load_limits import LoadLimits, largest_load
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.coerce import absent
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
-from skyarm.vehicle import BASE, Frame, Vehicle
+from skyarm.reference.preview import Sample
+from skyarm.vehicle import BASE, Body, Frame, Vehicle
+
+SLOWEST = 1e-3
+"""Bandwidth (rad/s) at which a shift settles at least."""
 
 
 @immutable
@@ -58,6 +70,7 @@ class CarryingMemory:
         ZERO3_DATA
     )
     limits: LoadLimits = LoadLimits()
+    mass: Annotated[Scalar, Unit("kg", "mass of the load that the tip moves, as the reference said")] = 0.0
 
 
 @immutable
@@ -78,6 +91,15 @@ class CarryingGains(OptionalPart):
             effect="lower values tolerate more inertia of the load and reject wind less",
         ),
     ]
+    inertia: Annotated[
+        Scalar,
+        Unit(
+            "",
+            "share of the load's mass that the model has at the tip",
+            low=0.0,
+            effect="higher values hold the load more exactly in wind; noise reaches rotors and pull more",
+        ),
+    ] = 0
     moment: Annotated[
         Scalar,
         Unit(
@@ -98,9 +120,16 @@ class CarryingGains(OptionalPart):
         return CarryingMemory(ahead=none, earlier=(none,) * self.delay_periods, bias=none)
 
     def adjust_gains(self, memory: CarryingMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Gains between those of free flight and those of carrying."""
+        """Gains between those of free flight and those of carrying, and a model whose tip has a part of the load."""
         factor = 1.0 + memory.share * (self.bandwidth - 1.0)
-        return at_shares(par, factor, factor)
+        par = at_shares(par, factor, factor)
+        if absent(self.inertia):
+            return par
+        vehicle = par.model.vehicle
+        frame = held_at(vehicle)
+        load = Body(mass=self.inertia * memory.mass, com=frame.position, inertia=Sym3(0.0, 0.0, 0.0))
+        model = dataclasses.replace(par.model, vehicle=vehicle.with_body(frame.link, load))
+        return dataclasses.replace(par, model=model)
 
     def feedforward(
         self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference
@@ -110,7 +139,15 @@ class CarryingGains(OptionalPart):
             return None
         carry = Carry.of(reference.carry)
         before = memory.earlier[-1] if memory.earlier else memory.ahead
-        return before, planned_effect(par.model.vehicle, reference, carry, carry.force, carry.moment)
+        force = carry.force - self.modelled(memory, par, reference, carry)
+        return before, planned_effect(par.model.vehicle, reference, carry, force, carry.moment)
+
+    def modelled(self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference, carry: Carry) -> Vec3:
+        """Force (N, world axes) on the planned tip of that part of the load that the model has."""
+        if absent(self.inertia):
+            return ZERO3
+        proper = planned_acceleration(par.model.vehicle, reference, carry) + E_Z * par.model.gravity
+        return proper * (-self.inertia * memory.mass)
 
     def affect(self, memory: CarryingMemory, step: Step, effect: Effect) -> tuple[CarryingMemory, Effect]:
         """Shift the tip's reference, let the observer forget, hold adaptation, and estimate the wrench at the tip."""
@@ -129,6 +166,7 @@ class CarryingGains(OptionalPart):
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
+        force = force + self.modelled(memory, step.par, step.reference, carry)
         forgotten = carry.forgotten_force * dt, carry.forgotten_moment * dt
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
@@ -141,7 +179,8 @@ class CarryingGains(OptionalPart):
         desired = Vec3(*((base + arm).derivative(0) for base, arm in zip(moved, after, strict=True)))
         rate = (given[1].force - memory.ahead.force) * divide(1.0, dt)
         signals = [*moved, heading, *effect.signals[4:]]
-        effect = dataclasses.replace(effect, signals=signals, forgets=forgets, force_rate=rate)
+        ahead = [(time, settling_sample(row, carry, time)) for time, row in effect.ahead]
+        effect = dataclasses.replace(effect, signals=signals, ahead=ahead, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
             share=data(memory.share + (carry.held - memory.share) * settled),
             ahead=given[1],
@@ -150,7 +189,8 @@ class CarryingGains(OptionalPart):
             force=vector_data(force),
             moment=vector_data(moment),
             behind=vector_data(desired - tip_of(vehicle, step.state)),
-            limits=largest_load(PointMotion(vehicle, step.state, gravity=step.par.model.gravity)),
+            limits=largest_load(PointMotion(step.vehicle, step.state, gravity=step.par.model.gravity)),
+            mass=data(carry.mass),
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
 
@@ -158,6 +198,23 @@ class CarryingGains(OptionalPart):
 def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
     """Taylor series of a number with two derivatives."""
     return Taylor((value, rate, mul(0.5, acceleration), 0, 0))
+
+
+def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[Sample]:
+    """Sample of the reference to come, ``time`` (s) from now, with the tip's shift as it settles until then.
+
+    The shift is that of a critically damped filter whose input stays. The heading keeps its turn.
+    """
+    w = maximum(carry.settling, SLOWEST)
+    left, moved = exp(-w * time), list[Sample]()
+    rows = zip(row[:3], carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
+    for planned, value, rate, acceleration in rows:
+        slope = acceleration + w * rate
+        way = divide(rate * (1.0 - left), w) + divide(slope * (1.0 - left * (1.0 + w * time)), w * w)
+        shift = value + way, (rate + slope * time) * left, (acceleration - w * slope * time) * left
+        moved.append((add(planned[0], shift[0]), add(planned[1], shift[1]), add(planned[2], shift[2])))
+    heading = row[3]
+    return [*moved, (add(heading[0], carry.heading.x), heading[1], heading[2]), *row[4:]]
 
 
 def held_at(vehicle: Vehicle) -> Frame:
@@ -169,6 +226,15 @@ def tip_of(vehicle: Vehicle, state: State) -> Vec3:
     """Position (m, world axes) of the frame at which a vehicle holds a load."""
     held = frame_pose(vehicle, held_at(vehicle), state.joints, summed=True).p
     return state.position + state.quaternion.rotation().apply(held)
+
+
+def planned_acceleration(vehicle: Vehicle, reference: Reference, carry: Carry) -> Vec3:
+    """Acceleration (m/s^2, world axes) of the planned tip on a level base."""
+    rows = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
+    tip = frame_pose(vehicle, held_at(vehicle), [series(*row) for row in rows], summed=True).p
+    turn = carry.heading
+    yaw = series(reference.yaw + turn.x, reference.yaw_rate + turn.y, reference.yaw_acceleration + turn.z)
+    return reference.acceleration + derivative(turn_by_yaw(yaw, tip), 2)
 
 
 def planned_effect(vehicle: Vehicle, reference: Reference, carry: Carry, force: Vec3, moment: Vec3) -> Disturbance:

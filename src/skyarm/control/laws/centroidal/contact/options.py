@@ -21,6 +21,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "force_sensor": (False, 0.0, 1.0),
     "load": (0.0, 0.0, 1e3),
     "carrying": (0.0, 0.0, 10.0),
+    "carried_inertia": (0.0, 0.0, 2.0),
 }
 """Default value and range of each contact option; the defaults disable contact control."""
 
@@ -30,6 +31,10 @@ def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
     presses = any(gains["interaction"])
     if gains["force_sensor"] and admittance is None and not presses:
         raise ControllerError("controller.force_sensor = true: must be false without interaction")
+    if gains["carried_inertia"] and not gains["carrying"]:
+        raise ControllerError(
+            f"controller.carried_inertia = {shown(gains['carried_inertia'])}: must be 0 without carrying"
+        )
     if any(gains["tolerances"]) and not presses:
         at = f"controller.tolerances = {shown(gains['tolerances'])}"
         raise ControllerError(f"{at}: must be twice 0 without interaction")
@@ -59,7 +64,7 @@ def _carrying(gains: LawOptions, *, leads: bool, periods: int) -> CarryingGains:
     for name in ("interaction", "load"):
         if gains[name] not in (0.0, (0.0, 0.0)):
             raise ControllerError(f"{at}: must be 0 beside {name}")
-    return CarryingGains(bandwidth=gains["carrying"], delay_periods=periods)
+    return CarryingGains(bandwidth=gains["carrying"], inertia=gains["carried_inertia"] or 0, delay_periods=periods)
 
 
 def _interaction(gains: LawOptions, vehicle: Vehicle, *, leads: bool) -> Interaction:
