@@ -345,6 +345,32 @@ def test_a_quadrotor_and_a_hexarotor_carry_a_bar(edit):
     assert found["rms"] < 0.05
 
 
+def test_a_part_of_the_load_in_the_model_holds_it_in_a_gust():
+    largest = []
+    for inertia in (0.0, 0.2):
+        tables = bar() | {"duration": 11.0}
+        tables["controller"] |= {"carrying": 0.7, "carried_inertia": inertia}
+        gust = {"kind": "ramp", "start": 8.0, "duration": 0.5, "height": 2.0}
+        tables["environment"]["forces"] = [{"kind": "disturbance", "force": [0.0, gust, 0.0]}]
+        log = flown(tables)
+        off = 1e3 * log.team_position_error
+        assert off[(log.time > 3.0) & (log.time < 8.0)].max() < 1.5
+        largest.append(off.max())
+    assert largest[1] < 0.75 * largest[0]
+    assert largest[0] > 50.0
+
+
+def test_late_messages_do_not_let_the_pull_of_a_heavy_team_swing():
+    tables = tomllib.loads((TEAMS / "heavy_beam.toml").read_text("utf-8"))
+    del tables["windows"]
+    found = []
+    for delay in (0.0, 0.1):
+        tables["team"]["delay"] = delay
+        log = flown(noisy(tables) | {"duration": 9.0})
+        found.append(float(np.sqrt(np.mean(log.team_pull[log.time > 4.0] ** 2))))
+    assert found[1] < 1.5 * found[0]
+
+
 DIFFERENT = (("left", -0.55, 1.0), ("right", 0.55, 3.0))
 
 

@@ -700,3 +700,15 @@ def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
         assert one.keys() == other.keys()
         assert all(value == pytest.approx(other[word], abs=1e-3) for word, value in one.items() if word != "kind")
         assert one["kind"] == other["kind"]
+
+
+@pytest.mark.parametrize(("kind", "settling"), [(ObjectWrench, 8.0), (Decentralised, 8.0), (LeaderFollower, 15.0)])
+def test_members_are_told_their_parts_of_the_mass_and_how_shifts_settle(kind, settling):
+    whole = team(kind=kind, masses=(3.0, 1.0), **({} if kind is LeaderFollower else {"filter": 8.0}))
+    start = whole.first(DT)
+    if kind is Decentralised:  # whose members have no common mass
+        start = tuple(MemberState(mass=mass) for mass in (1.2, 0.4))
+    for t, share in ((5.0, 1.0), (3.0 - 0.5 * whole.rise, 0.5), (1.5, 0.0)):
+        told = [Carry.of(row) for row in whole.lead(start, inputs(whole, t), DT)[1]]
+        assert [each.mass for each in told] == pytest.approx([1.2 * share, 0.4 * share])
+        assert [each.settling for each in told] == [settling] * 2

@@ -16,7 +16,18 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess import assessment
-from skyarm.studies.assess.load_sharing import Balance, balance_of_bodies, balances, losses, poses_with_share
+from skyarm.studies.assess.along_reference import Followed, along_reference, follow
+from skyarm.studies.assess.before_flight import warnings_before_flight
+from skyarm.studies.assess.finding import FAULT, OK
+from skyarm.studies.assess.flight_loads import flight_parts
+from skyarm.studies.assess.load_sharing import (
+    Balance,
+    balance_of_bodies,
+    balances,
+    carried_loads,
+    losses,
+    poses_with_share,
+)
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.surface import Surface
 from support.commands import skyarm as command
@@ -336,3 +347,39 @@ def test_losses_are_notes_or_warnings_and_the_report_shows_them() -> None:
     said = "bar is no longer in balance: it tips about grasp right_bar by 87 degrees; right carries 1.02 N, with +22%"
     assert re.search(rf"^note  loss of left +{re.escape(said)} of thrust margin", done.out, re.MULTILINE)
     assert done.out.rstrip().endswith("can fly: no fault, 0 warnings")
+
+
+def along(scenario: Scenario, name: str) -> Followed:
+    """Exact tracking of a vehicle's reference with its share of the carried body."""
+    carried = carried_loads(scenario, name, balances(scenario))
+    return follow(flight_parts(scenario.of(name), carried))
+
+
+def test_a_carried_share_counts_along_the_reference_from_lift_to_place_as_in_flight() -> None:
+    scenario = skyarm.load_scenario("two_carry_a_bar")
+    log = skyarm.run(scenario)
+    for name in scenario.agents:
+        demand, flown = along(scenario, name).demand, log.agents[name]
+        for t in (1.0, 6.0, 10.0, 14.0, 21.5):  # at rest: empty, then with the bar, then empty
+            planned, given = demand.efforts[:, np.argmin(np.abs(demand.time - t))], np.searchsorted(log.time, t)
+            assert planned == pytest.approx(flown.efforts[given], abs=0.05), f"{name} at {t} s"
+        empty, loaded = (abs(demand.efforts[1, np.argmin(np.abs(demand.time - t))]) for t in (1.0, 10.0))
+        assert abs(loaded - empty) > 0.3
+
+
+def test_joints_that_a_share_overloads_along_the_path_are_said_before_a_flight(tmp_path: Path) -> None:
+    ball, file = skyarm.load_scenario(TEAMS / "heavy_beam.toml"), tmp_path / "fixed.toml"
+    assert warnings_before_flight(ball) == []
+    # hands turn with the beam, and the levers of the shoulders grow
+    text = (TEAMS / "heavy_beam.toml").read_text("utf-8")
+    file.write_text(text.replace('body = "bar"\n', 'body = "bar"\nkind = "fixed"\n'), "utf-8")
+    fixed = skyarm.load_scenario(file)
+    loads = carried_loads(fixed, "left", balances(fixed))
+    (found,) = (e for e in along_reference(fixed.of("left"), carried=loads) if e.question.startswith("joints along"))
+    assert found.level == FAULT
+    assert "joints[shoulder]" in found.text
+    assert along_reference(fixed.of("left"))[-1].level == OK
+    lines = warnings_before_flight(fixed)
+    assert [line.partition(":")[0] for line in lines] == ["left", "right"]
+    assert all("joints[shoulder].effort_limit: saturates first at 1" in line for line in lines)
+    assert carried_loads(dataclasses.replace(ball, team=None), "left", balances(ball)) == []

@@ -1,17 +1,18 @@
 """Measure the team suite: the tables of docs/results_carrying.md.
 
-    python tests/studies/compare/measure_team_suite.py summary|errors|limits|goals|others [--seeds 64] [--small]
+    python tests/studies/compare/measure_team_suite.py TABLE [--seeds 200] [--small]
 
-Three tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and
-pull, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares of the load. ``goals`` has 200
-flights of ``object_wrench`` in each condition, ``others`` 16 of other teams. What was flown is kept in the folder of
-``--out``; the same command, and the others of the same flights, go on with it.
+Four tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
+``goals`` of ``object_wrench``, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares of the
+load. ``others`` flies other teams, and ``gains`` all teams with other gains while they carry. What was flown is kept in
+the folder of ``--out``; the same command, and the others of the same flights, go on with it.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import tempfile
 from collections import Counter
@@ -23,6 +24,7 @@ sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when 
 
 import numpy as np
 
+import skyarm
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, values_of
 from skyarm.studies.compare.compare_laws import compare
 from skyarm.studies.compare.team_conditions import ROWS
@@ -48,6 +50,8 @@ which the worst flight is shown; factor from SI to the unit of the heads."""
 
 CHOSEN = ("noisy", "misplaced", "wind", "all")
 """Conditions of the summary."""
+
+SHIPPED = Path(skyarm.__file__).parent / "scenario" / "library" / "two_carry_a_bar.toml"
 
 GOALS: Mapping[str, Sequence[tuple[float, float]]] = {
     "perfect": ((2.5, 10.0), (0.3, 1.2), (0.03, 0.15)),
@@ -190,7 +194,7 @@ def measure(table: str, seeds: int, out: str, rows: Sequence[str]) -> None:
     """Fly what is not there yet, and print the tables of one name."""
     flown = compare(
         "team-suite",
-        ("object_wrench",) if table == "goals" else None,
+        None,
         out,
         rows=tuple(rows),
         seeds=seeds,
@@ -252,24 +256,65 @@ def others(seeds: int, out: str, small: bool) -> None:
         table(largest[0], number(largest[1], "max", factor))
 
 
+GAINS = ((0.7, 0.0), (0.6, 0.0), (0.6, 0.02), (0.6, 0.2))
+"""Options ``carrying`` and ``carried_inertia`` of the vehicles' laws."""
+
+OPTIONS = re.compile(r"^carrying = .*\ncarried_inertia = .*$", re.MULTILINE)
+"""Lines of a team's file that have both."""
+
+
+def gains(seeds: int, out: str, small: bool) -> None:
+    """Fly noise and wind on all teams with other gains while they carry, and print a table."""
+    files = {"two, bar": SHIPPED, **{words: TEAMS / f"{file}.toml" for file, (words, _) in OTHER_TEAMS.items()}}
+    files.pop(OTHER_TEAMS["long_bar"][0])
+    usual, largest, to_mm = POSITION
+    lines: list[list[str]] = []
+    for words, file in list(files.items())[: 1 if small else None]:
+        for carrying, inertia in GAINS[: 1 if small else None]:
+            folder = Path(out) / f"{file.stem}_{carrying:g}_{inertia:g}"
+            folder.mkdir(parents=True, exist_ok=True)
+            text, count = OPTIONS.subn(f"carrying = {carrying}\ncarried_inertia = {inertia}", file.read_text("utf-8"))
+            assert count == 1, file
+            (folder / file.name).write_text(text, "utf-8")
+            flown = compare(
+                "team-suite",
+                ("object_wrench",),
+                folder / "flights",
+                rows=("noisy", "wind"),
+                scenario=folder / file.name,
+                seeds=2 if small else seeds,
+                workers=os.cpu_count() or 1,
+                progress=lambda done, of, last: progress(f"{done} of {of}: {last}"),
+            )
+            noisy, wind = (next(iter(flown.document["summaries"][row].values())) for row in ("noisy", "wind"))
+            cells = (
+                value(noisy["object_wrench"], usual[1], "mean", to_mm),
+                value(wind["object_wrench"], largest[1], "max", to_mm),
+                value(noisy["object_wrench"], PULL[0][1], "mean"),
+                value(noisy["object_wrench"], JITTER, "mean"),
+            )
+            lines.append([words, f"{carrying:g}", f"{inertia:g}", *map(shown, cells)])
+    heads = ("mean error of position, mm", "largest in wind, mm", "RMS error of pull, N", "rotor jitter, rad/s")
+    print_table(("team", ">`carrying`", ">`carried_inertia`", *(f">{head}" for head in heads)), lines)
+
+
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=(*TABLES, "others"))
-    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 64, goals 200, others 16")
+    parser.add_argument("table", choices=(*TABLES, "others", "gains"))
+    parser.add_argument("--seeds", type=int, help="flights of a condition with noise: 200, of gains 16")
     parser.add_argument("--out", default="out/team_suite")
     parser.add_argument("--small", action="store_true", help="one condition, two flights of each law")
     given = parser.parse_args()
-    given.seeds = given.seeds or {"others": 16, "goals": 200}.get(given.table, 64)
+    given.seeds = given.seeds or (16 if given.table == "gains" else 200)
     progress(f"{given.seeds} flights of each law in each condition with noise; one flight alone takes about 5 s")
-    if given.table == "others":
+    if given.table in ("others", "gains"):
+        fly = others if given.table == "others" else gains
         with tempfile.TemporaryDirectory() as spare:
-            others(given.seeds, spare if given.small else f"{given.out}_others", given.small)
+            fly(given.seeds, spare if given.small else f"{given.out}_{given.table}", given.small)
     elif given.small:
         with tempfile.TemporaryDirectory() as out:
             measure(given.table, 2, out, ("noisy",))
-    elif given.table == "goals":
-        measure(given.table, given.seeds, f"{given.out}_goals", tuple(GOALS))
     else:
         measure(given.table, given.seeds, given.out, tuple(ROWS))
 
