@@ -21,10 +21,12 @@ from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.leaves import leaves
 from skyarm.reference import Reference, hover
 from skyarm.reference.carry import Carry
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Body
+from support.engines import ENGINES, evaluate
 
 VEHICLE = skyarm.load_vehicle("hexarotor_arm6")
 POSTURE = (0.2, 0.6, -1.0, 0.3, 0.5, -0.4)
@@ -382,3 +384,24 @@ def test_a_wrong_option_is_refused_in_one_line(options, words):
     with pytest.raises(ControllerError) as refused:
         law(**options)
     assert str(refused.value).startswith(words)
+
+
+def one_step(*numbers):
+    """What a step of the law answers to some instructions of a team, and its memory."""
+    controller = law(carrying=0.7, carried_inertia=0.2)
+    reference, measured = at_rest(controller)
+    told = dataclasses.replace(reference, carry=(1.0, *numbers))
+    memory, command = controller.law(loaded_memory(controller), measured, told, DT, par=controller.par)
+    return leaves((memory.parts.carrying, memory.observed, command.dense()))
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [pytest.param(each, marks=pytest.mark.thorough if each == "jax" else ()) for each in ENGINES if each != "floats"],
+)
+def test_a_step_that_carries_is_the_same_on_every_engine(engine):
+    rng = np.random.default_rng(5)
+    lanes = np.abs(rng.normal(0.0, 0.3, (4, len(Carry.none().numbers) - 1))).tolist()
+    expected = evaluate("floats", one_step, lanes)
+    assert len({tuple(row) for row in expected.tolist()}) == 4
+    np.testing.assert_allclose(evaluate(engine, one_step, lanes), expected, rtol=1e-9, atol=1e-9)
