@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
+from skyarm.log.metrics.windows import Windows
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import check_largest_step, lanes_step, largest_stable_step, verlet_step
@@ -20,6 +22,7 @@ from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves
 from skyarm.reference import Sine
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Force, SignalVector
 from skyarm.world.component import Wrench
@@ -208,7 +211,7 @@ class Beside(Force):
 def test_short_steps_are_taken_near_contact_where_runge_kutta_evaluates_more_often():
     touch = Contact(surfaces=(Surface(name="ground"),), points=UNDER)
     count = plant(BIRD, touch)[0].substeps(0.005)
-    assert count == (4, 1, 3, True, touch.hit_steps)
+    assert count == (4, 1, 3, True, touch.hit_steps, 0)
     assert not plant(BIRD, touch, Coupled())[0].substeps(0.005).verlet
     assert plant(BIRD, touch, integrator="euler")[0].substeps(0.005).near == 5
     assert not plant(BIRD, touch, Beside())[0].substeps(0.005).verlet
@@ -263,3 +266,35 @@ def test_as_many_force_evaluations_as_runge_kutta_takes_are_no_reason_to_leave_i
     plant._rate, plant._largest, plant._largest_far, plant._verlet = 0.0, 0.0025, None, 0.005 / held
     count = plant.substeps(0.005)
     assert (count.near, count.verlet) == ((held, True) if verlet else (2, False))
+
+
+def test_steps_are_longer_while_grasps_alone_act_and_the_flight_is_the_same(monkeypatch, tmp_path):
+    scenario = dataclasses.replace(skyarm.load_scenario("two_carry_a_bar"), duration=4.0, windows=Windows())
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "one"))
+    longer, plants = skyarm.run(scenario), [each.plant for each in scenario.agents.values()]
+
+    def counts():
+        return RigidBodyPlant(plants, first_surroundings(scenario, first_loop_state(scenario))).substeps(0.005)
+
+    assert (counts().near, counts().calm) == (24, 6)
+    monkeypatch.setattr(Contact, "largest_calm_step", None)
+    monkeypatch.setattr(Contact, "largest_calm_verlet_step", None)
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "other"))
+    assert counts() == counts()._replace(calm=0)
+    usual = skyarm.run(scenario)
+    apart = np.linalg.norm(longer.object_position - usual.object_position, axis=1)
+    standing = longer.time < 3.0
+    assert not apart[standing].any()  # on the floor the steps are those of its contact
+    assert 0.0 < apart.max() < 1e-6
+
+
+def test_calm_is_what_touches_nothing_although_grasps_hold_it():
+    (contact,) = skyarm.load_scenario("two_carry_a_bar").worlds
+    memory = contact.start(0.005, ())
+    motion = SimpleNamespace(time=0.0, step=None)
+    for height, speed, calm in ((0.02, 0.0, False), (0.024, 0.0, False), (0.027, 0.0, True), (0.04, -5.0, False)):
+        (body,) = memory.carried
+        moved = dataclasses.replace(body, position=Vec3(0.0, 0.0, height), velocity=Vec3(0.0, 0.0, speed))
+        there = dataclasses.replace(memory, carried=(moved,))
+        assert bool(contact.calm(there, motion, 0.005)) is calm
+        assert contact.far(there, motion, 0.005) is False

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, floor, where
+from skyarm.algebra.scalars import data, floor, logical_and, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -24,6 +24,7 @@ from skyarm.plant.largest_step import (
     INTEGRATORS,
     STAGES,
     VERLET,
+    calm_step,
     divisions,
     largest_step,
     verlet_step,
@@ -42,6 +43,7 @@ class Steps(NamedTuple):
         rounds: least number of the inactive components' own steps within one of those.
         verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
         most: times ``near``, of the steps in an interval in which something hits.
+        calm: fewer than ``near``, while grasps act and no contact does; 0 for none.
     """
 
     near: int
@@ -49,6 +51,7 @@ class Steps(NamedTuple):
     rounds: int = 1
     verlet: bool = False
     most: int = 1
+    calm: int = 0
 
 
 def hold(
@@ -69,6 +72,9 @@ def hold(
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
         now, finer = (now[0], memories), -floor(-steps * more)
+        if count.calm:
+            quiet = logical_and(there.calm(motions, seconds), more <= 1.0)
+            finer = where(quiet, float(count.calm), finer)
 
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
@@ -155,8 +161,17 @@ class RigidBodyPlant:
         if self._verlet is not None:
             verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
             if verlet_steps < near * STAGES:
-                return Steps(verlet_steps, far, rounds, verlet=True, most=most)
-        return Steps(near, far, rounds, most=most)
+                return Steps(verlet_steps, far, rounds, True, most, self._calm(seconds, verlet_steps, verlet=True))
+        return Steps(near, far, rounds, False, most, self._calm(seconds, near, verlet=False))
+
+    def _calm(self, seconds: float, near: int, *, verlet: bool) -> int:
+        """Number of steps while grasps act and no contact does; 0 if it is that near contacts."""
+        largest = None if self._integrator == "euler" else calm_step(self.around, verlet=verlet)
+        if largest is None:
+            return 0
+        held = self._rate / (HELD_FRICTION_STEP if verlet else FRICTION_STEP)
+        steps = max(math.ceil(seconds * held), divisions(seconds, largest))
+        return steps if steps < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":

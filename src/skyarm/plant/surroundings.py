@@ -178,6 +178,14 @@ class Together:
             far = there if far is True else logical_and(far, there)
         return far
 
+    def calm(self, motions: Sequence[PointMotion], seconds: Scalar) -> Scalar:
+        """True if no contact can occur within ``seconds``, but grasps may act."""
+        calm: Scalar = True
+        for i, component, memory in self.coupled:
+            there = component.calm(memory, motions[i], seconds)
+            calm = there if calm is True else logical_and(calm, there)
+        return calm
+
     def hurry(self, motions: Sequence[PointMotion], seconds: Scalar) -> tuple[Memories, Scalar]:
         """Internal states of the coupled models, and number of integration substeps for the next ``seconds``."""
         pairs = [component.hurry(memory, motions[i], seconds) for i, component, memory in self.coupled]

@@ -271,6 +271,16 @@ class Component(Generic[Memory]):
         """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
         return False
 
+    largest_calm_step: Scalar | None = None
+    """Longest stable integration step (s) while ``calm`` holds, if that is longer; None if not."""
+
+    largest_calm_verlet_step: Scalar | None = None
+    """The same of the Stoermer-Verlet method."""
+
+    def calm(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
+        """True if nothing that needs short steps, such as a contact, acts for the next ``seconds``."""
+        return False
+
     most_hit_steps: int = 1
     """Largest number of substeps per integration step that ``hurry`` may return; may be a property."""
 

@@ -211,6 +211,22 @@ class Contact(Force[ContactMemory]):
         step = self.largest_euler_step
         return None if step is None else VERLET_SHARE * step
 
+    @property
+    def largest_calm_step(self) -> Scalar | None:  # type: ignore[override]
+        """Longest stable integration step (s) while no body is near another, of a model with grasps; else None."""
+        return self._calm_step(euler=False)
+
+    @property
+    def largest_calm_verlet_step(self) -> Scalar | None:  # type: ignore[override]
+        """Longest stable Stoermer-Verlet step (s) while no body is near another, of a model with grasps; else None."""
+        step = self._calm_step(euler=True)
+        return None if step is None else VERLET_SHARE * step
+
+    def _calm_step(self, *, euler: bool) -> Scalar | None:
+        held = [step for _, step in (*self.gripping.steps(euler=euler), *self._steps_of_grasps(euler=euler))]
+        inner = [each.largest_euler_step if euler else each.largest_step for each in self.carriers]
+        return least_of((*held, *(step for step in inner if step is not None))) if self.grasps else None
+
     def _steps_of_grasps(self, *, euler: bool = False) -> list[tuple[str, Scalar]]:
         """Longest stable integration step (s) of each grasp of a body that exists."""
         bodies = {each.name: each for each in self.carriers}
@@ -524,8 +540,12 @@ class Contact(Force[ContactMemory]):
         """
         if self.grasps:
             return False
-        apart = [grip.taken < 0.5 for grip in memory.grips]
-        apart += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
+        free = [grip.taken < 0.5 for grip in memory.grips]
+        return reduce(logical_and, free, self.calm(memory, motion, seconds))
+
+    def calm(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
+        """True if nothing can touch a surface within ``seconds``: grasps and mechanisms alone act."""
+        apart = [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
         return reduce(logical_and, apart) if apart else True
 
     @property
