@@ -139,10 +139,10 @@ class CarryingGains(OptionalPart):
             return None
         carry = Carry.of(reference.carry)
         before = memory.earlier[-1] if memory.earlier else memory.ahead
-        force = carry.force - self.modelled(memory, par, reference, carry)
+        force = carry.force - self.force_in_model(memory, par, reference, carry)
         return before, planned_effect(par.model.vehicle, reference, carry, force, carry.moment)
 
-    def modelled(self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference, carry: Carry) -> Vec3:
+    def force_in_model(self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference, carry: Carry) -> Vec3:
         """Force (N, world axes) on the planned tip of that part of the load that the model has."""
         if absent(self.inertia):
             return ZERO3
@@ -166,7 +166,7 @@ class CarryingGains(OptionalPart):
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
-        force = force + self.modelled(memory, step.par, step.reference, carry)
+        force = force + self.force_in_model(memory, step.par, step.reference, carry)
         forgotten = carry.forgotten_force * dt, carry.forgotten_moment * dt
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
