@@ -292,9 +292,11 @@ def test_calm_is_what_touches_nothing_although_grasps_hold_it():
     (contact,) = skyarm.load_scenario("two_carry_a_bar").worlds
     memory = contact.start(0.005, ())
     motion = SimpleNamespace(time=0.0, step=None)
-    for height, speed, calm in ((0.02, 0.0, False), (0.024, 0.0, False), (0.027, 0.0, True), (0.04, -5.0, False)):
+    rows = ((0.02, 0.0, False), (0.038, 0.0, False), (0.042, 0.0, True), (0.06, -3.0, False), (0.06, 1.0, True))
+    for height, speed, calm in rows:
         (body,) = memory.carried
         moved = dataclasses.replace(body, position=Vec3(0.0, 0.0, height), velocity=Vec3(0.0, 0.0, speed))
         there = dataclasses.replace(memory, carried=(moved,))
         assert bool(contact.calm(there, motion, 0.005)) is calm
         assert contact.far(there, motion, 0.005) is False
+        assert not contact.calm(dataclasses.replace(there, finer=(1.1,)), motion, 0.005)  # just after an impact

@@ -552,7 +552,7 @@ def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
 
 def prompt_rate(whole):
     """Rate (1/s) at which observers forget an internal force that the others hear late."""
-    late = whole.delay + (0.5 / whole.rate if whole.rate else 0.0)
+    late = whole.delay + ((1.0 / (1.0 - whole.loss) - 0.5) / whole.rate if whole.rate else 0.0)
     return whole.blind / (1.0 + whole.blind * late)
 
 
@@ -570,6 +570,8 @@ def test_messages_at_a_rate_are_those_of_the_last_sending():
     seen, (*ages, a, b) = heard_pull(team(rate=50.0), 9)
     assert np.allclose(seen, [1, 1, 1, 1, 5, 5, 5, 5, 9], atol=1e-5)
     assert [*ages, a, b] == [0.0] * 4
+    half, _ = heard_pull(team(rate=50.0, loss=0.5), 9, lambda k: (0.6, 0.6))
+    assert np.allclose(half, seen, atol=1e-5)
     late, (age, *_) = heard_pull(team(rate=50.0, delay=2 * DT), 8)
     assert np.allclose(late, [0, 0, 1, 1, 1, 1, 5, 5], atol=1e-5)
     assert age == pytest.approx(3 * DT)  # sent with the fifth force, heard two periods later and held for one
@@ -712,3 +714,7 @@ def test_members_are_told_their_parts_of_the_mass_and_how_shifts_settle(kind, se
         told = [Carry.of(row) for row in whole.lead(start, inputs(whole, t), DT)[1]]
         assert [each.mass for each in told] == pytest.approx([1.2 * share, 0.4 * share])
         assert [each.settling for each in told] == [settling] * 2
+    nobody = dataclasses.replace(inputs(whole, 5.0), holding=0.0)
+    for row in whole.lead(start, nobody, DT)[1]:
+        told = Carry.of(row)
+        assert [told.mass, told.held, *told.force] == [0.0] * 5

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, floor, logical_and, where
+from skyarm.algebra.scalars import data, floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -72,15 +72,14 @@ def hold(
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
         now, finer = (now[0], memories), -floor(-steps * more)
-        if count.calm:
-            quiet = logical_and(there.calm(motions, seconds), more <= 1.0)
-            finer = where(quiet, float(count.calm), finer)
+    if count.calm:
+        finer = where(there.calm(motions, seconds), float(count.calm), finer)
 
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)
-    if far is False and count.most == 1:
+    if far is False and count.most == 1 and not count.calm:
         return repeat(count.near, step, now)
 
     def step_far(both: Moved) -> Moved:
@@ -161,16 +160,18 @@ class RigidBodyPlant:
         if self._verlet is not None:
             verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
             if verlet_steps < near * STAGES:
-                return Steps(verlet_steps, far, rounds, True, most, self._calm(seconds, verlet_steps, verlet=True))
-        return Steps(near, far, rounds, False, most, self._calm(seconds, near, verlet=False))
+                return Steps(
+                    verlet_steps, far, rounds, True, most, self._calm(seconds, verlet_steps, STAGES * far, verlet=True)
+                )
+        return Steps(near, far, rounds, False, most, self._calm(seconds, near, far, verlet=False))
 
-    def _calm(self, seconds: float, near: int, *, verlet: bool) -> int:
-        """Number of steps while grasps act and no contact does; 0 if it is that near contacts."""
+    def _calm(self, seconds: float, near: int, least: int, *, verlet: bool) -> int:
+        """Number of steps, ``least`` or more, while grasps act and no contact does; 0 if it is that near contacts."""
         largest = None if self._integrator == "euler" else calm_step(self.around, verlet=verlet)
         if largest is None:
             return 0
         held = self._rate / (HELD_FRICTION_STEP if verlet else FRICTION_STEP)
-        steps = max(math.ceil(seconds * held), divisions(seconds, largest))
+        steps = max(math.ceil(seconds * held), divisions(seconds, largest), least)
         return steps if steps < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:

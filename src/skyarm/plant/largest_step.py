@@ -72,7 +72,7 @@ def verlet_step(around: Together) -> float | None:
 
 
 def calm_step(around: Together, *, verlet: bool) -> float | None:
-    """Longest integration step (s) while no contact is near and grasps act; None if it is no longer than usual."""
+    """Longest integration step (s) while no contact is near and grasps act; None if a model states none."""
     steps = [c.largest_calm_verlet_step if verlet else c.largest_calm_step for _, c, _ in around.coupled]
     own = None if verlet else largest_step(around, coupled=False)
     return None if None in steps else _least((*steps, own))

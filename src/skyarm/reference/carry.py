@@ -31,7 +31,7 @@ class Carry:
     settling: Annotated[
         Scalar, Unit("rad/s", "bandwidth at which the shift settles: its rate dies out so in the preview")
     ] = 0.0
-    mass: Annotated[Scalar, Unit("kg", "mass of the load that the tip moves, its share")] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "part of the load's mass that this tip moves")] = 0.0
 
     @property
     def numbers(self) -> Scalars:

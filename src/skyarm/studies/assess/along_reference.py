@@ -84,7 +84,7 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
         findings += servo_speeds(scenario, demand.time, demand.rates)
     if clearance:
         findings += _clearance(scenario, followed)
-    return [*findings, *_planned_force(scenario), *_hovers_with_loads(parts)]
+    return [*findings, *_planned_force(scenario), *_hovers_with_loads(flight_parts(scenario) if carried else parts)]
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:

@@ -227,7 +227,11 @@ def _spare(margin: Finding) -> str:
 
 
 def carried_loads(scenario: Scenario, name: str, bodies: Sequence[Balance]) -> list[Load]:
-    """Share of one vehicle in the body that its team carries, a point mass at its grasp from lift to place."""
+    """Share of one vehicle in the body that its team carries, a point mass at its grasp from lift to place.
+
+    It is the share of the weight at the start, until the grasp opens. Sideways pulls of cables and internal forces are
+    not in it, nor moments of fixed grasps.
+    """
     team, gravity = scenario.team, float(scenario.agents[name].plant.gravity)
     if team is None or team.motion is None or not gravity:
         return []
@@ -242,7 +246,8 @@ def carried_loads(scenario: Scenario, name: str, bodies: Sequence[Balance]) -> l
             at = vehicle.frame(frame)
             return at.link, Body(mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0))
 
-        loads.append(Load(each.body, float(team.motion.lift), float(team.motion.stop), mass, point))
+        opened = min(float(grasp.release) for grasp in each.grasps if grasp.agent in ("", name))
+        loads.append(Load(each.body, float(team.motion.lift), min(float(team.motion.stop), opened), mass, point))
     return loads
 
 

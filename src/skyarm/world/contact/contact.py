@@ -54,8 +54,11 @@ STRAIGHT = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))
 HIT = 1.2
 """Impact speed (m/s) above which steps are finest; slower impacts use proportionally longer steps."""
 
-CALM = 0.1
+REGROWTH = 0.1
 """Time constant (s) in which steps grow again after an impact."""
+
+CALM_FOR = 2.0
+"""Number of control periods in which nothing may be reached where steps are those of grasps alone."""
 
 TIP = "tip"
 """Default name of the contact point at a vehicle's tip."""
@@ -540,12 +543,17 @@ class Contact(Force[ContactMemory]):
         """
         if self.grasps:
             return False
-        free = [grip.taken < 0.5 for grip in memory.grips]
-        return reduce(logical_and, free, self.calm(memory, motion, seconds))
+        apart = [grip.taken < 0.5 for grip in memory.grips]
+        apart += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
+        return reduce(logical_and, apart) if apart else True
 
     def calm(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing can touch a surface within ``seconds``: grasps and mechanisms alone act."""
-        apart = [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
+        """True if nothing can touch a surface within ``CALM_FOR`` times ``seconds``, and no impact was just before.
+
+        The force of a grasp can be larger than what ``far`` reckons with, hence the longer time.
+        """
+        apart = [steps <= 1.0 for steps in memory.finer]
+        apart += [misses(each.touch, CALM_FOR * seconds) for each in self.meetings(memory, motion)]
         return reduce(logical_and, apart) if apart else True
 
     @property
@@ -563,7 +571,7 @@ class Contact(Force[ContactMemory]):
             slip = each.touch.slip
             fastest = maximum(fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip)))
         asked = sqrt(fastest) * (self.hit_steps / HIT)
-        finer = clip(maximum(asked, memory.finer[0] * exp(-seconds / CALM)), 1.0, float(self.hit_steps))
+        finer = clip(maximum(asked, memory.finer[0] * exp(-seconds / REGROWTH)), 1.0, float(self.hit_steps))
         return replace(memory, finer=(finer,)), finer
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:

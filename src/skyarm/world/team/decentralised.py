@@ -93,6 +93,7 @@ class Decentralised(Sharing):
                 offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
             )
             after.append(moved)
-            shift, borne = (moved.offset, moved.rate, bend), state.mass * share
-            carries.append(carry_of(inputs.holding, shift, -asking, settling=self.filter, mass=borne))
+            shift, holding = (moved.offset, moved.rate, bend), inputs.holding
+            told = {"settling": self.filter, "mass": state.mass * share * holding}
+            carries.append(carry_of(holding, shift, -asking * holding, **told))
         return tuple(after), tuple(carries)

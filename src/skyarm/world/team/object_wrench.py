@@ -322,7 +322,9 @@ class ObjectWrench(Sharing):
             moment = moments[i] * share
             of_moment = (moment - inputs.moments[i]) * (h * self.blind_moments if member.kind == "fixed" else 0.0)
             forgotten = excess[i] * blind, of_moment
-            carries.append(carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading, w, moved_masses[i]))
+            carries.append(
+                carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading, w, moved_masses[i] * h)
+            )
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
@@ -369,10 +371,14 @@ class ObjectWrench(Sharing):
 
     @property
     def _promptness(self) -> Scalar:
-        """Factor on the rate ``blind``, and its square on ``pull_gain``: 1 if messages come at once."""
+        """Factor on the rate ``blind``, and its square on ``pull_gain``: 1 if messages come at once.
+
+        Their mean age beyond the delay is that of the last one that was not lost.
+        """
         if absent(self.rate) and not self.delay:
             return 1.0
-        return divide(1.0, 1.0 + self.blind * (self.delay + 0.5 * self._interval))
+        sent = divide(1.0, maximum(1.0 - self.loss, SMALL)) - 0.5  # mean number of intervals since one that arrives
+        return divide(1.0, 1.0 + self.blind * (self.delay + self._interval * sent))
 
     @property
     def _interval(self) -> Scalar:

@@ -32,7 +32,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, with_joint_damping
-from skyarm.control.laws.centroidal.step_records import Planned
+from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
@@ -214,7 +214,7 @@ class AdaptationGains(OptionalPart):
         )
 
     def feedforward(
-        self, memory: Learned, par: CentroidalParameters, reference: Reference
+        self, memory: Learned, par: CentroidalParameters, reference: Reference, motion: ReferenceMotion
     ) -> tuple[Disturbance, Disturbance]:
         """Feed-forward of the adapted load and friction, before the measurement and now."""
         return memory.at_measurement(), memory.feedforward

@@ -94,7 +94,7 @@ def centroidal(
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
-    before, adapted = feedforward(par, part_memories, reference)
+    before, adapted = feedforward(par, part_memories, reference, motion)
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
@@ -243,10 +243,10 @@ def learning(memory: CentroidalMemory, share: Scalar) -> Scalars:
 
 
 def feedforward(
-    par: CentroidalParameters, memories: PartMemories, reference: Reference
+    par: CentroidalParameters, memories: PartMemories, reference: Reference, motion: ReferenceMotion
 ) -> tuple[Disturbance, Disturbance]:
     """Disturbance compensated beside the observer, before the measurement and now; zeros are compiled as constants."""
     none = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
-    rows = [part.feedforward(getattr(memories, name), par, reference) for name, part in par.parts.present()]
+    rows = [part.feedforward(getattr(memories, name), par, reference, motion) for name, part in par.parts.present()]
     given = [row for row in rows if row is not None] or [(none, none)]
     return functools.reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)

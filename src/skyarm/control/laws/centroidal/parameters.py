@@ -139,7 +139,7 @@ class OptionalPart:
         return par
 
     def feedforward(
-        self, memory: Any, par: CentroidalParameters, reference: Reference
+        self, memory: Any, par: CentroidalParameters, reference: Reference, motion: ReferenceMotion
     ) -> tuple[Disturbance, Disturbance] | None:
         """Disturbance that a part compensates beside the observer: in the period before the measurement, and now."""
         return None

@@ -32,7 +32,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, at_shares
-from skyarm.control.laws.centroidal.step_records import Effect
+from skyarm.control.laws.centroidal.step_records import Effect, ReferenceMotion
 from skyarm.control.laws.centroidal.tip_tasks import turn_by_yaw
 from skyarm.dynamics.actuators.load_limits import LoadLimits, largest_load
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -70,7 +70,7 @@ class CarryingMemory:
         ZERO3_DATA
     )
     limits: LoadLimits = LoadLimits()
-    mass: Annotated[Scalar, Unit("kg", "mass of the load that the tip moves, as the reference said")] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "part of the load's mass that this tip moves, told one period before")] = 0.0
 
 
 @immutable
@@ -132,26 +132,28 @@ class CarryingGains(OptionalPart):
         return dataclasses.replace(par, model=model)
 
     def feedforward(
-        self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference
+        self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference, motion: ReferenceMotion
     ) -> tuple[Disturbance, Disturbance] | None:
         """Effect of the known wrench before the measurement, and now; None if the reference carries nothing."""
         if not reference.carry:
             return None
         carry = Carry.of(reference.carry)
         before = memory.earlier[-1] if memory.earlier else memory.ahead
-        force = carry.force - self.force_in_model(memory, par, reference, carry)
+        force = carry.force - self.force_in_model(memory, par, motion, carry)
         return before, planned_effect(par.model.vehicle, reference, carry, force, carry.moment)
 
-    def force_in_model(self, memory: CarryingMemory, par: CentroidalParameters, reference: Reference, carry: Carry) -> Vec3:
+    def force_in_model(
+        self, memory: CarryingMemory, par: CentroidalParameters, motion: ReferenceMotion, carry: Carry
+    ) -> Vec3:
         """Force (N, world axes) on the planned tip of that part of the load that the model has."""
         if absent(self.inertia):
             return ZERO3
-        proper = planned_acceleration(par.model.vehicle, reference, carry) + E_Z * par.model.gravity
+        proper = planned_acceleration(par.model.vehicle, motion, carry) + E_Z * par.model.gravity
         return proper * (-self.inertia * memory.mass)
 
     def affect(self, memory: CarryingMemory, step: Step, effect: Effect) -> tuple[CarryingMemory, Effect]:
         """Shift the tip's reference, let the observer forget, hold adaptation, and estimate the wrench at the tip."""
-        given = self.feedforward(memory, step.par, step.reference)
+        given = self.feedforward(memory, step.par, step.reference, step.motion)
         if given is None:
             return memory, effect
         carry, observed, vehicle, dt = (
@@ -166,7 +168,7 @@ class CarryingGains(OptionalPart):
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
-        force = force + self.force_in_model(memory, step.par, step.reference, carry)
+        force = force + self.force_in_model(memory, step.par, step.motion, carry)
         forgotten = carry.forgotten_force * dt, carry.forgotten_moment * dt
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
@@ -228,13 +230,12 @@ def tip_of(vehicle: Vehicle, state: State) -> Vec3:
     return state.position + state.quaternion.rotation().apply(held)
 
 
-def planned_acceleration(vehicle: Vehicle, reference: Reference, carry: Carry) -> Vec3:
-    """Acceleration (m/s^2, world axes) of the planned tip on a level base."""
-    rows = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
-    tip = frame_pose(vehicle, held_at(vehicle), [series(*row) for row in rows], summed=True).p
-    turn = carry.heading
-    yaw = series(reference.yaw + turn.x, reference.yaw_rate + turn.y, reference.yaw_acceleration + turn.z)
-    return reference.acceleration + derivative(turn_by_yaw(yaw, tip), 2)
+def planned_acceleration(vehicle: Vehicle, motion: ReferenceMotion, carry: Carry) -> Vec3:
+    """Acceleration (m/s^2, world axes) of the planned tip on a level base, without its shift."""
+    turn, signals = carry.heading, motion.signals
+    tip = frame_pose(vehicle, held_at(vehicle), [each.truncate(2) for each in signals[4:]], summed=True).p
+    arm = turn_by_yaw(signals[3].truncate(2) + Taylor((turn.x, turn.y, mul(0.5, turn.z))), tip)
+    return Vec3(*(each.derivative(2) for each in signals[:3])) + derivative(arm, 2)
 
 
 def planned_effect(vehicle: Vehicle, reference: Reference, carry: Carry, force: Vec3, moment: Vec3) -> Disturbance:

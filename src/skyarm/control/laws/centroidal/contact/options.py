@@ -21,7 +21,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "force_sensor": (False, 0.0, 1.0),
     "load": (0.0, 0.0, 1e3),
     "carrying": (0.0, 0.0, 10.0),
-    "carried_inertia": (0.0, 0.0, 2.0),
+    "carried_inertia": (0.0, 0.0, 1.0),
 }
 """Default value and range of each contact option; the defaults disable contact control."""
 
