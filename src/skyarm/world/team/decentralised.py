@@ -94,6 +94,6 @@ class Decentralised(Sharing):
             )
             after.append(moved)
             shift, holding = (moved.offset, moved.rate, bend), inputs.holding
-            told = {"settling": self.filter, "mass": state.mass * share * holding}
-            carries.append(carry_of(holding, shift, -asking * holding, **told))
+            borne = state.mass * share * holding
+            carries.append(carry_of(holding, shift, -asking * holding, settling=self.filter, mass=borne))
         return tuple(after), tuple(carries)
