@@ -70,7 +70,7 @@ class CarryingMemory:
         ZERO3_DATA
     )
     limits: LoadLimits = LoadLimits()
-    mass: Annotated[Scalar, Unit("kg", "part of the load's mass that this tip moves, told one period before")] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "part of the load's mass that this tip moves, of the period before")] = 0.0
 
 
 @immutable
