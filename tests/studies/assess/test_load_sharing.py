@@ -383,3 +383,6 @@ def test_joints_that_a_share_overloads_along_the_path_are_said_before_a_flight(t
     assert [line.partition(":")[0] for line in lines] == ["left", "right"]
     assert all("joints[shoulder].effort_limit: saturates first at 1" in line for line in lines)
     assert carried_loads(dataclasses.replace(ball, team=None), "left", balances(ball)) == []
+    opened = with_grasps(ball, release=8.0)
+    (load,) = carried_loads(opened, "left", balances(opened))
+    assert (load.start, load.stop) == (3.0, 8.0)
