@@ -118,7 +118,8 @@ films: $(VENV)/.thorough
 		--window 0 11 --speed 1.5 --size 720x450 --fps 12
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
-	$(BIN)/python -m skyarm film two_carry_a_bar docs/images/two_carry_a_bar.webp $(SMALL) --speed 4 --camera fixed
+	$(BIN)/python -m skyarm film two_carry_a_bar docs/images/two_carry_a_bar.webp --size 800x450 --fps 10 --speed 4 \
+		--fine --without ghost --camera fixed
 	$(BIN)/python -m skyarm film two_hold_a_bar docs/images/two_hold_a_bar.webp $(SMALL) --speed 1.5 --camera fixed
 	$(BIN)/python -m skyarm plan catch_a_ball --out out/catch.npz --scenario out/catch.toml
 	$(BIN)/python -m skyarm film out/catch.toml docs/images/catch_a_ball.webp --window 1 5 --size 640x360 --fps 12 \
