@@ -360,6 +360,14 @@ def test_a_part_of_the_load_in_the_model_holds_it_in_a_gust():
     assert largest[0] > 50.0
 
 
+def test_shares_are_of_the_weight_also_while_the_body_still_stands():
+    log = flown(noisy(bar(law="decentralised")) | {"duration": 6.0})
+    assert np.abs(log.load_share).max() < 0.8  # and no ratio of two small forces
+    standing, carried = log.time < 1.4, log.time > 5.5
+    assert not log.load_share[standing].any()
+    assert np.allclose(log.load_share[carried].mean(axis=0), 0.5, atol=0.02)
+
+
 def test_late_messages_do_not_let_the_pull_of_a_heavy_team_swing():
     tables = tomllib.loads((TEAMS / "heavy_beam.toml").read_text("utf-8"))
     del tables["windows"]

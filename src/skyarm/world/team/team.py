@@ -24,7 +24,7 @@ from typing import Annotated, Protocol, Self
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3, ldl_solve
-from skyarm.algebra.scalars import absolute, clip, data, divide, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.actuators.load_limits import LoadLimits
 from skyarm.dynamics.point_motion import PointMotion
@@ -61,7 +61,7 @@ LIGHTEST = 1e-6
 """Least virtual mass of a member, below which shares are lost to rounding."""
 
 LEAST = 1e-3
-"""Force (N) of all grasps below which their shares are not told apart."""
+"""Weight (N) of a body, at least, of which shares are taken."""
 
 STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
@@ -403,10 +403,10 @@ class Team(Component[TeamMemory]):
         own, carries = team.lead(memory.own, inputs, dt)
         arms = self.arms(body.rotation)
         tensions = team.tensions(team.internal(pulls, arms), arms)
-        whole = sum((f.z for f in pulls), 0.0)
-        whole = where(absolute(whole) > LEAST, whole, 1e12)
+        mass = next(each.mass for each in contact.objects if each.name == self.object)
+        weight = maximum(mass * motion.gravity, LEAST)
         off, turn = body.position - desired.position, team.turn_error(body.rotation, desired.R)
-        shares = (divide(f.z, whole) for f in pulls)
+        shares = (divide(f.z, weight) for f in pulls)
         errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(
@@ -550,7 +550,7 @@ class Team(Component[TeamMemory]):
             *(Column("team_pull", pair, "N", "internal force along the line of two grasps") for pair in pairs),
             *(Column("team_pull_reference", pair, "N", "desired internal force along that line") for pair in pairs),
             *(
-                Column("load_share", each.agent, "", "vertical force of a member over that of all")
+                Column("load_share", each.agent, "", "vertical force of a member over the weight of the body")
                 for each in self.members
             ),
             *self.further_columns(),
