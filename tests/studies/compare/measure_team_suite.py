@@ -4,7 +4,7 @@
 
 Four tables are of the same flights: ``summary`` of a few conditions, ``errors`` of the bar's place, direction and pull,
 ``goals`` of ``object_wrench``, and ``limits`` with lost flights, rotor jitter, commands at a limit and shares of the
-load. ``others`` flies other teams, and ``gains`` four teams with other gains while they carry. What was flown is kept in
+load. ``others`` flies other teams, ``gains`` four teams with other gains while they carry. What was flown is kept in
 the folder of ``--out``; the same command, and the others of the same flights, go on with it.
 """
 
@@ -96,6 +96,15 @@ def number_by_law(flown: Summaries, head: str, metric: str, how: str, factor: fl
     return by_law(flown, head, lambda summary: shown(value(summary, metric, how, factor)))
 
 
+def intervals(summaries: Iterable[Mapping[str, Any]]) -> Table:
+    """Table of the intervals of all counts of placed flights."""
+    several = [each for each in summaries if each["episodes"] > 1]
+    found = {(each["success"], each["episodes"]): each["success_interval"] for each in several}
+    counts = sorted(found.items(), key=lambda item: (item[0][1], item[0][0]), reverse=True)
+    ends = ([f"{good} of {of}", *(f"{100.0 * end:.0f}" for end in found)] for (good, of), found in counts)
+    return ("placed", ">interval of 95 %, from, %", ">to, %"), ends
+
+
 def summary_tables(flown: Summaries) -> Iterator[Table]:
     """Flights that placed the bar, and errors over time, of a few conditions."""
     (position, _, to_mm), (pull, _, _) = POSITION, PULL
@@ -119,15 +128,7 @@ def summary_tables(flown: Summaries) -> Iterator[Table]:
 def error_tables(flown: Summaries) -> Iterator[Table]:
     """Flights that placed the bar, intervals of these counts, and errors of the bar."""
     yield by_law(flown, "placed", placed)
-    found = {
-        (each["success"], each["episodes"]): each["success_interval"]
-        for of in flown.values()
-        for each in of.values()
-        if each["episodes"] > 1
-    }
-    counts = sorted(found.items(), key=lambda item: (item[0][1], item[0][0]), reverse=True)
-    ends = ([f"{good} of {of}", *(f"{100.0 * end:.0f}" for end in found)] for (good, of), found in counts)
-    yield (("placed", ">interval of 95 %, from, %", ">to, %"), ends)
+    yield intervals(each for of in flown.values() for each in of.values())
     for usual, largest, factor in (POSITION, DIRECTION, PULL):
         yield number_by_law(flown, *usual, "mean", factor)
         yield number_by_law(flown, *largest, "max", factor)
@@ -238,7 +239,7 @@ def others(seeds: int, out: str, small: bool) -> None:
             "team-suite",
             SHOWN,
             f"{out}/{file}",
-            rows=rows[:1] if small else rows,
+            rows=("noisy",) if small else rows,
             scenario=TEAMS / f"{file}.toml",
             seeds=2 if small else seeds,
             workers=os.cpu_count() or 1,
@@ -255,6 +256,7 @@ def others(seeds: int, out: str, small: bool) -> None:
         return lambda summary: shown(value(summary, metric, how, factor))
 
     table("placed", placed)
+    print_table(*intervals(each for of in found.values() for each in of.values()))
     for usual, largest, factor in (POSITION, DIRECTION, PULL):
         table(usual[0], number(usual[1], "mean", factor))
         table(largest[0], number(largest[1], "max", factor))
