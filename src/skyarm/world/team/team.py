@@ -80,9 +80,9 @@ class Member:
     length: Annotated[
         float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
     ] = field(default=0, metadata=WRITTEN_IF_ANY)
-    taken: Annotated[Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")] = (
-        None
-    )
+    taken: Annotated[
+        Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")
+    ] = None
     mass: Annotated[
         Scalar,
         Unit(
