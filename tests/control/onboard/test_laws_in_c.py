@@ -92,7 +92,7 @@ def test_instructions_of_a_team_and_the_force_at_the_tip_are_in_c(tmp_path, iner
     in_c, memory = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off")), controller.memory
     rows = inputs("hummingbird_arm2", count=12, preview=len(preview_leads(controller.par)))
     for k, (measurement, reference) in enumerate(rows):
-        carry = (float(k > 4), *(0.01 * k * (i - 9.0) for i in range(26)))
+        carry = (float(k > 4), *(0.01 * k * (i - 9.0) for i in range(24)), 5.0, 0.02 * k)
         given = dataclasses.replace(reference, carry=carry)
         memory, command = controller.law(memory, measurement, given, 0.005, par=controller.par)
         assert same_bits(in_c(measurement, given), [float(x) for x in (*command.rotor_speeds, *command.efforts)])

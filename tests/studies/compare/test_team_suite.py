@@ -189,7 +189,7 @@ def test_options_of_the_own_law_stay_and_other_laws_get_those_that_they_have(tmp
     team = cell("perfect", scenario=own).scenario().team
     assert (team.pull_gain, team.rise, team.position_noise) == (0.05, 1.1, 0)  # noise is that of the conditions
     follower = cell("perfect", "leader_follower", scenario=own).scenario().team
-    assert (follower.rise, follower.virtual_mass) == (1.1, 0.5)
+    assert (follower.rise, follower.virtual_mass) == (1.1, 0.444)
     alone = cell("noisy", "own_paths", scenario=own).scenario()
     assert type(alone.team).__name__ == "Team"
     assert float(alone.team.position_noise) == 0.001
