@@ -276,7 +276,7 @@ def test_steps_are_longer_while_grasps_alone_act_and_the_flight_is_the_same(monk
     def counts():
         return RigidBodyPlant(plants, first_surroundings(scenario, first_loop_state(scenario))).substeps(0.005)
 
-    assert (counts().near, counts().calm) == (24, 6)
+    assert (counts().near, counts().calm) == (24, 4)  # 4 at least: six by these grasps
     monkeypatch.setattr(Contact, "largest_calm_step", None)
     monkeypatch.setattr(Contact, "largest_calm_verlet_step", None)
     monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "other"))

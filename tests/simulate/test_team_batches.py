@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.log.metrics.windows import Windows
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.numbers import with_numbers
@@ -224,3 +225,15 @@ def test_a_stiffer_grasp_than_the_code_has_steps_for_is_refused() -> None:
     batch = Batch(team("bar", duration=0.1), [STIFFNESS], metrics=["tilt_max"], effort=0)
     with pytest.raises(ScenarioError, match=r"values\['world\.grasps\.0\.stiffness'\] = 50000: requires steps of"):
         batch.fly({STIFFNESS: np.array([5.0e4])})
+
+
+def test_a_lane_with_stiffer_grasps_than_the_file_takes_the_steps_that_they_need() -> None:
+    """The floor has the shortest steps, so a batch takes any grasp up to them: calm steps go by each lane's own."""
+    scenario = dataclasses.replace(skyarm.load_scenario("two_carry_a_bar"), duration=5.0, windows=Windows())
+    stiff, metrics = [1e4, 1.4e5], ["team_pull_max", "team_position_mean", "team_position_last", "left/rotor_jitter"]
+    paths = [f"world.grasps.{i}.stiffness" for i in (0, 1)]
+    found = fly(scenario, dict.fromkeys(paths, stiff), metrics)
+    for lane, value in enumerate(stiff):
+        one = with_numbers(scenario, dict.fromkeys(paths, value))
+        for name, alone in skyarm.score(skyarm.run(one), metrics).items():
+            assert found.metrics[name][lane] == pytest.approx(alone, rel=1e-9), name

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, floor, where
+from skyarm.algebra.scalars import clip, data, divide, floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -24,7 +24,6 @@ from skyarm.plant.largest_step import (
     INTEGRATORS,
     STAGES,
     VERLET,
-    calm_step,
     divisions,
     largest_step,
     verlet_step,
@@ -43,7 +42,7 @@ class Steps(NamedTuple):
         rounds: least number of the inactive components' own steps within one of those.
         verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
         most: times ``near``, of the steps in an interval in which something hits.
-        calm: fewer than ``near``, while grasps act and no contact does; 0 for none.
+        calm: least number of steps while grasps act and no contact does; 0 if these are always ``near``.
     """
 
     near: int
@@ -73,7 +72,10 @@ def hold(
         memories, more = there.hurry(motions, seconds)
         now, finer = (now[0], memories), -floor(-steps * more)
     if count.calm:
-        finer = where(there.calm(motions, seconds), float(count.calm), finer)
+        largest = there.largest_calm_step(verlet=count.verlet)
+        assert largest is not None
+        fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
+        finer = where(there.calm(motions, seconds), fewer, finer)
 
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
@@ -166,13 +168,13 @@ class RigidBodyPlant:
         return Steps(near, far, rounds, False, most, self._calm(seconds, near, far, verlet=False))
 
     def _calm(self, seconds: float, near: int, least: int, *, verlet: bool) -> int:
-        """Number of steps, ``least`` or more, while grasps act and no contact does; 0 if it is that near contacts."""
-        largest = None if self._integrator == "euler" else calm_step(self.around, verlet=verlet)
+        """Least number of steps while grasps act and no contact does, ``least`` or more; 0 if that helps nothing."""
+        largest = None if self._integrator == "euler" else self.around.largest_calm_step(verlet=verlet)
         if largest is None:
             return 0
         held = self._rate / (HELD_FRICTION_STEP if verlet else FRICTION_STEP)
-        steps = max(math.ceil(seconds * held), divisions(seconds, largest), least)
-        return steps if steps < near else 0
+        fewest = max(math.ceil(seconds * held), divisions(seconds, self._largest_far), least)
+        return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":

@@ -71,13 +71,6 @@ def verlet_step(around: Together) -> float | None:
     return None if None in steps else _least(steps)
 
 
-def calm_step(around: Together, *, verlet: bool) -> float | None:
-    """Longest integration step (s) while no contact is near and grasps act; None if a model states none."""
-    steps = [c.largest_calm_verlet_step if verlet else c.largest_calm_step for _, c, _ in around.coupled]
-    own = None if verlet else largest_step(around, coupled=False)
-    return None if None in steps else _least((*steps, own))
-
-
 def _least(steps: Iterable[Scalar | None]) -> float | None:
     return min((float(step) for step in steps if step is not None), default=None)
 

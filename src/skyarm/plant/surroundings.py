@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 from skyarm.algebra import ZERO3, Scalar, Vec3
-from skyarm.algebra.scalars import logical_and, maximum
+from skyarm.algebra.scalars import logical_and, maximum, minimum
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
@@ -172,19 +173,17 @@ class Together:
 
     def far(self, motions: Sequence[PointMotion], seconds: Scalar) -> Scalar:
         """True if no contact can occur within ``seconds``."""
-        far: Scalar = True
-        for i, component, memory in self.coupled:
-            there = component.far(memory, motions[i], seconds)
-            far = there if far is True else logical_and(far, there)
-        return far
+        return _all([c.far(memory, motions[i], seconds) for i, c, memory in self.coupled])
 
     def calm(self, motions: Sequence[PointMotion], seconds: Scalar) -> Scalar:
         """True if no contact can occur within ``seconds``, but grasps may act."""
-        calm: Scalar = True
-        for i, component, memory in self.coupled:
-            there = component.calm(memory, motions[i], seconds)
-            calm = there if calm is True else logical_and(calm, there)
-        return calm
+        return _all([c.calm(memory, motions[i], seconds) for i, c, memory in self.coupled])
+
+    def largest_calm_step(self, *, verlet: bool) -> Scalar | None:
+        """Longest stable integration step (s) of grasps alone; None if a coupled model states none."""
+        steps = [c.largest_calm_verlet_step if verlet else c.largest_calm_step for _, c, _ in self.coupled]
+        stated = [step for step in steps if step is not None]
+        return reduce(minimum, stated) if stated and len(stated) == len(steps) else None
 
     def hurry(self, motions: Sequence[PointMotion], seconds: Scalar) -> tuple[Memories, Scalar]:
         """Internal states of the coupled models, and number of integration substeps for the next ``seconds``."""
@@ -221,6 +220,11 @@ class Together:
                 for (i, component, memory), now in going
             ]
         )
+
+
+def _all(flags: Sequence[Scalar]) -> Scalar:
+    """True if all flags are, also if there are none."""
+    return reduce(logical_and, flags) if flags else True
 
 
 def motions_of(
