@@ -45,7 +45,7 @@ ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
 UP = np.array([0.0, 0.0, G])
 BIAS = np.array([0.3, -0.2, 0.25])
 LEVEL = Rotation.identity()
-STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3, learns=0.0)
+STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3)
 
 
 def vec(a):
@@ -105,12 +105,11 @@ def test_what_the_model_knows_is_not_felt_as_a_force():
 
 @pytest.mark.parametrize("limited", [(0.0, 1.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 0.0)])
 def test_any_actuator_at_its_limit_leaves_the_force_to_the_velocity(limited):
-    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), learns=0.25)
+    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0))
     y = (1.0, 0.0, G)
     free, stuck = (felt_in(LEVEL, y, (0.0,) * 3, seen, each) for each in ((1.0, 1.0, 1.0), limited))
     assert free.change.x == pytest.approx(1.0 - np.exp(-40.0 * DT))
-    assert free.learns == 1.0
-    assert (list(stuck.change), stuck.learns) == ([7.0, 8.0, 9.0], 0.25)
+    assert list(stuck.change) == [7.0, 8.0, 9.0]
     # the velocity goes on with what is felt in either case
     assert list(free.velocity) == list(stuck.velocity)
     assert free.velocity.x > 0.0
@@ -119,9 +118,9 @@ def test_any_actuator_at_its_limit_leaves_the_force_to_the_velocity(limited):
 def test_three_zeros_are_no_reading():
     """Whoever measures no specific force leaves it at 0: velocity, force and bias are those of the velocity alone."""
     bias = Vec3(0.1, 0.2, 0.3)
-    seen = dataclasses.replace(STILL, velocity=Vec3(0.4, 0.5, 0.6), change=Vec3(7.0, 8.0, 9.0), learns=1.0, bias=bias)
+    seen = dataclasses.replace(STILL, velocity=Vec3(0.4, 0.5, 0.6), change=Vec3(7.0, 8.0, 9.0), bias=bias)
     none = felt_in(LEVEL, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
-    assert (list(none.velocity), list(none.change), none.learns) == ([0.4, 0.5, 0.6], [7.0, 8.0, 9.0], 1.0)
+    assert (list(none.velocity), list(none.change)) == ([0.4, 0.5, 0.6], [7.0, 8.0, 9.0])
     assert list(none.bias) == list(bias)
     least = felt_in(LEVEL, (1e-12, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
     assert least.change.z < -1.0

@@ -206,7 +206,7 @@ def test_the_model_holds_the_load_with_its_inertia():
         np.array(dynamics.mass_matrix(vehicle, Mat3.identity(), JOINTS))
         for vehicle in (
             gains.adjust_gains(memory, LAW, STEP).model.vehicle,
-            ARM.with_body(ARM.frame().link, at_tip(GAINS.inertia_share * 0.3, (0.02, 0.0, 0.01))),
+            LAW.model.vehicle.with_body(ARM.frame().link, at_tip(GAINS.inertia_share * 0.3, (0.02, 0.0, 0.01))),
         )
     ]
     # a ball beside a point: the same but for its own inertia in all that turns it

@@ -18,8 +18,12 @@ those of the measured velocity, above it the accelerometer's. Where noise of the
 w = (noise of the specific force) / (noise of the velocity). An unknown effort of a joint accelerates the base, too, and
 M sees that it is no force on it only by the joint's acceleration at the same time: the force's row of M takes the
 measured change of the joints' rates beyond the model, (e_k - (1 - L1) e_(k-1)) / dt, at the bandwidth of the force.
+A blow is over before a rotor answers it: the force takes r up to ``MOST``, the velocity all of it.
+
+While an actuator is at its limit its disturbance is held: one that grows winds up. But a force that is false may be what
+keeps the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
 Sources: Brown, Hwang 2012, chapter 8 (complementary filters); Gao 2003 (both poles at one place); Smeur, Chu, de Croon
-2016 (the external force from the specific force).
+2016 (the external force from the specific force); Astrom, Hagglund 2006, 3.5 (conditional integration).
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, divide, mul, where
+from skyarm.algebra.scalars import data, divide, maximum, minimum, mul, sqrt, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,
@@ -78,6 +82,18 @@ class AccelerometerGains:
     ]
 
 
+MOST = 10.0
+"""Largest acceleration (m/s^2) beyond the model that the force takes from one reading of the accelerometer: more than
+wind and loads give, about what rotors can answer."""
+
+RELEASE = 0.05
+"""Share of its change by which a force shrinks while a rotor is at its limit. With 1 winds that hold rotors there for
+seconds carry a drawn vehicle 18 times as far off, with 0 a false force is held for good."""
+
+SMALL = 1e-9
+"""Added to the square of an acceleration ((m/s^2)^2), as a divisor."""
+
+
 @immutable
 class Felt:
     """Estimates of an observer after one period: base velocity, accelerometer bias, increment of the unknown force.
@@ -86,7 +102,6 @@ class Felt:
         velocity: velocity of the base origin, world axes, m/s.
         bias: bias of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
-        learns: 1 where that change is taken, 0 where the force is held.
         heard: 1 where that change is the accelerometer's, 0 where it is that of the measured velocity.
         beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
     """
@@ -94,7 +109,6 @@ class Felt:
     velocity: Vec3
     bias: Any
     change: Vec3
-    learns: Scalar
     heard: Scalar = 0
     beside: Vec3 | tuple[()] = ()
 
@@ -149,11 +163,11 @@ def measure_translation(
     share = there
     for each in free:
         share = mul(share, each)
+    taken = beside * minimum(1.0, divide(MOST, sqrt(beside.dot(beside) + SMALL)))
     return Felt(
         velocity=(ahead + e * fast) * there + seen.velocity * (1.0 - there),
         bias=vector_data(seen.bias - R.apply_T(e) * mul(there, divide(slow, dt))),
-        change=beside * mul(share, low_pass_share(gains.force, dt)) + seen.change * (1.0 - share),
-        learns=share + mul(1.0 - share, seen.learns),
+        change=taken * mul(share, low_pass_share(gains.force, dt)) + seen.change * (1.0 - share),
         heard=share,
         beside=beside,
     )
@@ -204,7 +218,8 @@ def observe(
         acted: actuation in the period between them.
         unknown: disturbance over the period, as estimated before the new one.
         started: flag, below 0.5 at the first measurement, which is taken as it is.
-        free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
+        free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit, and lets
+            the force shrink slowly.
         dt: s.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
@@ -223,7 +238,7 @@ def observe(
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
-    base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
+    base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0])
     residuals, quick = memory.joint_residuals, bending
     if gains.accelerometer is not None:
         modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
@@ -243,7 +258,7 @@ def observe(
         velocity=base.velocity,
         rate=w + ew * fast[1],
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
-        force=memory.force + push * base.learns,
+        force=memory.force + push * maximum(free[0], where(memory.force.dot(push) < 0.0, RELEASE, 0.0)),
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(map(data, speeds)),

@@ -25,6 +25,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
+import numpy as np
+
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, clip, data, divide, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
@@ -57,7 +59,8 @@ STICKIEST = 50.0
 """Largest adapted damping of a joint over its inertia on a fixed base (1/s)."""
 
 MODELLED = 5.0
-"""Largest part of the adapted damping that the model's joints take, over the same inertia (1/s). With 20, slow
+"""Largest part of the adapted damping that the model's joints take, over the same inertia (1/s); less where the arm's
+fastest mode would lose more damping by it than its loop gives: what is learned may be false. With 20, slow
 swings under an unmodelled load of 50 g are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry
 the tip off by 13 mm for 9."""
 
@@ -220,19 +223,28 @@ class AdaptationGains(OptionalPart):
         return memory.at_measurement(), memory.feedforward
 
 
-def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods: int) -> AdaptationGains | None:
-    """Constants of load and friction adaptation, from rate (1/s) and bound (kg) of tip mass; None without joints."""
+def adaptation_gains(
+    vehicle: Vehicle, rate: float, limit: float, delay_periods: int, damping: float
+) -> AdaptationGains | None:
+    """Constants of load and friction adaptation, from rate (1/s) and bound (kg) of tip mass; None without joints.
+
+    ``damping`` is that of the joints' loop, 1/s.
+    """
     if not vehicle.n:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest
-    M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
     joints = [link.joint for link in vehicle.links]
     inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
+    # decay rate of the arm's fastest mode by that damping: that of a joint whose outer joints give way, not locked
+    root = np.sqrt(MODELLED * np.array(inertias))
+    fastest = float(np.linalg.eigvalsh(root[:, None] * np.linalg.inv(M)[6:, 6:] * root[None, :])[-1])
+    modelled = MODELLED * min(1.0, damping / fastest)
     return AdaptationGains(
         load=(rate or None) if vehicle.end_effector else None,
         mass_limit=limit,
         damping_limits=tuple((-float(q.damping), STICKIEST * each) for q, each in zip(joints, inertias, strict=True)),
-        modelled=tuple(MODELLED * each for each in inertias),
+        modelled=tuple(modelled * each for each in inertias),
         slow=tuple(SLOW[q.kind] for q in joints),
         delay_periods=delay_periods,
     )

@@ -12,6 +12,7 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.held_damping import with_held_damping
 from skyarm.control.blocks.late_actuators import first_past
 from skyarm.control.controller import Controller, ControllerError, LawOptions, all_applied
 from skyarm.control.laws.centroidal import options
@@ -125,7 +126,7 @@ def make_centroidal(
     # whatever has no limit turns as far as its arm buckles; what presses on purpose is not to be stiff
     loose = any(link.joint.turns and not any(end) for link, end in zip(vehicle.links, ends, strict=True))
     par = CentroidalParameters(
-        model=model,
+        model=with_held_damping(model, control_period),
         mixer=_mixer(vehicle, sideways is not None),
         mode=mode,
         base=BaseGains(
@@ -161,7 +162,9 @@ def make_centroidal(
             noise=noise_gains(vehicle, hears),
             **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead, periods=periods),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
-            adaptation=adaptation_gains(vehicle, 0.0 if carries else gains["adaptation"], most, periods),
+            adaptation=adaptation_gains(
+                vehicle, 0.0 if carries else gains["adaptation"], most, periods, gains["arm"][1]
+            ),
         ),
     )
     if gains["bandwidth"] != 1.0:

@@ -21,7 +21,7 @@ from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, at_shares
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -31,6 +31,9 @@ from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Body, Vehicle
 
 UP = Vec3(0, 0, 1)
+
+HOLDING = 0.85
+"""Factor of all bandwidths while a heavy load is held. Its inertia about the grasp is unknown."""
 
 VAGUE = 1e6
 """Prior standard deviation (kg) of an unknown mass: without gravity no measurement depends on it, and it stays zero."""
@@ -209,12 +212,14 @@ class LoadGains(OptionalPart):
         return LoadMemory(mass=0.0, place=ZERO3_DATA, bias=no_disturbance(joints))
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Add the estimated load to the tip of the law's model."""
+        """Add the estimated load to the tip of the law's model, and reduce all bandwidths while it is held."""
         vehicle, about = par.model.vehicle, memory.mass * (self.size * self.size)
         tip = vehicle.frame()
         com = tip.position + tip.rotation.apply(memory.place)
         load = Body(mass=mul(self.inertia_share, memory.mass), com=com, inertia=Sym3(about, about, about))
-        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
+        par = dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
+        share = 1.0 - (1.0 - HOLDING) * self.loaded(memory.mass)
+        return at_shares(par, share, share)
 
     def affect(self, memory: LoadMemory, step: Step, effect: Effect) -> tuple[LoadMemory, Effect]:
         """Update the load estimate; leave the force of a support under the load uncompensated."""
@@ -243,14 +248,19 @@ class LoadGains(OptionalPart):
         unknown, force = dataclasses.replace(unknown, efforts=efforts), effect.force + resting.force
         return load, dataclasses.replace(effect, unknown=unknown, force=force, links=calm)
 
+    def loaded(self, mass: Scalar) -> Scalar:
+        """0 without a load, nearly 1 with a heavy one: m^2 / (m^2 + m_0^2), m_0 a part of the limit."""
+        least = self.light * self.limit
+        return divide(mass * mass, mass * mass + least * least)
+
     def unknown_shares(self, vehicle: Vehicle, joints: Sequence[Scalar], mass: Scalar) -> list[Scalar]:
         """Fraction (0 to 1) of a held load's inertia about each joint that the model lacks.
 
         With a load of mass m and radius of gyration r at a lever l from the joint, the inertia is m (l^2 + r^2), of
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
         """
-        least, bulk = self.light * self.limit, self.bulk * self.bulk * self.bulk * self.bulk
-        loaded, shares = divide(mass * mass, mass * mass + least * least), list[Scalar]()
+        bulk = self.bulk * self.bulk * self.bulk * self.bulk
+        loaded, shares = self.loaded(mass), list[Scalar]()
         for column, link in zip(jacobian_columns(vehicle, vehicle.frame(), joints), vehicle.links, strict=True):
             square = column.linear.dot(column.linear)
             shares.append(loaded * divide(bulk, square * square + bulk) if link.joint.turns else 0)
