@@ -20,10 +20,17 @@ M sees that it is no force on it only by the joint's acceleration at the same ti
 measured change of the joints' rates beyond the model, (e_k - (1 - L1) e_(k-1)) / dt, at the bandwidth of the force.
 A blow is over before a rotor answers it: the force takes r up to ``MOST``, the velocity all of it.
 
-While an actuator is at its limit its disturbance is held: one that grows winds up. But a force that is false may be what
-keeps the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
+An accelerometer that is stuck, late, turned round or spiked parts from the measured velocity: e is the leaky integral
+of their difference. Beyond ``agreement`` velocity and force go over to those of the measured velocity alone, with
+(agreement / |e|)^4, and return slowly. A reading of the velocity that leaps by more than ``JUMP`` must come twice.
+Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
+predict over them.
+
+While an actuator is at its limit its disturbance is held: one that grows winds up. But a false force may be what keeps
+the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
 Sources: Brown, Hwang 2012, chapter 8 (complementary filters); Gao 2003 (both poles at one place); Smeur, Chu, de Croon
-2016 (the external force from the specific force); Astrom, Hagglund 2006, 3.5 (conditional integration).
+2016 (the external force from the specific force); Huber 1981 (bounded influence of a reading); Astrom, Hagglund 2006,
+3.5 (conditional integration).
 """
 
 from __future__ import annotations
@@ -34,7 +41,7 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, divide, maximum, minimum, mul, sqrt, where
+from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, mul, sqrt, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,
@@ -45,6 +52,7 @@ from skyarm.control.blocks.prediction import (
     with_side,
 )
 from skyarm.control.blocks.select import choose_each, vector_data
+from skyarm.control.blocks.stale_readings import Fresh, Readings
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -54,14 +62,19 @@ from skyarm.records.leaves import blend
 from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
 
+AGREEMENT = 0.05
+"""Accepted difference (m/s) of measured and integrated velocity: five deviations of the noise for which the gains were
+chosen. With 0.035 healthy flights use the accelerometer too little and err by 4 % more."""
+
 
 @immutable
 class AccelerometerGains:
-    """Bandwidths (rad/s) of the disturbance observer's accelerometer correction.
+    """Bandwidths (rad/s) of the disturbance observer's accelerometer correction, and the check of the accelerometer.
 
     Attributes:
         force: bandwidth at which the unknown force follows the accelerometer.
         velocity: bandwidth below which the measured velocity outweighs the accelerometer.
+        agreement: difference of measured and integrated velocity up to which the accelerometer is used in full.
     """
 
     force: Annotated[
@@ -80,6 +93,14 @@ class AccelerometerGains:
             effect="higher values rely more on the measured velocity, lower ones more on the accelerometer",
         ),
     ]
+    agreement: Annotated[
+        Scalar,
+        Unit(
+            "m/s",
+            "difference of measured and integrated velocity up to which the accelerometer is used in full",
+            effect="higher values use a wrong accelerometer more, lower ones a noisy one less",
+        ),
+    ] = AGREEMENT
 
 
 MOST = 10.0
@@ -89,6 +110,21 @@ wind and loads give, about what rotors can answer."""
 RELEASE = 0.05
 """Share of its change by which a force shrinks while a rotor is at its limit. With 1 winds that hold rotors there for
 seconds carry a drawn vehicle 18 times as far off, with 0 a false force is held for good."""
+
+LARGEST_BIAS = 5.0
+"""Largest estimated bias (m/s^2) of an accelerometer: that of a tilt of half a radian. One that is mounted upside down
+has no bias, but is wrong."""
+
+LEFT = 2.0
+"""Largest difference of measured and integrated velocity that is left after a period, over the accepted one: what a
+single false reading leaves must fade, what a wrong accelerometer adds in each period must show."""
+
+RETURN = 1.0
+"""Time (s) in which an accelerometer that disagreed is used in full again."""
+
+JUMP = 0.3
+"""Largest growth (m/s) of the innovation of the velocity in one period that is believed at once. What lasts for two is
+believed in the second."""
 
 SMALL = 1e-9
 """Added to the square of an acceleration ((m/s^2)^2), as a divisor."""
@@ -103,6 +139,8 @@ class Felt:
         bias: bias of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
         heard: 1 where that change is the accelerometer's, 0 where it is that of the measured velocity.
+        agreed: fraction (0 to 1) to which the accelerometer is used, by its agreement with the measured velocity.
+        integrated: velocity by the accelerometer, corrected by the measured one, world axes, m/s; empty without one.
         beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
     """
 
@@ -110,6 +148,8 @@ class Felt:
     bias: Any
     change: Vec3
     heard: Scalar = 0
+    agreed: Scalar = 1.0
+    integrated: Any = ()
     beside: Vec3 | tuple[()] = ()
 
 
@@ -129,46 +169,55 @@ def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -
 
 def measure_translation(
     gains: AccelerometerGains,
-    velocity: Vec3,
     seen: Felt,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
     modelled: Vec3,
     free: Sequence[Scalar],
+    fresh: Fresh,
     dt: Scalar,
 ) -> Felt:
     """Accelerometer-based estimate of the base's velocity and of the change of the external force in one period.
 
     An actuator at its limit shakes the base by what the model lacks, because its disturbance is held: the force is then
-    estimated from the measured velocity alone. So it is where the specific force is three zeros: none was measured.
+    estimated from the measured velocity alone. So it is where the specific force is three zeros: none was measured;
+    where it stands still; and as far as the velocity that is integrated from it parts from the measured one.
 
     Args:
         gains: bandwidths.
-        velocity: one period earlier, world axes.
-        seen: estimate from the measured velocity alone, with the bias of one period earlier.
+        seen: estimate from the measured velocity alone; bias, agreement and integrated velocity of one period earlier.
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
         modelled: specific force by the model (:func:`modelled_specific_force`).
         free: 1 for rotors and each joint that are not at their limit, else 0.
+        fresh: which readings are new.
         dt: s.
     """
     felt = measurement.specific_force
     beside = R.apply(felt - seen.bias - modelled)
-    ahead = velocity + (linear + beside) * dt
-    e = measurement.velocity - ahead
+    ahead = seen.integrated + (linear + beside) * dt
+    e = (measurement.velocity - ahead) * fresh.velocity
+    ratio = divide(gains.agreement, sqrt(e.dot(e) + SMALL))
     fast, slow = double_pole(gains.velocity, dt)
-    there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
-    share = there
+    integrated = ahead + e * (1.0 - (1.0 - fast) * minimum(1.0, LEFT * ratio))
+    trust, there = minimum(1.0, ratio), where(felt.dot(felt) > 0.0, fresh.specific_force, 0.0)
+    square = trust * trust
+    agreed = minimum(square * square, seen.agreed + dt * (1.0 / RETURN))
+    used = there * agreed
+    share = used
     for each in free:
         share = mul(share, each)
+    bias = seen.bias - R.apply_T(e) * mul(there * trust, divide(slow, dt))
     taken = beside * minimum(1.0, divide(MOST, sqrt(beside.dot(beside) + SMALL)))
     return Felt(
-        velocity=(ahead + e * fast) * there + seen.velocity * (1.0 - there),
-        bias=vector_data(seen.bias - R.apply_T(e) * mul(there, divide(slow, dt))),
+        velocity=integrated * used + seen.velocity * (1.0 - used),
+        bias=Vec3(*(data(clip(each, -LARGEST_BIAS, LARGEST_BIAS)) for each in bias)),
         change=taken * mul(share, low_pass_share(gains.force, dt)) + seen.change * (1.0 - share),
         heard=share,
+        agreed=data(agreed),
+        integrated=vector_data(integrated),
         beside=beside,
     )
 
@@ -188,7 +237,9 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
         efforts=still,
         rotor_speeds=tuple(rotor_speeds),
         bias=ZERO3_DATA if accelerometer else (),
+        integrated=ZERO3_DATA if accelerometer else (),
         joint_residuals=still if accelerometer else (),
+        readings=Readings(),
     )
 
 
@@ -222,7 +273,9 @@ def observe(
             the force shrink slowly.
         dt: s.
     """
-    place = filter_pose(gains.pose, memory, measurement, started, dt)
+    readings = Readings.of(measurement)
+    fresh = memory.readings.fresh(readings)
+    place = filter_pose(gains.pose, memory, measurement, fresh, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
     # the first measurement may be turns away from the memory
@@ -233,18 +286,24 @@ def observe(
     linear, angular, qdd = amid.accelerations(model, squares, acted.efforts)
     v, w = memory.velocity + linear * dt, memory.rate + angular * dt
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
-    ev, ew = measurement.velocity - v, measurement.rate - w
-    er = [a - b for a, b in zip(measurement.joint_rates, rates, strict=True)]
+    ev, ew = (measurement.velocity - v) * fresh.velocity, (measurement.rate - w) * fresh.rate
+    er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
-    base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0])
+    size = sqrt(ev.dot(ev) + SMALL)
+    ev = ev * minimum(1.0, divide(JUMP + memory.innovation, size))
+    base = Felt(
+        velocity=v + ev * fast[0],
+        bias=memory.bias,
+        change=ev * slow[0],
+        agreed=memory.agreed,
+        integrated=memory.integrated,
+    )
     residuals, quick = memory.joint_residuals, bending
     if gains.accelerometer is not None:
         modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
-        base = measure_translation(
-            gains.accelerometer, memory.velocity, base, measurement, R, linear, modelled, free, dt
-        )
+        base = measure_translation(gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt)
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
         quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
         residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
@@ -264,6 +323,10 @@ def observe(
         rotor_speeds=tuple(map(data, speeds)),
         bias=base.bias,
         joint_residuals=residuals,
+        readings=readings,
+        innovation=data(size),
+        agreed=base.agreed,
+        integrated=base.integrated,
     )
     begun = dataclasses.replace(
         memory,
@@ -273,6 +336,8 @@ def observe(
         velocity=vector_data(measurement.velocity),
         rate=vector_data(measurement.rate),
         joint_rates=tuple(map(data, measurement.joint_rates)),
+        readings=readings,
+        integrated=vector_data(measurement.velocity) if memory.integrated else (),
     )
     return blend(started > 0.5, learned, begun), Told(
         amid=amid,
@@ -367,19 +432,20 @@ class FilteredPose:
 
 
 def filter_pose(
-    bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar
+    bandwidth: Scalar, memory: Observed, measurement: Measurement, fresh: Fresh, started: Scalar, dt: Scalar
 ) -> FilteredPose:
     """Low-pass filtered base pose and joint positions, predicted from the estimated velocities and then corrected."""
-    share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
+    share, flags = low_pass_share(bandwidth, dt), (fresh.position, fresh.quaternion, fresh.joints)
+    moved, turned, bent = (where(started > 0.5, share * flag, 1.0) for flag in flags)
     position = memory.position + memory.velocity * dt
     quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
     joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
     return FilteredPose(
-        position + (measurement.position - position) * share,
-        quaternion.plus(off, share).normalized(),
-        tuple(q + share * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),
+        position + (measurement.position - position) * moved,
+        quaternion.plus(off, turned).normalized(),
+        tuple(q + bent * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),
     )
 
 
@@ -410,7 +476,9 @@ class Observed:
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: joint efforts, N m or N.
         rotor_speeds: speeds of the modelled motors, rad/s.
         bias: bias of the accelerometer, m/s^2, base axes. joint_residuals: joint rates beyond the model, for the
-            force's row. Both () without an accelerometer.
+            force's row. integrated: velocity by the accelerometer. All three () without an accelerometer.
+        readings: the last ones. innovation: its size at the last measurement.
+        agreed: fraction to which the accelerometer is used.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered position of the base origin, world axes")]
@@ -425,6 +493,10 @@ class Observed:
     rotor_speeds: Annotated[Scalars, Unit("rad/s", "speeds of the modelled motors, unsigned")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
     joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
+    readings: Readings
+    innovation: Annotated[Scalar, Unit("m/s", "size of the last innovation of the velocity")] = 0.0
+    agreed: Annotated[Scalar, Unit("", "fraction to which the accelerometer is used, by its agreement")] = 1.0
+    integrated: Annotated[Vec3 | tuple[()], Unit("m/s", "velocity by the accelerometer, world axes")] = ()
 
     def state(self) -> State:
         """Vehicle state as estimated by the disturbance observer."""

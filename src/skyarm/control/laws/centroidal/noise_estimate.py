@@ -109,10 +109,11 @@ class NoiseGains(OptionalPart):
         observer, seen = par.observer, memory.velocity
         heard, noise = observer.accelerometer, memory.accelerometer
         if heard is not None and noise:
-            share = noise.share(FELT, dt)
-            ratio = divide(seen.share(SEEN, dt), share)
+            share, calm = noise.share(FELT, dt), seen.share(SEEN, dt)
+            ratio = divide(calm, share)
             pole = clip(heard.velocity * (ratio * ratio), SLOWEST, QUICKEST)
-            heard = dataclasses.replace(heard, force=heard.force * share, velocity=pole)
+            agreement = divide(heard.agreement, calm * calm)
+            heard = dataclasses.replace(heard, force=heard.force * share, velocity=pole, agreement=agreement)
         force = observer.force * seen.share(self.density, dt)
         return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
 

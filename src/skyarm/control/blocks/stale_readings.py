@@ -1,0 +1,85 @@
+"""Readings of a measurement that repeat those of one period earlier: a sensor that stands still, or one that is slower.
+
+A reading of something that moves has other digits each time, by its noise if by nothing else. One that repeats all its
+numbers while its rate is not zero says nothing of the period: a filter predicts over it and corrects by the next new
+one. A vehicle at rest repeats its readings rightly; its rates are zero, or so small that their sensor rounds them off.
+
+Numbers are compared by a weighted sum of each quantity: one to remember instead of all. Two sums are equal by chance
+only where quantities are coarse, and then one reading is left out.
+Source: Bar-Shalom, Li, Kirubarajan 2001, 3.2 (prediction alone where no measurement arrives).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import data, mul, total, where
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+from skyarm.sensing.measurement import Measurement
+
+GOLDEN = 0.6180339887498949
+"""Ratio of the weights of a quantity's numbers: no two that move against each other have a sum that stands still."""
+
+
+@immutable
+class Fresh:
+    """Flags of a measurement's quantities: 1 for a new reading, 0 for one that its sensor repeats."""
+
+    position: Scalar
+    quaternion: Scalar
+    velocity: Scalar
+    rate: Scalar
+    specific_force: Scalar
+    joints: Scalar
+    joint_rates: Scalar
+
+
+@immutable
+class Readings:
+    """Weighted sums of the last measurement's numbers, one for each quantity."""
+
+    position: Annotated[Scalar, Unit("m", "weighted sum of the measured position")] = 0.0
+    quaternion: Annotated[Scalar, Unit("", "weighted sum of the measured attitude")] = 0.0
+    velocity: Annotated[Scalar, Unit("m/s", "weighted sum of the measured velocity")] = 0.0
+    rate: Annotated[Scalar, Unit("rad/s", "weighted sum of the measured angular velocity")] = 0.0
+    specific_force: Annotated[Scalar, Unit("m/s^2", "weighted sum of the measured specific force")] = 0.0
+    joints: Annotated[Scalar, Unit("rad or m", "weighted sum of the measured joint positions")] = 0.0
+    joint_rates: Annotated[Scalar, Unit("rad/s or m/s", "weighted sum of the measured joint rates")] = 0.0
+
+    @staticmethod
+    def of(measurement: Measurement) -> Readings:
+        """Weighted sums of a measurement."""
+        return Readings(
+            position=_sum(measurement.position),
+            quaternion=_sum(measurement.quaternion),
+            velocity=_sum(measurement.velocity),
+            rate=_sum(measurement.rate),
+            specific_force=_sum(measurement.specific_force),
+            joints=_sum(measurement.joints),
+            joint_rates=_sum(measurement.joint_rates),
+        )
+
+    def fresh(self, now: Readings) -> Fresh:
+        """Flags of the quantities that are new in the measurement whose sums are ``now``."""
+        return Fresh(
+            position=_is_new(self.position, now.position, now.velocity),
+            quaternion=_is_new(self.quaternion, now.quaternion, now.rate),
+            velocity=_is_new(self.velocity, now.velocity, now.velocity),
+            rate=_is_new(self.rate, now.rate, now.rate),
+            specific_force=_is_new(self.specific_force, now.specific_force, now.specific_force),
+            joints=_is_new(self.joints, now.joints, now.joint_rates),
+            joint_rates=_is_new(self.joint_rates, now.joint_rates, now.joint_rates),
+        )
+
+
+def _sum(numbers: Sequence[Scalar]) -> Scalar:
+    return data(total(mul(GOLDEN**i, each) for i, each in enumerate(numbers)))
+
+
+def _is_new(last: Scalar, now: Scalar, rate: Scalar) -> Scalar:
+    """1 if a sum differs from the last one, or if that of its rates is zero, else 0."""
+    change = now - last
+    return where(change * change > 0.0, 1.0, where(rate * rate > 0.0, 0.0, 1.0))
