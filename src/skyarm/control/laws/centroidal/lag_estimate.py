@@ -5,7 +5,8 @@ With a(t) the accelerations of the sent commands by the model and y(t) the measu
 and wind is not; the lag is the mean of L_j weighted by exp(-sharpness (M_j - min M) / min M), the likelihood of normal
 residuals with 1 / (1 + x / 8)^8 for exp(-x). Each step of lag has a price (``prior``), large residuals count little
 (``robust``; Geman, McClure 1985), and no lag falls further behind the likeliest than ``lead`` (bounded evidence, Page
-1954). Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen.
+1954). Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen. A known delay
+of ``OVERSTATED`` or more may be too long: the bank goes back to no delay at all, and the lag may be negative.
 
 The law predicts the state across the rotors' lag. A delay leaves the size of the accelerations, a slow actuator lowers
 it, of roll as of pitch, the more the faster they change: with y = c a(t - L) of an axis, c the least squares and both
@@ -63,8 +64,12 @@ PRIOR, SHARPNESS = 0.0075, 100.0
 LEAD = 0.05
 """Largest excess of a penalised mean residual over the least one, and largest penalty."""
 
-PRICES = tuple(structural(min(PRIOR * j, LEAD)) for j in range(CANDIDATES))
-"""Penalty of each candidate lag."""
+OVERSTATED = 0.02
+"""Least known delay (s) that is checked for being too long. Candidates next to a true one cost precision."""
+
+GENTLE, SETTLING = 0.25, 1.5
+"""Share of the bandwidths with which a flight with such a delay begins, and time (s) until all of them: prediction over
+a delay that is not there shakes the vehicle, faster than it is found with 0.4."""
 
 LEARNING, KNOWN = 0.3, 0.05
 """Filter rate (1/s) of the accelerations' mean products; their initial value."""
@@ -81,7 +86,10 @@ IGNORED = 0.002
 
 @immutable
 class LagGains(OptionalPart):
-    """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths, and spacing of candidate lags."""
+    """Constants of the lag estimate: lags that halve rotor and joint loop bandwidths, and spacing of candidate lags.
+
+    ``earlier``: number of candidates by which the known delay may be too long.
+    """
 
     base: Annotated[
         Scalar,
@@ -104,19 +112,25 @@ class LagGains(OptionalPart):
         ),
     ]
     stride: int
+    earlier: int = 0
     held: bool = False
+
+    @property
+    def prices(self) -> tuple[float, ...]:
+        """Penalty of each candidate lag, by its distance from none."""
+        return tuple(structural(min(PRIOR * abs(j), LEAD)) for j in range(-self.earlier, CANDIDATES))
 
     def start(self, joints: int) -> LagMemory:
         """Initial internal state of the lag estimate, before the first measurement."""
         none = (0.0,) * (TILTS + joints)
-        bank = Bank(paid=tuple(map(float, PRICES)), scale=0.0)
+        bank = Bank(paid=tuple(map(float, self.prices)), scale=0.0)
         return LagMemory(
             count=0.0,
             rates=none,
             disturbing=none,
             believed=(none,) * 3,
             measured=(none,) * 3,
-            past=(none,) * (self.stride * (CANDIDATES - 1)),
+            past=(none,) * (self.stride * (self.earlier + CANDIDATES - 1)),
             slow=(0.0,) * (2 * TILTS),
             base=bank,
             arm=bank,
@@ -138,14 +152,20 @@ class LagGains(OptionalPart):
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that prediction does not compensate."""
         base, joints = self.lags(memory, dt)
-        joints = maximum(joints - base - IGNORED, 0.0)
+        # arms that stand still do not show that the known delay is too long
+        sooner = maximum(base, 0.0) if self.earlier else base
+        joints = maximum(joints - sooner - IGNORED, 0.0)
         base = maximum(base * (1.0 - delay_share(memory)) - IGNORED, 0.0)
-        return divide(self.base, self.base + base), divide(self.joints, self.joints + joints)
+        shares = divide(self.base, self.base + base), divide(self.joints, self.joints + joints)
+        if not self.earlier:
+            return shares
+        ramp = minimum(1.0, GENTLE + memory.count * (dt * ((1.0 - GENTLE) / SETTLING)))
+        return shares[0] * ramp, shares[1] * ramp
 
     def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Estimated lags (s) of the rotor loops and of the joint loops."""
         step = dt * self.stride
-        return estimate(memory.base, step), estimate(memory.arm, step)
+        return estimate(memory.base, step, self.earlier), estimate(memory.arm, step, self.earlier)
 
     def after(self, memory: LagMemory, step: Step, isolated: Scalar) -> LagMemory:
         """Lag estimate one period later; unchanged before the second measurement and in contact (``isolated`` 0)."""
@@ -154,8 +174,8 @@ class LagGains(OptionalPart):
         update, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
-        # the model's answer to what was sent, without a delay
-        last, sent = -1 - step.par.delay_periods, step.timing.past
+        # the model's answer to what was sent, at the shortest candidate
+        last, sent = self.stride * self.earlier - step.par.delay_periods - 1, step.timing.past
         _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
         # the observer's disturbance stands still at limits of actuators
@@ -174,7 +194,14 @@ class LagGains(OptionalPart):
         here = _band_pass(measured)
         groups = ((memory.base, slice(0, TILTS), rate), (memory.arm, slice(TILTS, None), OF_JOINTS))
         base, arm = (
-            _bank(bank, here[p], [each[p] for each in past], learned * maximum(pace * dt, first), running * dt)
+            _bank(
+                bank,
+                self.prices,
+                here[p],
+                [each[p] for each in past],
+                learned * maximum(pace * dt, first),
+                running * dt,
+            )
             for bank, p, pace in groups
         )
         weights = weigh(memory.base)
@@ -247,9 +274,11 @@ class LagMemory:
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 
-def stride_of(control_period: float) -> int:
-    """Spacing of the candidate lags, in control periods."""
-    return max(1, round(STEP / control_period))
+def lag_gains(base: Scalar, joints: Scalar, control_period: float, delay_periods: int) -> LagGains:
+    """Constants of the lag estimate for a control period (s) and a known delay, which may be too long."""
+    stride = max(1, round(STEP / control_period))
+    checked = delay_periods * control_period > OVERSTATED - 1e-9
+    return LagGains(base=base, joints=joints, stride=stride, earlier=delay_periods // stride if checked else 0)
 
 
 def delay_share(memory: LagMemory) -> Scalar:
@@ -272,11 +301,11 @@ def weigh(bank: Bank) -> list[Scalar]:
     return weights
 
 
-def estimate(bank: Bank, step: Scalar) -> Scalar:
-    """Estimated lag (s): likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
+def estimate(bank: Bank, step: Scalar, earlier: int = 0) -> Scalar:
+    """Estimated lag (s): likelihood-weighted mean of candidate lags ``step`` apart, ``earlier`` of them negative."""
     # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
     above = list(accumulate(reversed(weigh(bank))))
-    return step * divide(total(above[:-1]), above[-1])
+    return step * add(divide(total(above[:-1]), above[-1]), structural(-float(earlier)) if earlier else 0)
 
 
 def _least(paid: Sequence[Scalar]) -> Scalar:
@@ -305,15 +334,20 @@ def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
 
 
 def _bank(
-    bank: Bank, seen: Sequence[Scalar], delayed: Sequence[Sequence[Scalar]], keep: Scalar, passed: Scalar
+    bank: Bank,
+    prices: Sequence[float],
+    seen: Sequence[Scalar],
+    delayed: Sequence[Sequence[Scalar]],
+    keep: Scalar,
+    passed: Scalar,
 ) -> Bank:
     """Residual statistics of the candidate lags after one more measurement."""
     if not seen:
         return bank
     squares = [total((y - a) * (y - a) for y, a in zip(seen, each, strict=True)) for each in delayed]
-    size = minimum(total(squares) * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
+    size = minimum(total(squares) * (1.0 / len(delayed)), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
-    rows = zip(bank.paid, squares, PRICES, strict=True)
+    rows = zip(bank.paid, squares, prices, strict=True)
     paid = [old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows]
     most = _least(paid) + LEAD
     return Bank(paid=tuple(minimum(each, most) for each in paid), scale=bank.scale + passed * (size - bank.scale))

@@ -26,6 +26,7 @@ from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.filters import low_pass
+from skyarm.control.blocks.held_damping import with_held_damping
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance, predict_across, with_side
 from skyarm.control.controller import all_applied
@@ -90,6 +91,7 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
+    par = dataclasses.replace(par, model=with_held_damping(par.model, par.mobilities, dt))
     part_memories, touching, vehicle = memory.parts, par.parts.touching(), par.model.vehicle
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
@@ -154,6 +156,8 @@ def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scal
     late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
+    if par.delay_periods:
+        lead = maximum(lead, 0.0)
     return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))
 
 
