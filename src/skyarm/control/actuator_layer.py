@@ -12,7 +12,7 @@ from skyarm.algebra import Force, Scalar, Scalars
 from skyarm.algebra.scalars import add, data, divide, maximum, mul, sqrt, where
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.blocks.filters import double_pole, low_pass_share
-from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.controller import Controller, ControllerError, Law, innermost, with_innermost
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
@@ -166,7 +166,9 @@ def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tre
 
 
 def with_consequences(controller: Controller, changed: Collection[Place], control_period: float) -> Controller:
-    """Controller whose mixer and joint drive states are recomputed after a change of its model's parameters.
+    """Controller whose mixer, law and joint drive states are refitted after a change of its model's parameters.
+
+    A law whose constants follow from its model has a method ``refit(memory, model, control_period)``.
 
     Args:
         controller: controller with the replaced numbers.
@@ -178,6 +180,11 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     if any(place[0] == "rotors" for place in inside):
         mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
         controller = dataclasses.replace(controller, par=dataclasses.replace(par, mixer=mixer))
+    own = innermost(controller.par)
+    if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
+        constants, begun = own.refit(innermost(memory), par.model, control_period)
+        par, memory = with_innermost(controller.par, constants), with_innermost(memory, begun)
+        controller = dataclasses.replace(controller, par=par, memory=memory)
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
     if late and isinstance(memory, ActuatorMemory) and memory.drives:
         drives = _first_memories(believed_drives(par.model), control_period)

@@ -28,7 +28,7 @@ from typing import Annotated
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, clip, data, divide, minimum, mul, sub, where
+from skyarm.algebra.scalars import add, clip, data, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -160,6 +160,7 @@ class AdaptationGains(OptionalPart):
 
     Attributes:
         delay_periods: known delay of the measurements, structure.
+        doubted: damping of the model that may be false: its joints lack it, and learning begins with it.
     """
 
     load: (
@@ -192,10 +193,18 @@ class AdaptationGains(OptionalPart):
         ),
     ]
     delay_periods: int
+    doubted: Annotated[Scalars, Unit("N m s/rad or N s/m", "modelled damping of each joint that may be false")] = ()
+
+    def doubting(self, vehicle: Vehicle, doubted: Scalars) -> AdaptationGains:
+        """Constants for other friction of the model (``vehicle``), of which the part ``doubted`` may be false."""
+        # damping is learned back to none, and up to a share of the joint's inertia at rest
+        rows = zip(vehicle.links, doubted, self.damping_limits, strict=True)
+        limits = tuple((sub(d, link.joint.damping), maximum(most, d)) for link, d, (_, most) in rows)
+        return replace(self, damping_limits=limits, doubted=doubted)
 
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Add the learned joint damping, up to a bound, to the joint damping of the law's model."""
-        own = [link.joint.damping for link in par.model.vehicle.links]
+        own = [sub(link.joint.damping, d) for link, d in zip(par.model.vehicle.links, self.doubted, strict=True)]
         pairs = zip(own, self.split_damping(memory.joints)[0], strict=True)
         return with_joint_damping(par, [add(damping, more) for damping, more in pairs])
 
@@ -205,12 +214,12 @@ class AdaptationGains(OptionalPart):
         return inside, [sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)]
 
     def start(self, joints: int) -> Learned:
-        """Initial state of the tip-mass and friction adaptation: all estimates zero."""
+        """Initial state of the tip-mass and friction adaptation: no load, and the damping that is doubted."""
         silent, none = Efforts(load=0.0, rate=0.0, given=0.0), no_disturbance(joints)
-        joint = JointLearned(damping=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
+        first = JointLearned(damping=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
         return Learned(
             tip_mass=0.0,
-            joints=(joint,) * joints,
+            joints=tuple(replace(first, damping=damping) for damping in self.doubted),
             feedforward=none,
             earlier=(none,) * self.delay_periods,
             tip_velocity=ZERO3_DATA,
@@ -224,15 +233,14 @@ class AdaptationGains(OptionalPart):
 
 
 def adaptation_gains(
-    vehicle: Vehicle, rate: float, limit: float, delay_periods: int, damping: float
+    vehicle: Vehicle, rate: float, limit: float, delay_periods: int, damping: float, doubted: Scalars
 ) -> AdaptationGains | None:
     """Constants of load and friction adaptation, from rate (1/s) and bound (kg) of tip mass; None without joints.
 
-    ``damping`` is that of the joints' loop, 1/s.
+    ``damping`` is that of the joints' loop, 1/s; ``doubted`` that of the model's joints that may be false.
     """
     if not vehicle.n:
         return None
-    # damping is learned back to none, and up to a share of the joint's inertia at rest
     M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
     joints = [link.joint for link in vehicle.links]
     inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
@@ -240,14 +248,15 @@ def adaptation_gains(
     root = np.sqrt(MODELLED * np.array(inertias))
     fastest = float(np.linalg.eigvalsh(root[:, None] * np.linalg.inv(M)[6:, 6:] * root[None, :])[-1])
     modelled = MODELLED * min(1.0, damping / fastest)
-    return AdaptationGains(
+    gains = AdaptationGains(
         load=(rate or None) if vehicle.end_effector else None,
         mass_limit=limit,
-        damping_limits=tuple((-float(q.damping), STICKIEST * each) for q, each in zip(joints, inertias, strict=True)),
+        damping_limits=tuple((0.0, STICKIEST * each) for each in inertias),
         modelled=tuple(modelled * each for each in inertias),
         slow=tuple(SLOW[q.kind] for q in joints),
         delay_periods=delay_periods,
     )
+    return gains.doubting(vehicle, doubted)
 
 
 def adapt(

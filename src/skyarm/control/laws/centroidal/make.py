@@ -12,7 +12,7 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
-from skyarm.control.blocks.held_damping import with_held_damping
+from skyarm.control.blocks.held_damping import doubted_dampings, joint_mobilities
 from skyarm.control.blocks.late_actuators import first_past
 from skyarm.control.controller import Controller, ControllerError, LawOptions, all_applied
 from skyarm.control.laws.centroidal import options
@@ -20,7 +20,7 @@ from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.contact.options import contact_parts, must_act
 from skyarm.control.laws.centroidal.demands import first_following
 from skyarm.control.laws.centroidal.force_trend import trend_gains
-from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
+from skyarm.control.laws.centroidal.lag_estimate import lag_gains
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
 from skyarm.control.laws.centroidal.noise_estimate import noise_gains
 from skyarm.control.laws.centroidal.options import (
@@ -122,11 +122,13 @@ def make_centroidal(
     published = number_within("reference_period", reference_period, *PERIODS)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
+    mobilities = joint_mobilities(vehicle, control_period)
     ends, hears = ends_of(vehicle), any(gains["accelerometer"])
     # whatever has no limit turns as far as its arm buckles; what presses on purpose is not to be stiff
     loose = any(link.joint.turns and not any(end) for link, end in zip(vehicle.links, ends, strict=True))
     par = CentroidalParameters(
-        model=with_held_damping(model, control_period),
+        model=model,
+        mobilities=mobilities,
         mixer=_mixer(vehicle, sideways is not None),
         mode=mode,
         base=BaseGains(
@@ -156,14 +158,17 @@ def make_centroidal(
         lead_periods=ahead,
         reference_period=published,
         parts=Parts(
-            lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
-            if any(gains["lag"])
-            else None,
+            lag=lag_gains(*gains["lag"], control_period, periods) if any(gains["lag"]) else None,
             noise=noise_gains(vehicle, hears),
             **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead, periods=periods),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
             adaptation=adaptation_gains(
-                vehicle, 0.0 if carries else gains["adaptation"], most, periods, gains["arm"][1]
+                vehicle,
+                0.0 if carries else gains["adaptation"],
+                most,
+                periods,
+                gains["arm"][1],
+                doubted_dampings(vehicle, mobilities, control_period),
             ),
         ),
     )

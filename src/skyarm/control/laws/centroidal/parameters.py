@@ -14,6 +14,7 @@ from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.held_damping import doubted_dampings, joint_mobilities
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.step_records import (
     AccelerationDemand,
@@ -182,6 +183,7 @@ class CentroidalParameters:
     Attributes:
         mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
         joint_gains: on accelerations.
+        mobilities: joint accelerations per effort where friction is quick (:mod:`skyarm.control.blocks.held_damping`).
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty without joints.
         braces: stiffer and better damped joints where a force pushes a straight arm from below.
         delay_periods: known delay from a command to its measurement, in control periods.
@@ -194,6 +196,7 @@ class CentroidalParameters:
     base: BaseGains
     center: CenterGains
     joint_gains: JointGains
+    mobilities: Annotated[Scalars, Unit("1/(kg m^2) or 1/kg", "acceleration per effort, of joints with quick friction")]
     joint_ends: tuple[tuple[bool, bool], ...]
     braces: bool = False
     tip: TipGains
@@ -202,6 +205,17 @@ class CentroidalParameters:
     lead_periods: int = 0
     reference_period: Annotated[Scalar, Unit("s", "time between reference samples")]
     parts: Parts
+
+    def refit(self, memory: Any, model: Model, control_period: float) -> tuple[CentroidalParameters, Any]:
+        """Constants and initial state of the law after a change of its ``model``; ``control_period`` in s."""
+        vehicle, mobilities = model.vehicle, joint_mobilities(model.vehicle, control_period)
+        par, gains = dataclasses.replace(self, mobilities=mobilities), self.parts.adaptation
+        if gains is None:
+            return par, memory
+        gains = gains.doubting(vehicle, doubted_dampings(vehicle, mobilities, control_period))
+        begun = dataclasses.replace(memory.parts, adaptation=gains.start(vehicle.n))
+        parts = dataclasses.replace(self.parts, adaptation=gains)
+        return dataclasses.replace(par, parts=parts), dataclasses.replace(memory, parts=begun)
 
     @property
     def preview(self) -> Scalars:
