@@ -23,6 +23,22 @@ phases = [{ to = { base = [0.0, 0.0, 1.0], rest = true } }]
 """
 
 
+BAR = """schema = 1
+vehicle = "hexacopter370_flying_arm_3"
+start = { position = [0.0, 0.0, 1.0] }
+
+[[phases]]
+kind = "contact"
+contact = { kind = "bar" }
+to = { base = [0.0, 0.0, 1.05] }
+duration = 0.3
+
+[[phases]]
+to = { base = [0.0, 0.0, 1.0], rest = true }
+duration = 1.0
+"""
+
+
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -51,6 +67,30 @@ def test_a_task_without_a_plan_ends_with_3_and_its_cause(monkeypatch: pytest.Mon
     assert not Path("plan.npz").exists()
 
 
+def test_a_scenario_that_its_check_refuses_is_not_written(folder: Path) -> None:
+    """A bar that no world has holds twice the weight."""
+    Path("bar.toml").write_text(BAR)
+    ended = command("plan", "bar.toml", "-o", "p.npz", "--scenario", "fly/bar.toml", "--json")
+    assert ended.code == 1, ended.err
+    (fault,) = json.loads(ended.out)["faults"]
+    assert re.match(r"fault: contact along the reference: the plan counts on [\d.]+ N on the tip", fault)
+    assert sorted(each.name for each in folder.rglob("*.*")) == ["bar.toml", "p.npz", "up.toml"]
+    said = command("plan", "bar.toml", "-o", "p.npz", "--scenario", "fly/bar.toml").out
+    assert fault in said
+    assert "fly/bar.toml is not written" in said
+    assert command("plan", "bar.toml", "-o", "p.npz").code == 0
+
+
+def test_a_search_that_takes_too_long_is_told_and_ends_with_3(folder: Path) -> None:
+    ended = command("plan", "bar.toml", "--seconds", "0.001")
+    assert ended.code == 2
+    Path("bar.toml").write_text(BAR)
+    ended = command("plan", "bar.toml", "--seconds", "0.001")
+    assert ended.code == 3
+    assert ended.out.startswith("task: no plan within 0.001 s, seed 1: iteration 20")
+    assert sorted(each.name for each in folder.iterdir()) == ["bar.toml", "up.toml"]
+
+
 def drawn_row(film: Image.Image, frame: int) -> float:
     """Mean row of the black pixels of one frame's upper half without its clock."""
     film.seek(frame)
@@ -70,6 +110,7 @@ def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numb
         "duration phases speed tilt rotor torque joint_rate clearance nearest violation cost seconds seeds iterations"
     )
     assert set(keys.split()) <= set(document)
+    assert document["faults"] == []
     film = re.search(r"data:image/webp;base64,([^\"]+)", Path("page.html").read_text())
     assert film
     with Image.open(io.BytesIO(base64.b64decode(film[1]))) as moving:

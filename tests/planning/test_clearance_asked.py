@@ -11,7 +11,7 @@ from measure_plans import box, goal
 from skyarm.algebra import Vec3
 from skyarm.planning.plan_report import summary, summary_lines
 from skyarm.planning.planner import SLACK, SMOOTH_STEP, plan, states_at
-from skyarm.planning.task import Goal, PlanPhase, Start, Task
+from skyarm.planning.task import Goal, PlanPhase, Start, Task, TaskLimits
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world.contact.surface import Surface
 
@@ -60,7 +60,8 @@ def test_a_folded_arm_nearer_to_itself_than_asked_is_named() -> None:
 def dash(distance: float, step: float) -> Task:
     to = Goal(base=Vec3(distance, 0.0, 1.0), heading=0.0, joints=(0.0, 0.0, 0.0), rest=True)
     vehicle, start = load_vehicle("hexacopter370_flying_arm_3"), Start(position=Vec3(0.0, 0.0, 1.0))
-    return Task(vehicle=vehicle, start=start, phases=(PlanPhase(to=to),), minimise="time", step=step)
+    limits = TaskLimits(rotor_lag=np.inf)
+    return Task(vehicle=vehicle, start=start, phases=(PlanPhase(to=to),), limits=limits, minimise="time", step=step)
 
 
 @pytest.mark.thorough

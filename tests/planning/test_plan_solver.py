@@ -184,7 +184,6 @@ def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
     assert not any(step.solved for step in steps)
     assert steps[-1].violation > 1e-2
     assert [step.iterations for step in steps] == list(range(1, len(steps) + 1))
-    assert len(list(Solver(stage).steps(problem, guess, seconds=0.0))) == 1
     for step in steps:  # the reported parts are those of the motion
         gap = np.hstack([step.x[:-1], step.u]) @ np.hstack([stage.A, stage.B]).T + stage.c - step.x[1:]
         np.testing.assert_allclose(step.gap, gap, atol=1e-9)

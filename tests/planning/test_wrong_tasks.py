@@ -93,10 +93,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"limits": {"joint_rate": 0}}, "limits.joint_rate = 0: must be at least 0.01"),
     ({"limits": {"speed": -1}}, "limits.speed = -1: must be at least 0.01"),
     ({"limits": {"clearance": -1}}, "limits.clearance = -1: must be at least 0"),
+    ({"limits": {"rotor_lag": 0.0}}, "limits.rotor_lag = 0.0: must be at least 0.01"),
     (
         {"limits": {"tilts": 1}},
         "limits.tilts = 1: unknown field; did you mean 'tilt'? allowed: tilt, thrust_share, torque_share,"
-        " joint_rate, speed, rate, clearance",
+        " joint_rate, speed, rate, clearance, rotor_lag",
     ),
     (
         {"obstacles": [{"shape": "pyramid", "position": [0, 0, 0], "size": [1]}]},

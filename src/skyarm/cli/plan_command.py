@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.arguments import out_option
-from skyarm.cli.lines import NOT_COMPLETED
+from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
+from skyarm.records.files.toml import Entry
 
 
 def plan(
@@ -23,12 +24,12 @@ def plan(
     report: Annotated[
         str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
     ] = None,
-    seconds: Annotated[float, typer.Option(help="longest time of one solution, s")] = 60.0,
+    seconds: Annotated[float, typer.Option(help="emergency end: without a plan by then there is none, s")] = 600.0,
 ) -> None:
     """Plan a flight of base and arm from a task.
 
     Phases with goals for tip, base and joints, obstacles and limits; the result flies as a reference.
-    Exit code 3 if no plan within the limits was found.
+    Exit code 3 if no plan within the limits was found, 1 if the check of its scenario finds a fault.
     """
     from skyarm.planning.plan_file import plan_bytes
     from skyarm.planning.plan_report import flight_document, summary, summary_lines
@@ -62,6 +63,11 @@ def plan(
         if flight is not None:
             beside = Path(os.path.relpath(file, flight.parent))
             document = flight_document(found, beside, vehicle_of_file(task, flight.parent))
+            faults = _faults(document, flight.parent)
+            give(faults=faults)
+            if faults:
+                tell(*faults, f"no scenario: skyarm check finds what cannot be flown; {flight} is not written")
+                raise typer.Exit(DIFFERENT)
             write_atomically(flight, scenario_text(document).encode())
             tell(f"scenario: {flight}; fly it by: skyarm run {flight}")
         if page is not None:
@@ -69,3 +75,13 @@ def plan(
 
             write_atomically(page, plan_page(found).encode())
             tell(f"page: {page}")
+
+
+def _faults(document: dict[str, Entry], folder: Path) -> list[str]:
+    """Faults that ``skyarm check`` finds in a scenario of a folder, one line each."""
+    from skyarm.scenario.scenario_file import scenario_from
+    from skyarm.studies.assess.assessment import check
+    from skyarm.studies.assess.finding import FAULT
+
+    found = check(scenario_from(document, folder))
+    return [f"fault: {each.question}: {each.text}" for each in found.every if each.level == FAULT]

@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
-from skyarm.planning.stage import CompiledStage, Limits, Place, Stage, StageData, Weights
+from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData, Weights, joint_ranges
 from skyarm.planning.task import Goal, PlanPhase, Task
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
@@ -30,6 +30,12 @@ from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
 TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
 """Cost of a second of free time, by what is minimised."""
+
+REACTION = 0.01
+"""Time (s) that a law itself takes, two control periods: rotors lag behind what it asks by this and their own lag."""
+
+JOINT_MARGIN = 0.02
+"""Part of a joint's range at each end that a plan leaves to the law, as far as start and goals do."""
 
 PENALTIES = (100.0, 10.0, 1000.0)
 """First penalties that are tried, one after the other, while no seed leads to a plan."""
@@ -68,8 +74,8 @@ class Plan:
     K: Array
     edges: tuple[int, ...]
     solution: Solution
-    seconds: float
     seeds: int
+    seconds: float = 0.0
     nearest: Nearest | None = None
 
     @property
@@ -80,6 +86,15 @@ class Plan:
         columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
         most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
         return np.asarray((limits[:, columns] + 1.0) * most)
+
+    @property
+    def lags(self) -> Array:
+        """Largest lag of a rotor behind what a law asks in each phase, over its speed in hover, (phases,)."""
+        rotors = self.task.vehicle.rotors
+        times = np.array([(float(each.time_constant_up), float(each.time_constant_down)) for each in rotors]).T
+        spins = self.u[:, : len(rotors)] * SPIN_UNIT
+        largest = np.max((np.where(spins > 0.0, times[0], times[1]) + REACTION) * np.abs(spins), axis=1)
+        return np.array([largest[a:b].max() for a, b in itertools.pairwise(self.edges)])
 
 
 @lru_cache(maxsize=8)
@@ -96,7 +111,8 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     ``met``: pairs of the vehicle's own bodies that count; the plan before went through them.
     """
     own = task.limits
-    limits = Limits(**{each.name: getattr(own, each.name) for each in dataclasses.fields(Limits)})
+    fields = [each.name for each in dataclasses.fields(Limits) if each.name != "ranges"]
+    limits = Limits(ranges=ranges_of(task), **{name: getattr(own, name) for name in fields})
     weights = Weights()
     contact = any(phase.kind == "contact" for phase in task.phases)
     free = sum(phase.duration is None for phase in task.phases)
@@ -109,6 +125,17 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     ]
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
     return compiled_stage((model, limits, weights, contact, free, close))
+
+
+def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
+    """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
+    stated = [task.start.joints or (0.0,) * task.vehicle.n, *(each.to.joints for each in task.phases if each.to.joints)]
+    found = []
+    for (low, high), places in zip(joint_ranges(task.vehicle), zip(*stated, strict=True), strict=True):
+        margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
+        inner = min(low + margin, *places), max(high - margin, *places)
+        found.append((max(low, inner[0]), min(high, inner[1])))
+    return tuple(found)
 
 
 def placeholder(k: int, obstacle: Surface) -> Surface:
@@ -366,31 +393,135 @@ def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
 
 
-def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None] | None = None) -> Plan:
-    """Plan a task: solve from several seeds and return the best plan.
+def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], None] | None = None) -> Plan:
+    """Plan a task: solve from several seeds and return the best plan, the same one however long that takes.
+
+    A phase of free duration becomes longer until no rotor lags behind its command by more than ``limits.rotor_lag``:
+    laws invert a small part of the lag, so what is missing of the thrusts is an error of the motion.
 
     Args:
         task: see :func:`skyarm.planning.task.load_task`.
-        seconds: longest time of one solution, s.
+        seconds: longest time of the whole search, s: an emergency end, after which there is no plan.
         on_progress: called with a line of text now and then.
 
     Raises:
-        PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off.
+        PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off. Or no plan
+            within ``seconds``.
     """
-    begun, shape, met = time.perf_counter(), outline(task), set[tuple[str, str]]()
+    begun = time.perf_counter()
+
+    def watch(line: str) -> None:
+        if time.perf_counter() - begun > seconds:
+            raise OutOfTimeError(f"{task.name}: no plan within {seconds:g} s, {line}: take more time, or a larger step")
+        if on_progress is not None:
+            on_progress(line)
+
     if reason := impossible(task):
         raise PlanError(f"{task.name}: {reason}")
+    found = _with_free_lengths(task, watch)
+    for _ in range(STRETCHES):
+        longer = _longer(task, found)
+        if longer is None:
+            break
+        try:
+            found = _planned(longer, watch, _slower(found, longer))
+        except OutOfTimeError:
+            raise
+        except PlanError:  # the limits alone are narrower there; the plan before keeps them
+            break
+    return dataclasses.replace(found, task=task, seconds=time.perf_counter() - begun)
+
+
+class OutOfTimeError(PlanError):
+    """Error: the search took longer than its emergency end."""
+
+
+STRETCHES = 8
+"""Largest number of plans with longer durations."""
+
+LENGTHS = (1.02, 1.5)
+"""Least and largest factor by which a duration grows from plan to plan."""
+
+
+def _with_free_lengths(task: Task, watch: Callable[[str], None]) -> Plan:
+    """Plan with its free durations as what is minimised has them.
+
+    The least time is looked for from the plan of least effort. Where rotors lag far in all free phases of that one,
+    still shorter ones would have to become nearly as long as those.
+    """
+    gentle = _planned(dataclasses.replace(task, minimise="effort"), watch)
+    free = [phase.duration is None for phase in task.phases]
+    if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).all():
+        return gentle
+    try:
+        return _planned(task, watch, Guess(gentle.x, gentle.u))
+    except OutOfTimeError:
+        raise
+    except PlanError:  # a plan within the limits is worth more than the least time
+        return gentle
+
+
+def _longer(task: Task, found: Plan) -> Task | None:
+    """Task with the durations of a plan, longer where its rotors lag too far; None if none of a free phase do.
+
+    A lag goes with the third power of time: thrusts with the second one, and they change in that time.
+    """
+    over = found.lags / task.limits.rotor_lag
+    phases, grows = [], False
+    for k, (phase, length) in enumerate(zip(task.phases, np.diff(found.t[[*found.edges]]), strict=True)):
+        if phase.duration is None:
+            # a phase whose duration is given is as hard as those beside it make it
+            beside = [j for j in (k - 1, k + 1) if 0 <= j < len(over) and task.phases[j].duration is not None]
+            most = max(over[[k, *beside]])
+            factor = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
+            grows |= factor > 1.0
+            phases.append(dataclasses.replace(phase, duration=float(factor * length)))
+        else:
+            phases.append(phase)
+    return dataclasses.replace(task, phases=tuple(phases)) if grows else None
+
+
+def _slower(found: Plan, task: Task) -> Guess:
+    """Motion of a plan in the durations of a task, at as many nodes as that has."""
+    lengths = [float(phase.duration or 0.0) for phase in task.phases]
+    counts = node_counts(task, lengths)
+    at = [
+        np.linspace(a, b, count, endpoint=False)
+        for (a, b), count in zip(itertools.pairwise(found.t[[*found.edges]]), counts, strict=True)
+    ]
+    t = np.append(np.concatenate(at), found.t[-1])
+    slow = np.append(np.repeat(np.diff(found.t[[*found.edges]]) / lengths, counts), 1.0)[:, None]
+    n, m, free = task.vehicle.n, len(task.vehicle.rotors), found.stage.free
+    x = states_at(found, t)[:, : found.x.shape[1] - free]
+    x[:, 7:13] *= slow
+    x[:, 13 + n : 13 + 2 * n] *= slow
+    x[:, 13 + 2 * n + m :] *= slow**2
+    u = found.u[np.clip(np.searchsorted(found.t, t[:-1], side="right") - 1, 0, len(found.u) - 1)]
+    return Guess(x, u)
+
+
+def _planned(task: Task, watch: Callable[[str], None], first: Guess | None = None) -> Plan:
+    """Best plan of a task from several seeds, or from a first motion alone.
+
+    Raises:
+        PlanError: as :func:`plan`.
+    """
+    shape, met = outline(task), set[tuple[str, str]]()
     counts = node_counts(task, shape.lengths)
     stage, clearance = stage_of(task), np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
-    guesses = [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
-    best, tried = _best_of(stage, problem, guesses, seconds, on_progress)
+    if first is None:
+        ways = [(way, sense) for way in seeds(task, shape) for sense in senses]
+        guesses = [guess_from(task, stage, counts, way, shape, sense) for way, sense in ways]
+    else:
+        guesses = [first]
+    best, tried = _best_of(stage, problem, guesses, watch)
     found: Plan | None = None
     for _ in range(ROUNDS):
         if best is None or not best.violation < TOLERANCE:
             break
-        plan = _plan_of(task, stage, problem, counts, best, time.perf_counter() - begun, tried)
+        plan = _plan_of(task, stage, problem, counts, best, tried)
         nearest = nearest_of(plan)
         if nearest.gap >= 0.0:
             found = dataclasses.replace(plan, nearest=nearest)
@@ -401,7 +532,7 @@ def plan(task: Task, *, seconds: float = 60.0, on_progress: Callable[[str], None
         clearance += nearest.missing
         last, stage = best, stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
-        best, more = _best_of(stage, problem, [Guess(last.x, last.u), *guesses], seconds, on_progress, enough=1)
+        best, more = _best_of(stage, problem, [Guess(last.x, last.u), *guesses], watch, enough=1)
         tried += more
     else:
         if found is None:
@@ -425,8 +556,7 @@ def _best_of(
     stage: CompiledStage,
     problem: PlanProblem,
     guesses: Sequence[Guess],
-    seconds: float,
-    on_progress: Callable[[str], None] | None,
+    watch: Callable[[str], None],
     enough: int = ENOUGH,
 ) -> tuple[Solution | None, int]:
     """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
@@ -436,9 +566,9 @@ def _best_of(
         # another seed may be better, but is not worth more than the best one was
         most = best.iterations if solved and best is not None else ITERATIONS
         last = None
-        for last in Solver(stage, penalty).steps(problem, guess, iterations=most, seconds=seconds):
-            if on_progress is not None and last.iterations % 20 == 0:
-                on_progress(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
+        for last in Solver(stage, penalty).steps(problem, guess, iterations=most):
+            if last.iterations % 20 == 0:
+                watch(f"seed {tried + 1}: iteration {last.iterations}, violation {last.violation:.1e}")
         tried += 1
         if last is not None and _better(last, best):
             best = last
@@ -454,7 +584,6 @@ def _plan_of(
     problem: PlanProblem,
     counts: Sequence[int],
     best: Solution,
-    spent: float,
     tried: int,
 ) -> Plan:
     free = stage.stage.free
@@ -462,7 +591,7 @@ def _plan_of(
     return Plan(
         task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
         x=best.x, u=best.u, K=best.K,
-        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seconds=spent, seeds=tried,
+        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seeds=tried,
     )  # fmt: skip
 
 

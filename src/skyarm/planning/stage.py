@@ -38,6 +38,7 @@ from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.vehicle import Vehicle
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances
 
@@ -58,6 +59,7 @@ class Limits:
     Attributes:
         thrust_share: of each rotor's highest thrust. torque_share: of each joint's highest effort.
         joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
+        ranges: lowest and highest position of each joint, rad or m; empty: those of the vehicle.
     """
 
     thrust_share: float = 0.9
@@ -65,6 +67,7 @@ class Limits:
     joint_rate: float = 3.0
     speed: float = math.inf
     rate: float = math.inf
+    ranges: tuple[tuple[float, float], ...] = ()
 
 
 @immutable
@@ -76,6 +79,7 @@ class Weights:
             each joint over its limit. state: squared rates of the base and of the joints and joint positions.
         spin, arm, jerk: squared rotor accelerations, joint accelerations and jerks, in units of an input or state.
         force: squared contact force over the weight.
+        across: squared force of tilted rotors across the base's z axis, over the weight: laws lean by the force alone.
     """
 
     thrust: float = 0.2
@@ -85,6 +89,7 @@ class Weights:
     arm: float = 1e-3
     jerk: float = 1e-3
     force: float = 0.1
+    across: float = 300.0
 
 
 @immutable
@@ -232,6 +237,12 @@ class Stage:
             return ZERO3
         return Vec3(*(a * (data.touching * self.weight) for a in u[len(u) - 3 :]))
 
+    def across(self, state: State) -> list[Scalar]:
+        """Forces (N) of the rotors along x and y of the base; empty where all rotors push along z."""
+        rows = [*zip(self.model.vehicle.rotors, state.rotor_speeds, strict=True)]
+        sides = [[(float(r.thrust_coefficient) * float(getattr(r.axis, c)), w) for r, w in rows] for c in "xy"]
+        return [sum(k * (w * w) for k, w in side) for side in sides if any(abs(k) > 1e-12 for k, _ in side)]
+
     def accelerations(self, state: State, joints: Scalars, push: Vec3) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
         """Accelerations of the base under given joint accelerations, tip Jacobian and tip position, base axes."""
         vehicle, R = self.model.vehicle, state.quaternion.rotation()
@@ -281,6 +292,7 @@ class Stage:
         costs += [a * (math.sqrt(weights.arm) * root) for a in x[13 + 2 * n + m : 13 + 3 * n + m]]
         costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
         costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
+        costs += [a * (math.sqrt(weights.across) / self.weight * root) for a in self.across(state)]
         if self.free:
             costs.append(root * data.hurry)
         return StageValues(
@@ -360,11 +372,12 @@ class Stage:
             most = float(rotor.max_speed) / hover
             out.append((f"thrust of {rotor.name}", w * (1.0 / most) - math.sqrt(limits.thrust_share)))
             out.append((f"thrust of {rotor.name}", 0.02 - w * (1.0 / most)))
-        for link, q, rate in zip(vehicle.links, state.joints, state.joint_rates, strict=True):
+        ranges = limits.ranges or joint_ranges(vehicle)
+        for link, (low, high), q, rate in zip(vehicle.links, ranges, state.joints, state.joint_rates, strict=True):
             joint = link.joint
-            for end, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
-                if math.isfinite(float(end)):
-                    out.append((f"position of {joint.name}", sign * (q - float(end))))
+            for end, sign in ((high, 1.0), (low, -1.0)):
+                if math.isfinite(end):
+                    out.append((f"position of {joint.name}", sign * (q - end)))
             out += [(f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0) for sign in (1.0, -1.0)]
         out.append(("tilt", data.upright - R.rows[2].z))
         for name, vector, most in (("speed", state.velocity, limits.speed), ("rate", state.rate, limits.rate)):
@@ -384,6 +397,11 @@ class Stage:
             out += [(f"clearance of {pair.volume} and {pair.other}", data.clearance - gap) for pair, gap in rows]
         out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
         return out
+
+
+def joint_ranges(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
+    """Lowest and highest position of each joint, rad or m."""
+    return tuple((float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links)
 
 
 def largest(effort: Scalar) -> float:

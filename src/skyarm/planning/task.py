@@ -37,6 +37,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 from pathlib import Path
@@ -161,6 +162,12 @@ class TaskLimits:
     clearance: Annotated[
         float, Unit("m", "least distance from obstacles, and between own bodies that overlapped", low=0.0)
     ] = 0.05
+    rotor_lag: Annotated[
+        float,
+        Unit(
+            "", "largest lag of a rotor, over its speed in hover; free durations are as long", low=0.01, infinite=True
+        ),
+    ] = 0.25
 
 
 @immutable
@@ -199,6 +206,10 @@ class Task:
     def __post_init__(self) -> None:
         accept_fields(self, "", TaskError)
         n = self.vehicle.n
+        if self.phases and (last := self.phases[-1]).kind == "hold" and last.to.velocity is None:
+            # nothing comes after it: a tip that rests on a base that moves on would rest for this instant only
+            ending = dataclasses.replace(last, to=dataclasses.replace(last.to, rest=True))
+            object.__setattr__(self, "phases", (*self.phases[:-1], ending))
         if not self.phases:
             raise TaskError("phases: must be one phase or more")
         lists = [("start.joints", self.start.joints)]
