@@ -14,28 +14,14 @@ from PIL import Image
 
 import skyarm
 from skyarm.planning.planner import PlanError
+from skyarm.studies.assess.assessment import Assessment
+from skyarm.studies.assess.finding import FAULT, Finding
 from support.commands import refused
 from support.commands import skyarm as command
 
 UP = """schema = 1
 vehicle = "hummingbird"
 phases = [{ to = { base = [0.0, 0.0, 1.0], rest = true } }]
-"""
-
-
-BAR = """schema = 1
-vehicle = "hexacopter370_flying_arm_3"
-start = { position = [0.0, 0.0, 1.0] }
-
-[[phases]]
-kind = "contact"
-contact = { kind = "bar" }
-to = { base = [0.0, 0.0, 1.05] }
-duration = 0.3
-
-[[phases]]
-to = { base = [0.0, 0.0, 1.0], rest = true }
-duration = 1.0
 """
 
 
@@ -67,28 +53,39 @@ def test_a_task_without_a_plan_ends_with_3_and_its_cause(monkeypatch: pytest.Mon
     assert not Path("plan.npz").exists()
 
 
-def test_a_scenario_that_its_check_refuses_is_not_written(folder: Path) -> None:
-    """A bar that no world has holds twice the weight."""
-    Path("bar.toml").write_text(BAR)
-    ended = command("plan", "bar.toml", "-o", "p.npz", "--scenario", "fly/bar.toml", "--json")
+def test_a_scenario_that_its_check_refuses_is_not_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = Finding("rotors along the reference", FAULT, "at most 1.2 of the limit")
+    checked = []
+
+    def refuse(scenario: skyarm.Scenario) -> Assessment:
+        checked.append(scenario.agent.reference.planned)
+        return Assessment("up", scenario.agent.plant.vehicle, 9.81, 0.0, 1, (fault,))
+
+    monkeypatch.setattr("skyarm.studies.assess.assessment.check", refuse)
+    ended = command("plan", "up.toml", "-o", "made/p.npz", "--scenario", "fly/up.toml")
     assert ended.code == 1, ended.err
-    (fault,) = json.loads(ended.out)["faults"]
-    assert re.match(r"fault: contact along the reference: the plan counts on [\d.]+ N on the tip", fault)
-    assert sorted(each.name for each in folder.rglob("*.*")) == ["bar.toml", "p.npz", "up.toml"]
-    said = command("plan", "bar.toml", "-o", "p.npz", "--scenario", "fly/bar.toml").out
-    assert fault in said
-    assert "fly/bar.toml is not written" in said
-    assert command("plan", "bar.toml", "-o", "p.npz").code == 0
+    assert checked[0].times[-1] > 1.5
+    assert "fault: rotors along the reference: at most 1.2 of the limit\n" in ended.out
+    assert ended.out.endswith("no scenario: skyarm check finds what cannot be flown; fly/up.toml is not written\n")
+    assert sorted(each.name for each in folder.rglob("*.*")) == ["p.npz", "up.toml"]
+    document = json.loads(command("plan", "up.toml", "--scenario", "fly/up.toml", "--json").out)
+    assert document["faults"] == ["fault: rotors along the reference: at most 1.2 of the limit"]
+    assert command("plan", "up.toml").code == 0
+
+
+@pytest.mark.thorough
+def test_a_plan_that_hangs_from_no_world_has_no_scenario(folder: Path) -> None:
+    ended = command("plan", "monkey_bar", "-o", "p.npz", "--scenario", "bar.toml")
+    assert ended.code == 1
+    assert "fault: contact along the reference: the plan counts on " in ended.out
+    assert not Path("bar.toml").exists()
 
 
 def test_a_search_that_takes_too_long_is_told_and_ends_with_3(folder: Path) -> None:
-    ended = command("plan", "bar.toml", "--seconds", "0.001")
-    assert ended.code == 2
-    Path("bar.toml").write_text(BAR)
-    ended = command("plan", "bar.toml", "--seconds", "0.001")
+    ended = command("plan", "eagle_catch", "--seconds", "0.001", "-o", "new/p.npz")
     assert ended.code == 3
-    assert ended.out.startswith("task: no plan within 0.001 s, seed 1: iteration 20")
-    assert sorted(each.name for each in folder.iterdir()) == ["bar.toml", "up.toml"]
+    assert ended.out.startswith("eagle_catch: no plan within 0.001 s, seed 1: iteration 20")
+    assert sorted(each.name for each in folder.iterdir()) == ["up.toml"]
 
 
 def drawn_row(film: Image.Image, frame: int) -> float:

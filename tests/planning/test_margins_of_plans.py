@@ -19,10 +19,11 @@ from skyarm.algebra import Vec3
 from skyarm.planning.plan_file import plan_arrays, plan_bytes
 from skyarm.planning.plan_report import flight_document
 from skyarm.planning.planner import JOINT_MARGIN, REACTION, Plan, PlanError, plan
+from skyarm.planning.stage import Stage
 from skyarm.planning.task import Goal, PlanPhase, Start, Task, TaskLimits, task_from
 from skyarm.scenario.save import scenario_text
 from skyarm.vehicle.vehicle_files import load_vehicle
-from support.plans import Bodies, planned, reach
+from support.plans import Bodies, catch, planned, reach
 
 
 def hop(minimise: str = "time", **limits: float) -> Task:
@@ -101,6 +102,21 @@ def test_joints_keep_off_their_limits_but_where_start_or_goal_say_so() -> None:
     assert plan(dataclasses.replace(off, start=Start(joints=(-high, 0.0, 0.0)))).stage.limits.ranges[0][0] == -high
 
 
+def test_tilted_rotors_lean_by_the_force_alone() -> None:
+    """Laws hover level: at rest the rotors do not push across, as far as 300 times the square of it is worth."""
+    vehicle = load_vehicle("hextilt_flying_arm_5")
+    to = Goal(base=Vec3(1.0, 0.0, 0.3), heading=0.0, rest=True)
+    found = plan(Task(vehicle=vehicle, phases=(PlanPhase(to=to, duration=2.0),)))
+    up = [np.array([float(c) for c in each.axis]) * float(each.thrust_coefficient) for each in vehicle.rotors]
+    force = plan_arrays(found)["rotor_speeds"] ** 2 @ np.array(up)
+    assert np.degrees(np.arctan2(np.linalg.norm(force[:, :2], axis=1), force[:, 2])).max() < 3.0
+    weight = float(vehicle.mass) * 9.81
+    states = [found.stage.state(row) for row in found.x]
+    across = np.array([[float(each) for each in found.stage.across(state)] for state in states])
+    np.testing.assert_allclose(across, force[:, :2], atol=1e-9 * weight)
+    assert Stage(model=catch().stage.model).across(catch().stage.state(catch().x[0])) == []
+
+
 def test_no_clock_changes_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine so busy that each look at the clock is 5 s later: the same bytes, or no plan and a word on it."""
     task = task_from(reach(phases__2__duration=None))
@@ -109,5 +125,5 @@ def test_no_clock_changes_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     for clock in ("perf_counter", "process_time", "monotonic", "time"):
         monkeypatch.setattr(time, clock, lambda: next(ticks))
     assert plan_bytes(plan(task, seconds=1e6)) == before
-    with pytest.raises(PlanError, match="no plan within 60 s"):
-        plan(task, seconds=60.0)
+    with pytest.raises(PlanError, match="no plan within 1 s"):
+        plan(task, seconds=1.0)

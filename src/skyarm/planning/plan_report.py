@@ -37,6 +37,8 @@ class Summary:
         duration: s. phases: their names and lengths, s. speed: largest of the base, m/s. tilt: largest, rad.
         rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest distance, m; between which bodies.
         short: which bodies come nearer than the task's clearance; empty if none.
+        rotor_lag: largest lag of a rotor, over its speed in hover. fast: the phases of fixed duration where it is above
+            the task's limit; empty if none.
         violation, cost, seconds, seeds, iterations: of the solution.
     """
 
@@ -50,6 +52,8 @@ class Summary:
     clearance: float | None
     nearest: str
     short: str
+    rotor_lag: float
+    fast: str
     violation: float
     cost: float
     seconds: float
@@ -82,6 +86,8 @@ def summary(plan: Plan) -> Summary:
         clearance=gap if math.isfinite(gap) else None,
         nearest=plan.nearest.words if plan.nearest is not None else "",
         short=f"{task.limits.clearance:g} m: {plan.nearest.short}" if plan.nearest and plan.nearest.short else "",
+        rotor_lag=float(plan.lags.max()),
+        fast=", ".join(name for name, lag in zip(names, plan.lags, strict=True) if lag > task.limits.rotor_lag),
         violation=plan.solution.violation,
         cost=plan.solution.cost,
         seconds=plan.seconds,
@@ -117,6 +123,11 @@ def summary_lines(name: str, found: Summary) -> list[str]:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
     if found.short:
         lines.append(f"nearer than limits.clearance = {found.short}")
+    if found.fast:
+        lag = f"rotors lag by {100.0 * found.rotor_lag:.0f} % of their speed in hover"
+        lines.append(
+            f"fast: {lag} ({found.fast}), limits.rotor_lag is less: the law may be off; a longer duration helps"
+        )
     seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
     lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
     return lines
