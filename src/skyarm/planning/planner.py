@@ -418,13 +418,14 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
 
     if reason := impossible(task):
         raise PlanError(f"{task.name}: {reason}")
-    found = _with_free_lengths(task, watch)
+    met = set[tuple[str, str]]()
+    found = _with_free_lengths(task, watch, met)
     for _ in range(STRETCHES):
         longer = _longer(task, found)
         if longer is None:
             break
         try:
-            found = _planned(longer, watch, _slower(found, longer))
+            found = _planned(longer, watch, met, _slower(found, longer))
         except OutOfTimeError:
             raise
         except PlanError:  # the limits alone are narrower there; the plan before keeps them
@@ -443,18 +444,18 @@ LENGTHS = (1.02, 1.5)
 """Least and largest factor by which a duration grows from plan to plan."""
 
 
-def _with_free_lengths(task: Task, watch: Callable[[str], None]) -> Plan:
+def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]]) -> Plan:
     """Plan with its free durations as what is minimised has them.
 
-    The least time is looked for from the plan of least effort. Where rotors lag far in all free phases of that one,
-    still shorter ones would have to become nearly as long as those.
+    The least time is looked for beside the plan of least effort. Where rotors lag far in that one already, a still
+    shorter one would have to become nearly as long.
     """
-    gentle = _planned(dataclasses.replace(task, minimise="effort"), watch)
+    gentle = _planned(dataclasses.replace(task, minimise="effort"), watch, met)
     free = [phase.duration is None for phase in task.phases]
-    if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).all():
+    if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).any():
         return gentle
     try:
-        return _planned(task, watch, Guess(gentle.x, gentle.u))
+        return _planned(task, watch, met)
     except OutOfTimeError:
         raise
     except PlanError:  # a plan within the limits is worth more than the least time
@@ -500,15 +501,17 @@ def _slower(found: Plan, task: Task) -> Guess:
     return Guess(x, u)
 
 
-def _planned(task: Task, watch: Callable[[str], None], first: Guess | None = None) -> Plan:
+def _planned(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]], first: Guess | None = None) -> Plan:
     """Best plan of a task from several seeds, or from a first motion alone.
+
+    ``met``: pairs of the vehicle's own bodies that a plan before went through, to which this one adds its own.
 
     Raises:
         PlanError: as :func:`plan`.
     """
-    shape, met = outline(task), set[tuple[str, str]]()
+    shape = outline(task)
     counts = node_counts(task, shape.lengths)
-    stage, clearance = stage_of(task), np.full(sum(counts) + 1, task.limits.clearance)
+    stage, clearance = stage_of(task, met), np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
     if first is None:
