@@ -408,33 +408,28 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
         PlanError: no plan within the limits; one line with the phase, the constraint and how far it is off. Or no plan
             within ``seconds``.
     """
-    begun = time.perf_counter()
+    begun, met = time.perf_counter(), set[tuple[str, str]]()
 
     def watch(line: str) -> None:
         if time.perf_counter() - begun > seconds:
-            raise OutOfTimeError(f"{task.name}: no plan within {seconds:g} s, {line}: take more time, or a larger step")
+            raise TimeoutError(f"{task.name}: no plan within {seconds:g} s, {line}: take more time, or a larger step")
         if on_progress is not None:
             on_progress(line)
 
     if reason := impossible(task):
         raise PlanError(f"{task.name}: {reason}")
-    met = set[tuple[str, str]]()
-    found = _with_free_lengths(task, watch, met)
-    for _ in range(STRETCHES):
-        longer = _longer(task, found)
-        if longer is None:
-            break
-        try:
-            found = _planned(longer, watch, met, _slower(found, longer))
-        except OutOfTimeError:
-            raise
-        except PlanError:  # the limits alone are narrower there; the plan before keeps them
-            break
+    try:
+        found = _with_free_lengths(task, watch, met)
+        for _ in range(STRETCHES):
+            if (longer := _longer(task, found)) is None:
+                break
+            try:
+                found = _planned(longer, watch, met, _slower(found, longer))
+            except PlanError:  # the limits alone are narrower there; the plan before keeps them
+                break
+    except TimeoutError as error:
+        raise PlanError(str(error)) from None
     return dataclasses.replace(found, task=task, seconds=time.perf_counter() - begun)
-
-
-class OutOfTimeError(PlanError):
-    """Error: the search took longer than its emergency end."""
 
 
 STRETCHES = 8
@@ -456,8 +451,6 @@ def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[
         return gentle
     try:
         return _planned(task, watch, met)
-    except OutOfTimeError:
-        raise
     except PlanError:  # a plan within the limits is worth more than the least time
         return gentle
 
