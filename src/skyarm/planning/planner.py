@@ -89,7 +89,7 @@ class Plan:
 
     @property
     def lags(self) -> Array:
-        """Largest lag of a rotor behind what a law asks in each phase, over its speed in hover, (phases,)."""
+        """Largest lag of a rotor behind its command in each phase, over its speed in hover, (phases,)."""
         rotors = self.task.vehicle.rotors
         times = np.array([(float(each.time_constant_up), float(each.time_constant_down)) for each in rotors]).T
         spins = self.u[:, : len(rotors)] * SPIN_UNIT
@@ -424,7 +424,7 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
             if (longer := _longer(task, found)) is None:
                 break
             try:
-                found = _planned(longer, watch, met, _slower(found, longer))
+                found = _best_plan(longer, watch, met, _slower(found, longer))
             except PlanError:  # the limits alone are narrower there; the plan before keeps them
                 break
     except TimeoutError as error:
@@ -445,12 +445,12 @@ def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[
     The least time is looked for beside the plan of least effort. Where rotors lag far in that one already, a still
     shorter one would have to become nearly as long.
     """
-    gentle = _planned(dataclasses.replace(task, minimise="effort"), watch, met)
+    gentle = _best_plan(dataclasses.replace(task, minimise="effort"), watch, met)
     free = [phase.duration is None for phase in task.phases]
     if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).any():
         return gentle
     try:
-        return _planned(task, watch, met)
+        return _best_plan(task, watch, met)
     except PlanError:  # a plan within the limits is worth more than the least time
         return gentle
 
@@ -494,7 +494,7 @@ def _slower(found: Plan, task: Task) -> Guess:
     return Guess(x, u)
 
 
-def _planned(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]], first: Guess | None = None) -> Plan:
+def _best_plan(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]], first: Guess | None = None) -> Plan:
     """Best plan of a task from several seeds, or from a first motion alone.
 
     ``met``: pairs of the vehicle's own bodies that a plan before went through, to which this one adds its own.
