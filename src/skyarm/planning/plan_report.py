@@ -124,10 +124,8 @@ def summary_lines(name: str, found: Summary) -> list[str]:
     if found.short:
         lines.append(f"nearer than limits.clearance = {found.short}")
     if found.fast:
-        lag = f"rotors lag by {100.0 * found.rotor_lag:.0f} % of their speed in hover"
-        lines.append(
-            f"fast: {lag} ({found.fast}), limits.rotor_lag is less: the law may be off; a longer duration helps"
-        )
+        lag = f"{found.rotor_lag:.2f} of their speed in hover"
+        lines.append(f"fast: rotors lag by {lag} in {found.fast}, more than limits.rotor_lag: fly it first")
     seeds = f"{found.seeds} seed{'s' if found.seeds > 1 else ''}"
     lines.append(f"found in {found.seconds:.2f} s, {seeds}; violation {found.violation:.1e}")
     return lines
