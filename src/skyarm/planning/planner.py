@@ -450,7 +450,7 @@ def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[
     if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).any():
         return gentle
     try:
-        return _best_plan(task, watch, met)
+        return _best_plan(task, watch, met, penalties=PENALTIES[:1])
     except PlanError:  # a plan within the limits is worth more than the least time
         return gentle
 
@@ -494,7 +494,13 @@ def _slower(found: Plan, task: Task) -> Guess:
     return Guess(x, u)
 
 
-def _best_plan(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]], first: Guess | None = None) -> Plan:
+def _best_plan(
+    task: Task,
+    watch: Callable[[str], None],
+    met: set[tuple[str, str]],
+    first: Guess | None = None,
+    penalties: Sequence[float] = PENALTIES,
+) -> Plan:
     """Best plan of a task from several seeds, or from a first motion alone.
 
     ``met``: pairs of the vehicle's own bodies that a plan before went through, to which this one adds its own.
@@ -512,7 +518,7 @@ def _best_plan(task: Task, watch: Callable[[str], None], met: set[tuple[str, str
         guesses = [guess_from(task, stage, counts, way, shape, sense) for way, sense in ways]
     else:
         guesses = [first]
-    best, tried = _best_of(stage, problem, guesses, watch)
+    best, tried = _best_of(stage, problem, guesses, watch, penalties=penalties)
     found: Plan | None = None
     for _ in range(ROUNDS):
         if best is None or not best.violation < TOLERANCE:
@@ -554,11 +560,12 @@ def _best_of(
     guesses: Sequence[Guess],
     watch: Callable[[str], None],
     enough: int = ENOUGH,
+    penalties: Sequence[float] = PENALTIES,
 ) -> tuple[Solution | None, int]:
     """Best solution from several seeds, and their number; ``enough`` solved ones end the search."""
     best: Solution | None = None
     tried = solved = 0
-    for penalty, guess in itertools.product(PENALTIES, guesses):
+    for penalty, guess in itertools.product(penalties, guesses):
         # another seed may be better, but is not worth more than the best one was
         most = best.iterations if solved and best is not None else ITERATIONS
         last = None

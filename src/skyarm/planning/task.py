@@ -167,7 +167,7 @@ class TaskLimits:
         Unit(
             "", "largest lag of a rotor, over its speed in hover; free durations are as long", low=0.01, infinite=True
         ),
-    ] = 0.3
+    ] = 0.2
 
 
 @immutable
