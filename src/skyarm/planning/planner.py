@@ -100,8 +100,8 @@ class Plan:
 @lru_cache(maxsize=8)
 def compiled_stage(stage_key: tuple[object, ...]) -> CompiledStage:
     """Compiled stage for a model, limits, weights and shape."""
-    model, limits, weights, contact, free, near = stage_key
-    stage = Stage(model=model, limits=limits, weights=weights, contact=contact, free=free, clearances=near)  # type: ignore[arg-type]
+    names = ("model", "limits", "weights", "contact", "free", "clearances", "nearer")
+    stage = Stage(**dict(zip(names, stage_key, strict=True)))  # type: ignore[arg-type]
     return CompiledStage(stage)
 
 
@@ -124,14 +124,31 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
         if (not pair.volume.startswith("boom/") if pair.surface is not None else (pair.volume, pair.other) in met)
     ]
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
-    return compiled_stage((model, limits, weights, contact, free, close))
+    nearer = nearer_pairs(task, close) if close is not None else ()
+    return compiled_stage((model, limits, weights, contact, free, close, nearer))
+
+
+def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
+    """Distances (m) by which own bodies may be nearer than the clearance: where start or goals have them as near."""
+    level = attitude((0.0, 0.0, 0.0)).rotation()
+    poses = [near.distances(task.start.position, level, joints) for joints in stated_joints(task)]
+    # half of what is there leaves the arm a way out of its pose
+    least = [
+        0.5 * min(map(float, gaps)) if pair.surface is None else math.inf
+        for pair, *gaps in zip(near.pairs, *poses, strict=True)
+    ]
+    return tuple(max(0.0, task.limits.clearance - max(gap, 0.0)) for gap in least)
+
+
+def stated_joints(task: Task) -> list[tuple[float, ...]]:
+    """Joint positions (rad or m) at the start and of the goals that state them."""
+    return [task.start.joints or (0.0,) * task.vehicle.n, *(each.to.joints for each in task.phases if each.to.joints)]
 
 
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
     """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
-    stated = [task.start.joints or (0.0,) * task.vehicle.n, *(each.to.joints for each in task.phases if each.to.joints)]
     found = []
-    for (low, high), places in zip(joint_ranges(task.vehicle), zip(*stated, strict=True), strict=True):
+    for (low, high), places in zip(joint_ranges(task.vehicle), zip(*stated_joints(task), strict=True), strict=True):
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
         inner = min(low + margin, *places), max(high - margin, *places)
         found.append((max(low, inner[0]), min(high, inner[1])))

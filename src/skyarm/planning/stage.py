@@ -170,6 +170,7 @@ class Stage:
         model: of the plan. limits, weights: see there. contact: whether the tip may be in contact.
         free: number of free phase lengths.
         clearances: pairs of bodies whose distances are limits; its obstacles give the shapes, the data the places.
+        nearer: m, by which each of these pairs may be nearer than the data say; empty: none may.
     """
 
     model: Model
@@ -178,6 +179,7 @@ class Stage:
     contact: bool = False
     free: int = 0
     clearances: Clearances | None = None
+    nearer: tuple[float, ...] = ()
     hover: tuple[float, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -393,8 +395,11 @@ class Stage:
                 for pair in self.clearances.pairs
             ]
             near = replace(self.clearances, pairs=tuple(pairs))
-            rows = zip(pairs, near.distances(state.position, R, state.joints), strict=True)
-            out += [(f"clearance of {pair.volume} and {pair.other}", data.clearance - gap) for pair, gap in rows]
+            gaps, nearer = near.distances(state.position, R, state.joints), self.nearer or (0.0,) * len(pairs)
+            for pair, gap, less in zip(pairs, gaps, nearer, strict=True):
+                out.append(
+                    (f"clearance of {pair.volume} and {pair.other}", data.clearance - (gap + less if less else gap))
+                )
         out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
         return out
 
