@@ -15,14 +15,26 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.planning.plan_file import plan_arrays, plan_bytes
 from skyarm.planning.plan_report import flight_document
-from skyarm.planning.planner import JOINT_MARGIN, REACTION, Plan, PlanError, plan
+from skyarm.planning.planner import (
+    JOINT_MARGIN,
+    REACTION,
+    Plan,
+    PlanError,
+    guess_from,
+    outline,
+    plan,
+    problem_of,
+    seeds,
+    stage_of,
+)
 from skyarm.planning.stage import Stage
 from skyarm.planning.task import Goal, PlanPhase, Start, Task, TaskLimits, task_from
 from skyarm.scenario.save import scenario_text
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.world.scene.clearance import clearances
 from support.plans import Bodies, catch, planned, reach
 
 
@@ -115,6 +127,23 @@ def test_tilted_rotors_lean_by_the_force_alone() -> None:
     across = np.array([[float(each) for each in found.stage.across(state)] for state in states])
     np.testing.assert_allclose(across, force[:, :2], atol=1e-9 * weight)
     assert Stage(model=catch().stage.model).across(catch().stage.state(catch().x[0])) == []
+
+
+def test_own_bodies_that_met_may_be_as_near_as_at_the_start() -> None:
+    """The tip of the straight arm is 2.5 mm from its own wrist: the clearance of 50 mm would leave no motion at all."""
+    to, vehicle = Goal(base=Vec3(1.0, 0.0, 0.3), heading=0.0, rest=True), load_vehicle("hextilt_flying_arm_5")
+    task = Task(vehicle=vehicle, phases=(PlanPhase(to=to, duration=2.0),))
+    pair = "link/link_5/tip", "link/link_3/wrist_roll"
+    stage, shape = stage_of(task, {pair}), outline(task)
+    problem = problem_of(task, stage, [50], 0.05)
+    guess = guess_from(task, stage, [50], seeds(task, shape)[0], shape)
+    rows = stage.values(guess.x, guess.u, problem.data)[0][:, stage.limits]
+    limit = rows[:, stage.names.index("clearance of {} and {}".format(*pair))]
+    near = clearances(vehicle, [])
+    gaps = near.distances(Vec3(0.0, 0.0, 0.0), Quaternion(1.0, 0.0, 0.0, 0.0).rotation(), (0.0,) * 5)
+    gap = next(float(each) for each, of in zip(gaps, near.pairs, strict=True) if (of.volume, of.other) == pair)
+    assert 0.0 < gap < 0.005
+    np.testing.assert_allclose(limit, -0.5 * gap, atol=1e-9)
 
 
 def test_no_clock_changes_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
