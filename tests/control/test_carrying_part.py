@@ -15,7 +15,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors
 from skyarm.control.controller import ControllerError, part_of
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, tip_wrench
+from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, shares_of_tilt, tip_wrench
 from skyarm.control.laws.centroidal.law import continue_reference
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators.load_limits import largest_load
@@ -142,9 +142,34 @@ def test_an_observer_forgets_at_the_rate_that_the_reference_says():
     )
     change = np.subtract([*forgot[0].observed.force], [*kept[0].observed.force])
     assert np.allclose(change, [-DT * c for c in rate], atol=1e-12)
-    J, _ = jacobian(POSTURE, 0.0)
+    J, tip = jacobian(POSTURE, 0.0)
+    across, damping = J[:2] @ J[:2].T, float(controller.par.tip.damping) ** 2
+    by_tilt = np.zeros((3, 3))  # what damped least squares of the joints leave of a horizontal motion
+    by_tilt[:2, :2] = np.eye(2) - across @ np.linalg.inv(across + damping * np.eye(2))
+    by_joints = (np.eye(3) - by_tilt) @ [*rate]
     turned = np.subtract(forgot[0].observed.efforts, kept[0].observed.efforts)
-    assert np.allclose(turned, -DT * J.T @ [*rate, 0, 0, 0], atol=1e-9)
+    assert np.allclose(turned, -DT * J[:3].T @ by_joints, atol=1e-9)
+    turned = np.subtract([*forgot[0].observed.torque], [*kept[0].observed.torque])
+    assert np.allclose(turned, -DT * np.cross(tip, by_joints), atol=1e-9)
+    found = forgot[0].parts.carrying.tilting
+    assert np.allclose([[*row] for row in found.full().rows], by_tilt, atol=1e-9)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.9])
+def test_a_planar_arm_moves_its_tip_across_its_plane_by_a_tilt_alone(turned):
+    """An arm whose joints turn about parallel axes, at a heading: all of what is across its plane, nothing along."""
+    vehicle = skyarm.load_vehicle("pelican_arm2")
+    links = tuple(
+        dataclasses.replace(link, joint=dataclasses.replace(link.joint, axis=Vec3(0.0, 1.0, 0.0)))
+        for link in vehicle.links
+    )
+    planar = dataclasses.replace(vehicle, links=links)
+    turn = Rotation.from_euler("z", turned)
+    R = Mat3(*(Vec3(*row) for row in turn.as_matrix().tolist()))
+    shares = shares_of_tilt(planar, R, (0.4,) * planar.n, 1e-3)
+    across, along = turn.apply([0.0, 1.0, 0.0]), turn.apply([1.0, 0.0, 0.0])
+    assert np.allclose([*shares.apply(Vec3(*across))], across, atol=1e-4)
+    assert np.allclose([*shares.apply(Vec3(*along))], 0.0, atol=1e-4)
 
 
 def test_the_bias_stands_from_the_moment_at_which_the_tip_holds():

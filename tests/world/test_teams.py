@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.load_limits import largest_load
 from skyarm.dynamics.point_motion import PointMotion
@@ -250,6 +250,19 @@ def test_members_forget_a_pull_beyond_the_desired_one_and_part_less():
     assert np.allclose([[*q] for q in own.inner], [[0.5 * 0.05 * DT * 3.0, 0, 0], [-0.5 * 0.05 * DT * 3.0, 0, 0]])
     _, before = instructions(whole, 1.0, forces=[(-4.0, 0.0, 7.0), (4.0, 0.0, 7.0)])
     assert all([*row.forgotten_force] == [0.0, 0.0, 0.0] and row.held == 0.0 for row in before)
+
+
+def test_where_a_member_must_lean_a_pull_is_forgotten_ten_times_slower_and_moves_tips_a_hundred_times_slower():
+    whole, forces = team(internal_force=0.0, blind=8.0, pull_gain=0.05), [Vec3(-3.0, 0.0, 7.0), Vec3(3.0, 0.0, 7.0)]
+    given = dataclasses.replace(inputs(whole, 5.0), forces=forces)
+    _, (quick, _) = whole.lead(whole.first(DT), given, DT)
+    leans = dataclasses.replace(given, tilting=[Sym3(1.0, 0.0, 0.0), Sym3(0.0, 1.0, 0.0)])
+    own, rows = whole.lead(whole.first(DT), leans, DT)
+    slow, other = (Carry.of(row).forgotten_force for row in rows)
+    assert slow.x == pytest.approx(0.1 * Carry.of(quick).forgotten_force.x)
+    assert other.x == pytest.approx(-Carry.of(quick).forgotten_force.x)  # it leans across the pull alone
+    assert own.inner[0].x == pytest.approx(0.01 * 0.5 * 0.05 * DT * 3.0, rel=1e-5)
+    assert own.inner[1].x == pytest.approx(-0.5 * 0.05 * DT * 3.0, rel=1e-5)
 
 
 def test_members_forget_the_moments_of_fixed_grasps():

@@ -25,9 +25,10 @@ observers of bandwidth w_o on a grasp of stiffness K, the internal mode is
 
 and stable for every K and w >= 0 (Routh: W > w). An integral of the difference in the places of the tips, in the axes
 of the body, removes the rest. Over messages that are late by L in the mean, both act through a delay: w is divided by
-1 + w L, and the rate of the integral by its square, so that w L stays below 1. All shifts pass (p + filter)^2, of which
-the members get value, rate and acceleration; the proportional part passes one pole more, so that noise of the pose does
-not shake the rotors.
+1 + w L, and the rate of the integral by its square, so that w L stays below 1. Both are slowed down in the same way
+where a tip moves only as its vehicle leans, across the plane of an arm of parallel axes. All shifts pass
+(p + filter)^2, of which the members get value, rate and acceleration; the proportional part passes one pole more, so
+that noise of the pose does not shake the rotors.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column
 from skyarm.world.team.team import (
+    NO_TILT,
     SMALL,
     Sharing,
     TeamInputs,
@@ -74,6 +76,9 @@ the body down; speed (m/s) of that."""
 
 LASTING = ("fixed", "cable")
 """Kinds of grasps at which tips may stay behind their references."""
+
+TILTING = 0.1
+"""Factor on the rate ``blind``, and its square on ``pull_gain``, where only a tilt of a member moves its tip."""
 
 LEAST_LEVER = 0.02
 """Lever (m) of the weight, beyond what forces and fixed grasps of the members bear, from which the body tips."""
@@ -306,7 +311,10 @@ class ObjectWrench(Sharing):
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
         step = 0.5 * self.pull_gain * prompt * prompt * dt
-        inner = [shorten(q + R.apply_T(e) * step, MOST) for q, e in zip(own.inner, excess, strict=True)]
+        rows = zip(inputs.tilting or [NO_TILT] * len(excess), excess, strict=True)
+        tilted = [share_of_tilt.apply(each) for share_of_tilt, each in rows]
+        moved = [each - slow * (1.0 - TILTING * TILTING) for each, slow in zip(excess, tilted, strict=True)]
+        inner = [shorten(q + R.apply_T(each) * step, MOST) for q, each in zip(own.inner, moved, strict=True)]
         moved_masses = team.masses_moved(share)
         shifts, carries, blind, w = [], [], self.blind * prompt * (1.0 + STANDING * standing), self.filter
         for i, member in enumerate(self.members):
@@ -321,7 +329,7 @@ class ObjectWrench(Sharing):
             moves = [s + (there - here) for s, there, here in aside]
             moment = moments[i] * share
             of_moment = (moment - inputs.moments[i]) * (h * self.blind_moments if member.kind == "fixed" else 0.0)
-            forgotten = excess[i] * blind, of_moment
+            forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment
             carries.append(
                 carry_of(h, moves, -forces[i] * h, -moment, forgotten, course.heading, w, moved_masses[i] * h)
             )

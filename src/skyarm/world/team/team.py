@@ -23,7 +23,7 @@ from typing import Annotated, Protocol, Self
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Sym3, Vec3, ldl_solve
 from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.actuators.load_limits import LoadLimits
@@ -62,6 +62,9 @@ LIGHTEST = 1e-6
 
 LEAST = 1e-3
 """Weight (N) of a body, at least, of which shares are taken."""
+
+NO_TILT = Sym3(0, 0, 0)
+"""Shares of tilting of a tip that needs none."""
 
 STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
@@ -117,6 +120,7 @@ class TeamInputs:
         drawn: uniform random numbers of the messages.
         forces, moments: force (N) and moment (N m) of each member on the body, as that member estimates them.
         behind: tracking error (m) of each member's tip, as that member measures it.
+        tilting: share of each horizontal direction in which only a tilt moves a member's tip; () for none.
     """
 
     time: Scalar
@@ -130,6 +134,7 @@ class TeamInputs:
     limits: Sequence[Scalar] = ()
     moment_limits: Sequence[Scalar] = ()
     drawn: Scalars = ()
+    tilting: Sequence[Sym3] = ()
 
 
 class Borne(Protocol):
@@ -155,6 +160,11 @@ class Borne(Protocol):
         """Largest load in the measured pose of the vehicle."""
         ...
 
+    @property
+    def tilting(self) -> Sym3:
+        """Share of each horizontal direction, world axes, in which only a tilt of the vehicle moves its tip."""
+        ...
+
 
 @immutable
 class NothingBorne:
@@ -164,6 +174,7 @@ class NothingBorne:
     moment: Vec3 = ZERO3
     behind: Vec3 = ZERO3
     limits: LoadLimits = LoadLimits()
+    tilting: Sym3 = NO_TILT
 
 
 @immutable
@@ -396,6 +407,7 @@ class Team(Component[TeamMemory]):
             forces=[-each.force for each in loads],
             moments=[-each.moment for each in loads],
             behind=[each.behind for each in loads],
+            tilting=[each.tilting for each in loads],
             limits=limits,
             moment_limits=[each.limits.moment for each in loads],
             drawn=memory.drawn[self._measured_by :],

@@ -13,14 +13,16 @@ this part are then not in the known wrench, as each counts once. The whole mass 
 compliance, and at frequencies above its own the tip moves alone.
 
 Members of a team pull each other: an observer that compensates this pull integrates it, and so does that of the other
-member. Hence the observer forgets such a force at the rate that the reference says.
+member. Hence the observer forgets such a force at the rate that the reference says. Where no joint moves the tip, the
+vehicle leans about its held hand: with the force f there it would forget the torque l f, too (hand l below the centre
+of mass), and fall over, since the loop of the attitude counts on the inertia of a free base. There it forgets f alone.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, cast
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
 from skyarm.algebra.scalars import add, cos, data, divide, exp, maximum, mul, sin, where
@@ -46,6 +48,9 @@ from skyarm.reference.carry import Carry
 from skyarm.reference.preview import Sample
 from skyarm.vehicle import BASE, Body, Frame, Vehicle
 
+NO_TILT = Sym3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Shares of a tip that joints move in every horizontal direction."""
+
 SLOWEST = 1e-3
 """Bandwidth (rad/s) at which a shift settles at least."""
 
@@ -56,6 +61,7 @@ class CarryingMemory:
 
     Attributes:
         limits: largest load in the measured pose, of which a team's law makes the member's share.
+        tilting: share of each horizontal direction, world axes, in which only a tilt of the base moves the tip.
         ahead: disturbance that is compensated in advance. earlier: the same of the periods before, newest first.
         bias: what the observer has without a load.
     """
@@ -71,6 +77,7 @@ class CarryingMemory:
     )
     limits: LoadLimits = LoadLimits()
     mass: Annotated[Scalar, Unit("kg", "part of the load's mass that this tip moves, of the period before")] = 0.0
+    tilting: Sym3 = NO_TILT
 
 
 @immutable
@@ -169,8 +176,11 @@ class CarryingGains(OptionalPart):
         R = observed.quaternion.rotation()
         force, moment = tip_wrench(self.errors, self.moment, vehicle, R, observed.joints, borne - bias)
         force = force + self.force_in_model(memory, step.par, step.motion, carry)
-        forgotten = carry.forgotten_force * dt, carry.forgotten_moment * dt
+        tilting = shares_of_tilt(vehicle, R, observed.joints, step.par.tip.damping)
+        by_tilt = tilting.apply(carry.forgotten_force) * dt
+        forgotten = carry.forgotten_force * dt - by_tilt, carry.forgotten_moment * dt
         forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
+        forgets = dataclasses.replace(forgets, force=vector_data(forgets.force + by_tilt))
         shift = zip(carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True)
         heading = effect.signals[3] + series(*carry.heading)
         planned = [signal.derivative(0) for signal in effect.signals[4:]]
@@ -193,8 +203,26 @@ class CarryingGains(OptionalPart):
             behind=vector_data(desired - tip_of(vehicle, step.state)),
             limits=largest_load(PointMotion(step.vehicle, step.state, gravity=step.par.model.gravity)),
             mass=data(carry.mass),
+            tilting=tilting,
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
+
+
+def shares_of_tilt(vehicle: Vehicle, R: Mat3, joints: Scalars, damping: Scalar) -> Sym3:
+    """Share of each horizontal direction, world axes, in which only a tilt of the base moves the tip.
+
+    With J the horizontal rows of the tip's Jacobian (m) and d the law's damping of the joints (m), joints by damped
+    least squares leave d^2 (J J^T + d^2)^-1 of a motion: all of it across the plane of an arm of parallel axes.
+    """
+    if not vehicle.n:
+        return NO_TILT
+    least = damping * damping
+    xx, xy, yy = least, cast("Scalar", 0.0), least
+    for column in jacobian_columns(vehicle, held_at(vehicle), joints, summed=True):
+        way = R.apply(column.linear)
+        xx, xy, yy = xx + way.x * way.x, xy + way.x * way.y, yy + way.y * way.y
+    per = divide(least, xx * yy - xy * xy)
+    return Sym3(data(yy * per), data(xx * per), 0.0, data(-xy * per), 0.0, 0.0)
 
 
 def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
