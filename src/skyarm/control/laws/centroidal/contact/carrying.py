@@ -51,6 +51,9 @@ from skyarm.vehicle import BASE, Body, Frame, Vehicle
 NO_TILT = Sym3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Shares of a tip that joints move in every horizontal direction."""
 
+QUICK = 30.0
+"""Rate (1/s) at which gains become those of carrying: full gains excite a heavy base about its held hand by 15 1/s."""
+
 SLOWEST = 1e-3
 """Bandwidth (rad/s) at which a shift settles at least."""
 
@@ -194,7 +197,7 @@ class CarryingGains(OptionalPart):
         ahead = [(time, settling_sample(row, carry, time)) for time, row in effect.ahead]
         effect = dataclasses.replace(effect, signals=signals, ahead=ahead, forgets=forgets, force_rate=rate)
         memory = CarryingMemory(
-            share=data(memory.share + (carry.held - memory.share) * settled),
+            share=data(memory.share + (carry.held - memory.share) * low_pass_share(QUICK, dt)),
             ahead=given[1],
             earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
             bias=bias,
