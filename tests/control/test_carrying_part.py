@@ -213,12 +213,12 @@ def test_a_held_load_stops_adaptation_and_its_force_turns_the_base_by_its_rate()
 
 def test_gains_become_those_of_carrying_while_a_load_is_held():
     controller = law(carrying=0.5)
-    memory, _ = steps(controller, 40, lambda _: carrying(held=1.0))
+    memory, _ = steps(controller, 8, lambda _: carrying(held=1.0))
     part = controller.par.parts.carrying
     free = part.adjust_gains(controller.memory.parts.carrying, controller.par, DT)
     soft = part.adjust_gains(memory.parts.carrying, controller.par, DT)
     assert free.tip.position == controller.par.tip.position
-    factor = 1.0 - 0.5 * (1.0 - np.exp(-3.0 * DT * 40))  # within some thirds of a second, not at once
+    factor = 1.0 - 0.5 * (1.0 - np.exp(-30.0 * DT * 8))  # within 33 ms, not at once
     assert soft.tip.position == pytest.approx(factor**2 * controller.par.tip.position)
     assert soft.observer.force == pytest.approx(factor * controller.par.observer.force)
 
