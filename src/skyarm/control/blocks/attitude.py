@@ -79,6 +79,11 @@ TINY = 1e-12
 away from it."""
 
 
+OVERTURNED = 0.2
+"""Angle (rad) to half a turn within which the attitude error stays as long as at its border, or longer: from 179 and
+180 degrees the vehicle then turns back alike, and falls half as far as from 179 degrees by the sine."""
+
+
 @positional
 class DesiredAttitude:
     """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
@@ -176,7 +181,7 @@ def angular_acceleration(gains: BaseGains, desired: DesiredAttitude, R: Mat3, w:
     """
     relative = R.T @ desired.R
     w_d = relative.apply(desired.rate)
-    pull = gains.attitude.hadamard(attitude_error(R, desired.R)) + gains.rate.hadamard(w - w_d)
+    pull = gains.attitude.hadamard(attitude_error(R, desired.R, OVERTURNED)) + gains.rate.hadamard(w - w_d)
     return relative.apply(desired.acceleration) - w.cross(w_d) - pull
 
 

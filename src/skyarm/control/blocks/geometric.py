@@ -1,19 +1,24 @@
 """Geometric tracking controller of position and attitude, as in the RotorS simulator.
 
 Source: Lee, Leok, McClamroch 2010; Furrer et al. 2016 (RotorS), lee_position_controller.cpp at commit cd813b7a8c37;
-eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a value, which RotorS leaves as NaN.
+eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a value, which RotorS leaves as NaN; the
+attitude error does not vanish at half a turn.
 """
 
 from __future__ import annotations
 
 from skyarm.algebra import E_Z, Mat3, Quaternion, Scalar, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import atan2, cos, divide, mul, sin, where
+from skyarm.algebra.scalars import atan2, cos, divide, mul, neg, sin, sqrt, where
+from skyarm.control.blocks.select import choose
 from skyarm.control.model import GeometricGains
 
 RATE_ERRORS = ("rotors_sim", "corrected")
 
 SMALL_ACCELERATION = 1e-6
 """Commanded specific force (m/s^2) below which the thrust direction is undefined and the present one is kept."""
+
+HALF_TURN = 0.0175
+"""Angle (rad), one degree, to half a turn within which an attitude error stays as long as at its border, or longer."""
 
 SMALL_SINE = 1e-6
 """Sine of the angle between thrust direction and heading below which the heading does not fix the attitude."""
@@ -58,9 +63,24 @@ def _unit(v: Vec3, length: Scalar, vanishes: Scalar, otherwise: Vec3) -> Vec3:
     return Vec3(*(where(vanishes, x, y) for x, y in zip(otherwise, direction, strict=True)))
 
 
-def attitude_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
-    """Attitude error e_R (83): vee(1/2 (R_d^T R - R^T R_d)), which vanishes also at 180 degrees."""
-    return (R_d.T @ R_WB).vee_antisymmetric()
+def attitude_error(R_WB: Mat3, R_d: Mat3, near: float = HALF_TURN) -> Vec3:
+    """Attitude error e_R (83), vee(1/2 (R_d^T R - R^T R_d)), kept from vanishing within ``near`` (rad) of half a turn.
+
+    e_R is the axis n of Q = R_d^T R times the sine of its angle: zero also at half a turn, where nothing would turn
+    back. Where the angle d to half a turn is below h = ``near``, h (1 - d^2 / h^2) n is added, d^2 = 1 + tr Q and n by
+    the longest column of Q + 1 (Q = 2 n n^T - 1 at half a turn), on the side of e_R. The length is then h to 5/4 h.
+    Elsewhere the error is e_R to the bit.
+    """
+    Q = R_d.T @ R_WB
+    sine = Q.vee_antisymmetric()
+    x, y, z = (1.0 + each for each in (Q.r0.x, Q.r1.y, Q.r2.z))
+    short = x + y + z - 2.0
+    longest, axis = where(x > y, x, y), choose(x > y, Vec3(x, Q.r1.x, Q.r2.x), Vec3(Q.r0.y, y, Q.r2.y))
+    axis = choose(z > longest, Vec3(Q.r0.z, Q.r1.z, z), axis)
+    # column k is sqrt(2 (1 + Q_kk)) long; of any rotation the longest 1 + Q_kk is at least 2/3
+    push = divide(near - short * (1.0 / near), sqrt(2.0 * where(z > longest, z, longest)))
+    moved = sine + axis * where(axis.dot(sine) < 0.0, neg(push), push)
+    return choose(short < near * near, moved, sine)
 
 
 def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) -> Vec3:

@@ -14,6 +14,7 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import absolute, cos, divide, logical_and, logical_or, maximum, sqrt, where
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
+    HALF_TURN,
     angular_acceleration,
     attitude_error,
     body_thrust,
@@ -106,10 +107,6 @@ def update_confidence(
     )
 
 
-STRAIGHT = 1e-6
-"""Value of 1 + tr(R_d^T R) within 0.06 degrees of a rotation by 180 degrees, where the axis is undefined."""
-
-
 @immutable
 class Recovery:
     """Constants of the recovery law.
@@ -181,7 +178,7 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
     """
     relative = R_d.T @ R_WB
     trace = relative.r0.x + relative.r1.y + relative.r2.z
-    return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
+    return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, HALF_TURN * HALF_TURN)))
 
 
 def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:

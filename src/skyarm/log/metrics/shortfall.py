@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
 
+LARGEST_TURN = 0.2
+"""Largest mean error (rad) of the heading at the end of a flight, the shorter way round."""
+
 SELDOM = 0.01
 """Fraction of periods below which commands exactly at a limit are not reported; a step of the reference causes some."""
 
@@ -66,10 +69,10 @@ class Saturation:
 
 @immutable
 class Unreached:
-    """Reference that a flight did not reach: position, tip, force or phase.
+    """Reference that a flight did not reach: position, tip, heading, force or phase.
 
     Attributes:
-        reference: "position", "tip", "force" or "phase". start, stop: interval that was examined, s.
+        reference: "position", "tip", "heading", "force" or "phase". start, stop: interval that was examined, s.
         words: description, with actual and desired value.
     """
 
@@ -88,7 +91,7 @@ class Shortfall:
 
     Attributes:
         saturation: None where every command stayed within its limits.
-        unreached: references, in the order of position, tip, force, phases.
+        unreached: references, in the order of position, tip, heading, force, phases.
     """
 
     saturation: Saturation | None
@@ -108,7 +111,12 @@ def shortfall(log: Log) -> Shortfall:
     desired, pushing = _desired_force(log)
     return Shortfall(
         saturation=_saturation(log),
-        unreached=(*_missed_positions(log, pushing), *_missed_forces(log, desired), *_missed_phases(log)),
+        unreached=(
+            *_missed_positions(log, pushing),
+            *_missed_heading(log),
+            *_missed_forces(log, desired),
+            *_missed_phases(log),
+        ),
     )
 
 
@@ -160,8 +168,7 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
     A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
     lies anywhere along the normal.
     """
-    duration = float(log.info["duration"])
-    start = min(duration - Windows().of_flight(duration, windows_of(log)).last, float(log.time[-1]))
+    start = _start_of_end(log)
     at_end = (log.time >= start) & ~pushing
     pairs = {"position": ("base", log.position, log.position_reference)}
     if not np.array_equal(log.tip, log.position):
@@ -175,6 +182,23 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
         if not error <= LARGEST_ERROR:
             words = f"reference of the {body}, {error:.3g} m off in the mean from {start:g} s on"
             yield Unreached(reference=what, start=start, stop=float(log.time[-1]), words=words)
+
+
+def _start_of_end(log: Log) -> float:
+    """Start (s) of the window ``last``, or the last instant of a flight that ended before it."""
+    duration = float(log.info["duration"])
+    return min(duration - Windows().of_flight(duration, windows_of(log)).last, float(log.time[-1]))
+
+
+def _missed_heading(log: Log) -> Iterator[Unreached]:
+    """Yield the heading reference, as the law got it, if the flight misses it by a large mean error at its end."""
+    start = _start_of_end(log)
+    at_end = log.time >= start
+    off = log.euler[at_end, 2] - log.yaw_held[at_end]
+    error = float(np.abs(np.remainder(off + math.pi, math.tau) - math.pi).mean())
+    if not error <= LARGEST_TURN:
+        words = f"heading of the base, {math.degrees(error):.3g} degrees off in the mean from {start:g} s on"
+        yield Unreached(reference="heading", start=start, stop=float(log.time[-1]), words=words)
 
 
 def _desired_force(log: Log) -> tuple[Array, Array]:
