@@ -9,6 +9,7 @@ import itertools
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from support import euler_lagrange as el
 from support.laws import Case, G
@@ -35,6 +36,14 @@ def skew(v: Any) -> Any:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
+def attitude_error(R: Any, R_d: Any, near: float = 0.0175) -> Any:
+    """(83) from SciPy's rotation vector: sine along the axis; ``near`` half a turn more, which is not the paper's."""
+    vector = Rotation.from_matrix(R_d.T @ R).as_rotvec()
+    angle = np.linalg.norm(vector)
+    left = 2.0 * np.sin(0.5 * (np.pi - angle))
+    return (np.sin(angle) + max(near - left * left / near, 0.0)) * vector / max(angle, 1e-300)
+
+
 def accelerations(case: Case, *, feedforward: bool = True, corrected: bool = False) -> tuple[Any, Any]:
     """The wanted d2p/dt2 of the base origin (world) and alpha (body): (82)-(85)."""
     R = case.R
@@ -45,8 +54,7 @@ def accelerations(case: Case, *, feedforward: bool = True, corrected: bool = Fal
     b2 = np.cross(b3, [np.cos(case.yaw), np.sin(case.yaw), 0.0])
     b2 /= np.linalg.norm(b2)
     R_d = np.stack([np.cross(b2, b3), b2, b3], axis=1)
-    E = 0.5 * (R_d.T @ R - R.T @ R_d)
-    e_R = np.array([E[2, 1], E[0, 2], E[1, 0]])
+    e_R = attitude_error(R, R_d)
     w_d = np.array([0.0, 0.0, case.yaw_rate])
     e_w = case.w - (R.T @ R_d @ w_d if corrected else R_d.T @ R @ w_d)
     alpha = np.linalg.inv(INERTIA) @ (-KR * e_R - KW * e_w)

@@ -5,6 +5,7 @@ Whoever changes the law changes its page, and reads the change off the page into
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
@@ -132,6 +133,13 @@ def short() -> tuple[skyarm.Scenario, list[Any]]:
 def test_a_law_written_from_the_page_gives_the_commands_of_the_law(short: Any) -> None:
     scenario, rows = short
     assert differences(rows, written(scenario)).max() < CLOSE
+
+
+def test_a_law_written_from_the_page_turns_back_from_upside_down() -> None:
+    about = np.array([math.sin(5e-4), *(math.cos(5e-4) * np.array([0.6, 0.0, 0.8]))])
+    start = {"quaternion_wxyz": about.tolist(), "position": [0.0, 0.0, 9.0]}
+    scenario = scenario_of("case3", duration=0.02, initial=start, environment={"ground": False})
+    assert differences(recorded(scenario), written(scenario)).max() < CLOSE
 
 
 def test_a_wrong_number_of_the_page_is_found(short: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,6 +21,7 @@ from written_vehicle import (
     cross,
     derivatives,
     dot,
+    half_turn,
     is_jump,
     low,
     matmul,
@@ -199,7 +200,7 @@ class WrittenLaw(WrittenParts):
         # 10. attitude
         Rd, wd, ad = self._attitude(self._upright(f, fq), psi)
         E = R.T @ Rd
-        eR = vee(-E)
+        eR = vee(-E) + half_turn(E)
         alpha = E @ ad - vector(omega, E @ wd) - KR * eR - Kw * (omega - E @ wd)
         # 11. joints
         qd, qdd = q[:, 1], 2 * q[:, 2]

@@ -109,6 +109,15 @@ def vee(A: Any) -> Any:
     return 0.5 * np.array([A[2, 1] - A[1, 2], A[0, 2] - A[2, 0], A[1, 0] - A[0, 1]])
 
 
+def half_turn(E: Any) -> Any:
+    """What is added to vee(-E) near half a turn: along the axis, the eigenvector of E + E^T of the eigenvalue 2."""
+    h, left = 0.2, 1.0 + np.trace(E)
+    if left >= h * h:
+        return np.zeros(3)
+    axis = np.linalg.eigh(E + E.T)[1][:, 2]
+    return (h - left / h) * axis * (1.0 if axis @ vee(-E) >= 0.0 else -1.0)
+
+
 # attitudes
 
 

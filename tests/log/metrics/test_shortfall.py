@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import io
 import json
+import math
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 import skyarm
 from skyarm.log.flight_log import rows_of
 from skyarm.log.flight_summary import facts, summary
-from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.log.metrics.shortfall import LARGEST_ERROR, LARGEST_TURN
 from skyarm.vehicle.battery import Battery, CellCurve
 from support.commands import skyarm as command
 from support.logs import with_components
@@ -143,6 +144,21 @@ def test_a_vehicle_that_is_far_away_at_the_end_says_of_what(hover):
     tip = changed(hover, tool=hover.tip_reference + 1.01 * LARGEST_ERROR * UP)
     assert [each.reference for each in tip.shortfall.unreached] == ["tip"]
     assert changed(hover, tool=hover.tip_reference + 0.99 * LARGEST_ERROR * UP).shortfall.unreached == ()
+
+
+def test_a_heading_that_is_far_off_at_the_end_is_told_the_shorter_way_round(hover):
+    late = hover.time >= 0.5 - 1e-9  # what follows the first third
+    for turn, off in ((math.pi, 180.0), (1.01 * LARGEST_TURN, 11.6), (-0.5 - math.tau, 28.6), (0.99 * LARGEST_TURN, 0)):
+        log = changed(hover, yaw_held=hover.euler[:, 2] + np.where(late, turn, 0.0))
+        words = f"not reached: heading of the base, {off:.3g} degrees off in the mean from 0.5 s on"
+        assert log.shortfall.lines == ((words,) if off else ())
+    (found,) = changed(hover, yaw_held=hover.euler[:, 2] + math.pi * late).shortfall.unreached
+    assert (found.reference, found.start, found.stop) == ("heading", 0.5, hover.time[-1])
+    before = changed(hover, yaw_held=hover.euler[:, 2] + math.pi * ~late)
+    assert before.shortfall.lines == ()
+    assert LARGEST_TURN == 0.2
+    nowhere = changed(hover, yaw_held=np.full(hover.time.size, np.nan))
+    assert [each.reference for each in nowhere.shortfall.unreached] == ["heading"]
 
 
 def test_a_flight_that_ended_early_is_judged_where_it_ended(hover):

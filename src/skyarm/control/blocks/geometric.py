@@ -67,20 +67,21 @@ def attitude_error(R_WB: Mat3, R_d: Mat3, near: float = HALF_TURN) -> Vec3:
     """Attitude error e_R (83), vee(1/2 (R_d^T R - R^T R_d)), kept from vanishing within ``near`` (rad) of half a turn.
 
     e_R is the axis n of Q = R_d^T R times the sine of its angle: zero also at half a turn, where nothing would turn
-    back. Where the angle d to half a turn is below h = ``near``, h (1 - d^2 / h^2) n is added, d^2 = 1 + tr Q and n by
-    the longest column of Q + 1 (Q = 2 n n^T - 1 at half a turn), on the side of e_R. The length is then h to 5/4 h.
-    Elsewhere the error is e_R to the bit.
+    back. With c the cosine of the angle, d^2 = 2 (1 + c) and h = ``near``, h (1 - d^2 / h^2) n is added where d < h:
+    d is about the angle to half a turn, and the length becomes h to 5/4 h. Elsewhere the error is e_R to the bit.
     """
     Q = R_d.T @ R_WB
-    sine = Q.vee_antisymmetric()
-    x, y, z = (1.0 + each for each in (Q.r0.x, Q.r1.y, Q.r2.z))
-    short = x + y + z - 2.0
-    longest, axis = where(x > y, x, y), choose(x > y, Vec3(x, Q.r1.x, Q.r2.x), Vec3(Q.r0.y, y, Q.r2.y))
-    axis = choose(z > longest, Vec3(Q.r0.z, Q.r1.z, z), axis)
-    # column k is sqrt(2 (1 + Q_kk)) long; of any rotation the longest 1 + Q_kk is at least 2/3
-    push = divide(near - short * (1.0 / near), sqrt(2.0 * where(z > longest, z, longest)))
-    moved = sine + axis * where(axis.dot(sine) < 0.0, neg(push), push)
-    return choose(short < near * near, moved, sine)
+    sine, trace = Q.vee_antisymmetric(), Q.r0.x + Q.r1.y + Q.r2.z
+    cosine, short = 0.5 * (trace - 1.0), trace + 1.0
+    close = short < near * near
+    # the axis along the longest column of Q + Q^T - 2 c = 2 (1 - c) n n^T, of which e_R has the side
+    x, y, z = (2.0 * (entry - cosine) for entry in (Q.r0.x, Q.r1.y, Q.r2.z))
+    xy, xz, yz = Q.r0.y + Q.r1.x, Q.r0.z + Q.r2.x, Q.r1.z + Q.r2.y
+    longest, axis = where(x > y, x, y), choose(x > y, Vec3(x, xy, xz), Vec3(xy, y, yz))
+    axis, longest = choose(z > longest, Vec3(xz, yz, z), axis), where(z > longest, z, longest)
+    # column k is 2 (1 - c) |n_k| long; all vanish where R is R_d
+    push = divide(near - short * (1.0 / near), sqrt(where(close, longest * (2.0 - 2.0 * cosine), 1.0)))
+    return choose(close, sine + axis * where(axis.dot(sine) < 0.0, neg(push), push), sine)
 
 
 def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) -> Vec3:

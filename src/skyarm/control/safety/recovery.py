@@ -107,6 +107,10 @@ def update_confidence(
     )
 
 
+STRAIGHT = HALF_TURN * HALF_TURN
+"""Value of 1 + tr(R_d^T R), the squared angle to half a turn, below which the attitude error is kept from vanishing."""
+
+
 @immutable
 class Recovery:
     """Constants of the recovery law.
@@ -171,14 +175,14 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
 
 
 def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
-    """Attitude error 2 sin(angle / 2) along the rotation axis, which does not vanish at 180 degrees.
+    """Attitude error 2 sin(angle / 2) along the rotation axis, within one degree of 180 degrees up to 5/4 of that.
 
     Source: Lee 2012, "Exponential stability of an attitude tracking control system on SO(3) for large-angle rotational
     maneuvers": e_R / sqrt(1 + tr(R_d^T R)), doubled so that it is the angle where that is small.
     """
     relative = R_d.T @ R_WB
     trace = relative.r0.x + relative.r1.y + relative.r2.z
-    return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, HALF_TURN * HALF_TURN)))
+    return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
 
 
 def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:
