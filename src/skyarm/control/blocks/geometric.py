@@ -77,8 +77,10 @@ def attitude_error(R_WB: Mat3, R_d: Mat3, near: float = HALF_TURN) -> Vec3:
     # the axis along the longest column of Q + Q^T - 2 c = 2 (1 - c) n n^T, of which e_R has the side
     x, y, z = (2.0 * (entry - cosine) for entry in (Q.r0.x, Q.r1.y, Q.r2.z))
     xy, xz, yz = Q.r0.y + Q.r1.x, Q.r0.z + Q.r2.x, Q.r1.z + Q.r2.y
-    longest, axis = where(x > y, x, y), choose(x > y, Vec3(x, xy, xz), Vec3(xy, y, yz))
-    axis, longest = choose(z > longest, Vec3(xz, yz, z), axis), where(z > longest, z, longest)
+    wide = x > y
+    longest, axis = where(wide, x, y), choose(wide, Vec3(x, xy, xz), Vec3(xy, y, yz))
+    tall = z > longest
+    longest, axis = where(tall, z, longest), choose(tall, Vec3(xz, yz, z), axis)
     # column k is 2 (1 - c) |n_k| long; all vanish where R is R_d
     push = divide(near - short * (1.0 / near), sqrt(where(close, longest * (2.0 - 2.0 * cosine), 1.0)))
     return choose(close, sine + axis * where(axis.dot(sine) < 0.0, neg(push), push), sine)
