@@ -60,6 +60,13 @@ def test_at_half_a_turn_either_sense_of_the_axis_will_do(axis):
     assert np.linalg.norm(found) == pytest.approx(0.1, rel=1e-12)
 
 
+@pytest.mark.parametrize("side", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 1, 0), (1, 0, -1), (0, 1, -1)])
+def test_of_two_equal_columns_the_choice_is_one(side):
+    """Where the sine is zero to the bit, compiled laws and Python have to turn the same way."""
+    found = np.array(list(attitude_error(half_turn(np.array(side)), Mat3.identity())))
+    np.testing.assert_allclose(found, HALF_TURN * np.array(side) / np.linalg.norm(side), atol=1e-15)
+
+
 def test_beyond_that_the_error_is_the_papers_to_the_bit():
     for seed in range(40):
         R, wanted = (Rotation.random(random_state=2 * seed + k).as_matrix() for k in range(2))

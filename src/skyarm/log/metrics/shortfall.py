@@ -195,7 +195,7 @@ def _missed_heading(log: Log) -> Iterator[Unreached]:
     start = _start_of_end(log)
     at_end = log.time >= start
     off = log.euler[at_end, 2] - log.yaw_held[at_end]
-    error = float(np.abs(np.remainder(off + math.pi, math.tau) - math.pi).mean())
+    error = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
     if not error <= LARGEST_TURN:
         words = f"heading of the base, {math.degrees(error):.3g} degrees off in the mean from {start:g} s on"
         yield Unreached(reference="heading", start=start, stop=float(log.time[-1]), words=words)
