@@ -35,6 +35,8 @@ from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
+from skyarm.studies.compare.survive import SURVIVE
+from skyarm.studies.compare.survive_trials import CONDITIONS as SURVIVED
 from skyarm.studies.compare.team_conditions import ROWS
 from skyarm.studies.compare.team_suite import FLOWN, TEAM
 from skyarm.studies.flights.executor import require_place
@@ -43,12 +45,12 @@ MOST = 1_000_000
 """Largest number of flights of a cell of the comparison; more belong into a sweep, which stores them on disk."""
 
 READ_BY = {
-    "--only": (SUITE, ENVELOPE, CONTACT, TEAM),
+    "--only": (SUITE, ENVELOPE, SURVIVE, CONTACT, TEAM),
     "--plants": (SUITE, CONTACT),
     "--seeds": (SUITE, TEAM, "a scenario"),
-    "--vehicle": (ENVELOPE,),
+    "--vehicle": (ENVELOPE, SURVIVE),
     "--scenario": (TEAM,),
-    "--quick": (ENVELOPE, CONTACT),
+    "--quick": (ENVELOPE, SURVIVE, CONTACT),
 }
 """Option -> comparisons that read it, for options that not all read."""
 
@@ -61,7 +63,7 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, contact- or team-suite, or a scenario",
+            help="paper-, envelope-, survive-, contact- or team-suite, or a scenario",
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,
@@ -71,7 +73,10 @@ def compare(
         str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas; all if left out")
     ] = None,
     vehicle: Annotated[
-        str, typer.Option(help="with envelope-suite: a vehicle with an arm", autocompletion=name_completion("vehicle"))
+        str,
+        typer.Option(
+            help="with envelope- or survive-suite: a vehicle with an arm", autocompletion=name_completion("vehicle")
+        ),
     ] = PAPER,
     scenario: Annotated[
         str,
@@ -87,7 +92,9 @@ def compare(
     seed: Annotated[int, typer.Option(help="seed of plants and noise")] = 0,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help=f"fewer flights: two values of each axis, or {QUICK} worlds of contact-suite"),
+        typer.Option(
+            "--quick", help=f"fewer flights: two values of each axis, one of each condition, or {QUICK} worlds"
+        ),
     ] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     flying: Flying = 0,
@@ -108,6 +115,8 @@ def compare(
         options |= {"axes": chosen_names("--only", only, AXES), "vehicle": vehicle, "quick": quick}
         if vehicle != PAPER:
             options["laws"] = TUNED_LAWS
+    elif suite == SURVIVE:
+        options |= {"conditions": chosen_names("--only", only, SURVIVED), "vehicle": vehicle, "quick": quick}
     elif suite == CONTACT:
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")

@@ -17,13 +17,15 @@ from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Suite, fly_suite
+from skyarm.studies.compare.survive import SURVIVE, SurviveSuite
 from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite] | type[TeamSuite]] = {
+SUITES: dict[str, type[Comparison] | type[Envelope] | type[SurviveSuite] | type[ContactSuite] | type[TeamSuite]] = {
     SUITE: Comparison,
     ENVELOPE: Envelope,
+    SURVIVE: SurviveSuite,
     CONTACT: ContactSuite,
     TEAM: TeamSuite,
 }
@@ -59,8 +61,8 @@ def compare(
     """Compare laws on a scenario or a suite, as ``skyarm compare`` does; a repeated call resumes a stopped comparison.
 
     Args:
-        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite",
-            "team-suite".
+        what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "survive-suite",
+            "contact-suite", "team-suite".
         laws: names of controllers; the usual ones of the suite if left out.
         out: folder of the results.
         workers: threads or processes that fly; results do not depend on it.

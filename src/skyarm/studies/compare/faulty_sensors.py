@@ -1,0 +1,72 @@
+"""Full-state sensor that fails: an accelerometer that is stuck, spiked, turned or old, and readings that repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated
+
+from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra.scalars import logical_and, where
+from skyarm.dynamics import State
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import blend
+from skyarm.records.units import nonnegative
+from skyarm.sensing.measurement import Measurement, SensorNoise, blank_measurement
+from skyarm.vehicle import Vehicle
+
+START = 2.0
+"""Time (s) at which sensors fail."""
+
+OLD = 8
+"""Age of the accelerometer's readings, control periods: 40 ms at 200 Hz."""
+
+SPIKED = 0.01
+"""Fraction of the accelerometer's readings that are off."""
+
+Memory = tuple[Measurement, tuple[Vec3, ...]]
+"""Last reading before a failure, and the last readings of the accelerometer, the latest first."""
+
+
+@immutable
+class FaultySensors(SensorNoise):
+    """Full-state sensor with failures from :data:`START` on; each is a number, 0 for none, that flights vary."""
+
+    stuck: Annotated[Scalar, nonnegative("", "1 for an accelerometer that repeats its reading", high=1.0)] = 0.0
+    turned: Annotated[Scalar, nonnegative("", "1 for an accelerometer that is upside down", high=1.0)] = 0.0
+    old: Annotated[Scalar, nonnegative("", "1 for an accelerometer that is late", high=1.0)] = 0.0
+    spike: Annotated[Scalar, nonnegative("m/s^2", "error along each axis of the accelerometer's spiked readings")] = 0.0
+    frozen: Annotated[Scalar, nonnegative("s", "time for which all readings repeat")] = 0.0
+    pose_lost: Annotated[Scalar, nonnegative("s", "time for which position, velocity and attitude repeat")] = 0.0
+
+    def uniforms(self, vehicle: Vehicle) -> int:
+        """Count of uniform random numbers per reading: those of the noise, and two for spikes."""
+        return SensorNoise.uniforms(self, vehicle) + 2
+
+    def start(self, vehicle: Vehicle) -> Memory:
+        """Readings at rest."""
+        blank = blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
+        return blank, (blank.specific_force,) * OLD
+
+    def measure(
+        self, memory: Memory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
+    ) -> tuple[Memory, Measurement]:
+        """Reading of the state with noise and failures."""
+        before, past = memory
+        _, true = SensorNoise.measure(self, (), t, state, specific_force, draws[:-2], dt)
+        force, failed = true.specific_force, t >= START
+        late = blend(logical_and(failed, self.old > 0.5), past[-1], force)
+        off = where(logical_and(failed, draws[-2] < SPIKED), where(draws[-1] < 0.5, -self.spike, self.spike), 0.0)
+        sign = where(failed, 1.0 - 2.0 * self.turned, 1.0)
+        felt = Vec3(*(sign * f + off for f in late))
+        felt = blend(logical_and(failed, self.stuck > 0.5), before.specific_force, felt)
+        now = replace(true, specific_force=felt)
+        lost = logical_and(failed, t < START + self.pose_lost)
+        pose = {name: blend(lost, getattr(before, name), getattr(now, name)) for name in POSE}
+        now = replace(now, **pose)
+        now = blend(logical_and(failed, t < START + self.frozen), replace(before, time=now.time), now)
+        return (now, (force, *past[:-1])), now
+
+
+POSE = ("position", "velocity", "quaternion")
+"""Quantities that motion capture, or a receiver of satellites, gives."""
