@@ -63,6 +63,9 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("envelope-suite", "--laws", "paper_ct", "--vehicle", "crazyflie_arm1"), "2 values, must be 1"),
         (("contact-suite", "--only", "press_and_holt"), "--only = 'press_and_holt': did you mean 'press_and_hold'?"),
         (("contact-suite", "--only", ","), "--only: must name at least one"),
+        (("survive-suite", "--only", "bumps"), "--only = 'bumps': did you mean 'bump'?"),
+        (("survive-suite", "--vehicle", "hummingbird"), "--vehicle = 'hummingbird': must have an arm"),
+        (("survive-suite", "--seeds", "4"), "--seeds: must be left out for survive-suite"),
         (("contact-suite", "--only", "slide_up,slide_up"), "--only = 'slide_up': must be named once"),
         (("contact-suite", "--laws", "centroidal,centroidal"), "are one"),
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
@@ -77,7 +80,7 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
         (("case3", "--only", "circle"), "--only: must be left out for scenario case3; it is of paper-suite and env"),
         (
             ("case3", "--quick"),
-            "--quick: must be left out for scenario case3; it is of envelope-suite and contact-suite",
+            "--quick: must be left out for scenario case3; it is of envelope-suite and survive-suite and contact-suite",
         ),
         (
             ("paper-suite", "--vehicle", "hexarotor_arm6"),
@@ -91,7 +94,7 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
             ("envelope-suite", "--seeds", "4"),
             "--seeds: must be left out for envelope-suite; it is of paper-suite and team-suite and a scenario",
         ),
-        (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, team-suite, or a scenario"),
+        (("envelope",), "must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, or a scenario"),
     ],
 )
 def test_what_it_does_not_know_is_refused_in_one_line(
@@ -100,6 +103,16 @@ def test_what_it_does_not_know_is_refused_in_one_line(
     monkeypatch.chdir(tmp_path)
     refused(skyarm("compare", *options), words)
     assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+def test_the_survive_suite_flies_what_is_named_on_the_vehicle_that_is_named(tmp_path: Path) -> None:
+    options = ("--laws", "indi_tuned", "--only", "turn_round", "--quick", "--json", "--out", str(tmp_path / "x"))
+    done = skyarm("compare", "survive-suite", "--vehicle", "pelican_arm2", *options)
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert (found["vehicle"], found["quick"]) == ("pelican_arm2", True)
+    assert list(found["rows"]) == ["turn_round 180 deg"]
+    assert found["rows"]["turn_round 180 deg"]["laws"]["indi_tuned"]["of"] == 1
 
 
 def test_a_law_of_a_file_flies(tmp_path: Path) -> None:

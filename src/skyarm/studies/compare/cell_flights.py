@@ -179,7 +179,7 @@ class CellFlights:
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
         """Values that require the shortest integration step among all flights, by parameter path."""
-        return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
+        return {path: float(column.max()) for path, column in values.items() if path.endswith((".damping", ".coulomb"))}
 
     def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
         """Names of the metrics to compute: common ones, joint torques, user-registered ones and those of the suite.

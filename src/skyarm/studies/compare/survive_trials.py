@@ -16,16 +16,17 @@ from skyarm.dynamics import mass_matrix
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.scenario.scenario_record import Delays, Scenario, with_words
+from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.envelope_axes import SLOW, circle
 from skyarm.studies.compare.envelope_setting import PAPER, Setting
 from skyarm.studies.compare.faulty_sensors import FaultySensors
-from skyarm.studies.compare.suite import DELAY, NOISE, library_rows
+from skyarm.studies.compare.suite import NOISE, library_rows
 from skyarm.studies.compare.team_conditions import with_entries
 from skyarm.vehicle import Vehicle
 
@@ -44,32 +45,33 @@ class SurviveCondition:
         name: short name. title: one line, before the value. unit: of the values.
         values: values from mild to hard. each: tables, path -> factor on value and scale; one flight for each.
         scale: "blow", "damping", "mass", "nominal", or empty for 1.
-        sets: "model", "told" and "late" for what the law and the loop are made with, in flights of their own.
+        made: true if law and loop are made with the numbers; "told" is then the delay that the law knows, "late" the
+            age of the measurements, s.
         near: largest mean tip error at the end of a flight that is not lost, m.
     """
 
     name: str
     title: str
     values: tuple[float, ...]
+    each: tuple[Mapping[str, float], ...]
     unit: str = ""
-    each: tuple[Mapping[str, float], ...] = ({},)
     scale: str = ""
-    sets: tuple[str, ...] = ()
+    made: bool = False
     near: float = LARGEST_ERROR
 
     def flights(self, scenario: Scenario, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at one value: parameter path -> number, of each table."""
-        return [self._numbers(scenario, table, value) for table in self.each]
-
-    def _numbers(self, scenario: Scenario, table: Mapping[str, float], value: float) -> dict[str, float]:
-        vehicle, found = scenario.agent.plant.vehicle, dict[str, float]()
-        for pattern, factor in table.items():
-            above, star, _ = pattern.partition(".*")
-            count = len(vehicle.rotors if above.endswith("rotors") else vehicle.links) if star else 1
-            for i in range(count):
-                path = pattern.replace("*", str(i))
-                found[path] = float(factor * value * self._scale(scenario, path, i))
-        return found
+        vehicle = scenario.agent.plant.vehicle
+        flights = list[dict[str, float]]()
+        for table in self.each:
+            numbers = dict[str, float]()
+            for pattern, factor in table.items():
+                several = vehicle.rotors if ".rotors." in pattern else vehicle.links
+                for i in range(len(several) if "*" in pattern else 1):
+                    path = pattern.replace("*", str(i))
+                    numbers[path] = factor * value * self._scale(scenario, path, i)
+            flights.append(numbers)
+        return flights
 
     def _scale(self, scenario: Scenario, path: str, i: int) -> float:
         vehicle, rate = scenario.agent.plant.vehicle, scenario.rates.control
@@ -77,7 +79,8 @@ class SurviveCondition:
             return number_at(scenario, path)
         if self.scale == "damping":
             return float(decaying(vehicle, rate)[i])
-        return {"": 1.0, "mass": float(vehicle.mass), "blow": float(vehicle.mass) * rate}[self.scale]
+        mass = float(vehicle.mass)
+        return {"": 1.0, "mass": mass, "blow": mass * rate}[self.scale]
 
 
 def decaying(vehicle: Vehicle, rate: float) -> Array:
@@ -97,7 +100,7 @@ class Trial:
     """Scenario of the survive suite and its conditions.
 
     Attributes:
-        name: short name. duration: s. motion: "hover" or "circle". noisy: noise, delay, and sensors that can fail.
+        name: short name. duration: s. motion: "hover" or "circle". noisy: noise, and sensors that can fail.
         tables: entries of a scenario file. conditions: what its flights differ in.
     """
 
@@ -108,15 +111,14 @@ class Trial:
     noisy: bool = False
     tables: Document = field(default_factory=dict)
 
-    def scenario(self, setting: Setting, law: str, plant: str, condition: SurviveCondition, value: float) -> Scenario:
+    def scenario(self, setting: Setting, law: str, plant: str, made: Mapping[str, float]) -> Scenario:
         """Scenario that the flights of the trial have in common.
 
         Args:
             setting: vehicle and its scales.
             law: preset, law or file.
             plant: kind of simulated plant.
-            condition: condition whose ``sets`` hold.
-            value: its value.
+            made: numbers of a condition that is ``made``.
 
         Raises:
             ControllerError: the law does not fit the vehicle.
@@ -136,21 +138,14 @@ class Trial:
         if self.motion == "circle":
             moved = circle(setting, *SLOW).agent.reference
             built = built.with_reference(dataclasses.replace(moved, z=Constant(HEIGHT)))
-        delays = built.agent.delays
         if self.noisy:
-            delays = dataclasses.replace(delays, measurement=DELAY)
-            sigmas = {name: getattr(NOISE, name) for name in ("position", "velocity", "attitude", "rate")}
-            sigmas |= {"joints": NOISE.joints, "joint_rates": NOISE.joint_rates}
-            built = with_words(built, noise=FaultySensors(**sigmas))
-        if "model" in condition.sets:
-            (numbers,) = condition.flights(built, value)
-            built = with_numbers(built, numbers)
-        told, true = (self._delays(delays, word in condition.sets, value) for word in ("told", "late"))
-        controller = controller_by_name(built.with_delays(told), law)
-        return built.with_controller(controller).with_delays(true)
-
-    def _delays(self, delays: Delays, changed: bool, value: float) -> Delays:
-        return dataclasses.replace(delays, measurement=value) if changed else delays
+            built = with_words(built, noise=FaultySensors(**parts(NOISE)))
+        built = with_numbers(built, {path: number for path, number in made.items() if "." in path})
+        delays = built.agent.delays
+        told, late = (
+            dataclasses.replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late")
+        )
+        return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
 
 
 def _trial(row: Document) -> Trial:
