@@ -30,6 +30,10 @@ def check(
     payload: Annotated[float, typer.Option(help="mass held at the tip, kg")] = 0.0,
     poses: Annotated[int, typer.Option("--arm-poses", help="number of sampled arm poses")] = 1024,
     gravity: Annotated[float | None, typer.Option(help="with a vehicle: gravity, m/s^2; 9.81 if left out")] = None,
+    flights: Annotated[
+        bool,
+        typer.Option("--flights", help="of a scenario: largest blow, lateness and load that short flights survive"),
+    ] = False,
     upgrade: Annotated[
         bool,
         typer.Option(
@@ -51,7 +55,7 @@ def check(
             return
     try:
         with bar(f"{what}: checking"):
-            assessment = assess(what, payload=payload, poses=poses, gravity=gravity)
+            assessment = assess(what, payload=payload, poses=poses, gravity=gravity, flights=flights)
     except ValueError:
         _tell_former_words(what)
         raise

@@ -203,7 +203,7 @@ def test_a_centre_of_mass_beside_the_middle_is_no_wrong_sense_of_rotation():
     assert answer(assess_vehicle(shifted), "senses of rotation").value == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("late", "level"), [(0.0, "ok"), (0.015, "warning"), (0.045, "warning")])
+@pytest.mark.parametrize(("late", "level"), [(0.0, "ok"), (0.015, "warning"), (0.045, "fault")])
 def test_the_delay_margin_in_hover_is_said_beside_what_is_believed(late: float, level: str) -> None:
     scenario = skyarm.load_scenario("case1", controller="paper_ct")
     scenario = dataclasses.replace(scenario, delays=skyarm.Delays(command=late))

@@ -13,10 +13,10 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
-from skyarm.studies.compare.cell_flights import Cell
+from skyarm.studies.assess.survived import lost
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import OLD, SPIKED, START, FaultySensors
-from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, beaten, lost, survive_rows
+from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, beaten, survive_rows
 from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
@@ -169,9 +169,9 @@ def test_a_flight_is_lost_by_an_ending_by_its_distance_or_by_its_tilt():
         "ee_error_last_mean_continuous": np.array([0.4, 0.4, 0.6, 0.4, math.nan]),
         "tilt_rms": np.array([0.1, 0.1, 0.1, 2.0, 0.1]),
     }
-    status = np.array(["completed", "diverged", "completed", "completed", "completed"])
-    assert lost(Cell(metrics, status), 0.5).tolist() == [False, True, True, True, True]
-    assert lost(Cell(metrics, status), 0.1).all()
+    completed = np.array([True, False, True, True, True])
+    assert lost(metrics, completed).tolist() == [False, True, True, True, True]
+    assert lost(metrics, completed, 0.1).all()
 
 
 def test_any_vehicle_with_an_arm_is_planned_and_any_law():

@@ -34,6 +34,7 @@ from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
+from skyarm.studies.assess.survived import survived
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle import Vehicle
@@ -52,7 +53,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     text, unit = delay.sentence(scenario.agent.controller.name), "s"
     if not delay.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
-        return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
+        return [Finding(QUESTION, FAULT, text, "controller", remedy, 0.0, 0.0, unit)]
     numbers = (delay.margin if math.isfinite(delay.margin) else math.nan, delay.least_margin, unit)
     if delay.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
@@ -141,6 +142,7 @@ def check(
     payload: float = 0.0,
     poses: int = POSES,
     gravity: float | None = None,
+    flights: bool = False,
 ) -> Assessment:
     """Check if a vehicle, or the vehicle of a scenario, can fly, and explain why not, as ``skyarm check`` does.
 
@@ -149,6 +151,7 @@ def check(
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
         gravity: m/s^2, for a vehicle; 9.81 if left out.
+        flights: of a scenario also fly blows, late commands and loads, and state the largest that are survived.
 
     Raises:
         ValueError: one line: what cannot be read, or an argument outside of what is allowed.
@@ -157,12 +160,15 @@ def check(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
             what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
+    if flights and (isinstance(what, Vehicle) or len(what.agents) > 1):
+        raise ValueError("--flights: must be left out unless a scenario of one vehicle states the law that flies")
     if isinstance(what, Vehicle):
         return assess_vehicle(what, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses)
     if gravity is not None:
         raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
     require_shapes(what)
-    return assess_scenario(what, payload=payload, poses=poses)
+    found = assess_scenario(what, payload=payload, poses=poses)
+    return replace(found, findings=(*found.findings, *survived(what))) if flights and found.flies else found
 
 
 def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:

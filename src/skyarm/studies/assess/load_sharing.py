@@ -27,7 +27,7 @@ from skyarm.studies.assess.causes import ALARMS
 from skyarm.studies.assess.finding import NOTE, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import Load
 from skyarm.studies.assess.joints import joint_torques
-from skyarm.studies.assess.thrust import thrust_margin, torque_authority
+from skyarm.studies.assess.thrust import ENOUGH, thrust_margin, torque_authority
 from skyarm.vehicle import Body, Vehicle
 
 if TYPE_CHECKING:
@@ -275,17 +275,22 @@ def balance_of_bodies(bodies: Sequence[Balance]) -> list[Finding]:
 
 
 def losses(scenario: Scenario, bodies: Sequence[Balance], payload: float = 0.0) -> list[Finding]:
-    """Check result for the loss of each vehicle that holds a body: motion of the bodies, and shares of the others."""
+    """Check result for the loss of each vehicle that holds a body: motion of the bodies, and shares of the others.
+
+    Its value is the least thrust margin of the others.
+    """
     findings = []
     for lost in dict.fromkeys(grasp.agent for each in bodies for grasp in each.grasps):
-        after, level = balances(scenario, lost), NOTE
+        after, level, margins = balances(scenario, lost), NOTE, list[float]()
         texts = [f"{each.body} is no longer in balance: it {each.departure}" for each in after if each.departure]
         for name in scenario.agents:
             loaded = load_of(scenario, name, after, payload)
             alarms = ", ".join(f"{each.level} in {each.question}" for each in loaded if each.level in ALARMS)
             if loaded:
                 texts.append(f"{name} carries {loaded[0].value:.4g} N{_spare(loaded[1])}{alarms and f' ({alarms})'}")
+                margins.append(loaded[1].value)
             level = WARNING if alarms else level
         remedy = "a lighter body, more thrust, or one vehicle more"
-        findings.append(Finding(f"loss of {lost}", level, "; ".join(texts), f"agents.{lost}", remedy))
+        least = min(margins, default=math.nan)
+        findings.append(Finding(f"loss of {lost}", level, "; ".join(texts), f"agents.{lost}", remedy, least, ENOUGH))
     return findings

@@ -12,12 +12,12 @@ import numpy as np
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import LAST, Window, Windows
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cell_flights import TILTED, Cell, CellFlights, Document, Record
+from skyarm.studies.assess.survived import LAST_TILT, lost
+from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import START
@@ -40,8 +40,8 @@ LAWS = (
 NOISES = 3
 """Number of noise seeds of each flight in a noisy trial."""
 
-WORST, LAST_ERROR, LAST_TILT = "gust_ee_error_max_continuous", "ee_error_last_mean_continuous", "tilt_rms"
-"""Metrics: largest tip error from the event on, mean tip error and RMS tilt of the last seconds."""
+WORST = "gust_ee_error_max_continuous"
+"""Metric: largest tip error from the event on."""
 
 
 @immutable(slots=False)
@@ -148,15 +148,9 @@ class SurviveSuite(Suite[SurviveFlights]):
         return survive_report(found)
 
 
-def lost(cell: Cell, near: float) -> Mask:
-    """True for each flight that an ending ended, or that is tilted or away from its reference in its last seconds."""
-    there = (cell.metrics[LAST_ERROR] <= near) & (cell.metrics[LAST_TILT] <= TILTED)
-    return ~(cell.completed & there)
-
-
 def point_of(cell: Cell, flights: SurviveFlights) -> Document:
     """Result at one value as plain data: flights, lost ones, why, and the largest tip error (m) of the others."""
-    gone = lost(cell, flights.near)
+    gone = lost(cell.metrics, cell.completed, flights.near)
     flown = cell.metrics[WORST][~gone]
     endings = sorted({str(each) for each in cell.status[gone]})
     return {"of": gone.size, "lost": int(gone.sum()), "endings": endings, "worst": max(flown.tolist(), default=None)}

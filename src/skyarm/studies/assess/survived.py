@@ -1,0 +1,155 @@
+"""Check by short flights: the largest blow, lateness of the commands and load in motion that a law survives.
+
+The scenario's vehicle hovers in calm air and swings slowly along x. In one batch after the other each number is cut
+into sections, up to the first one in which a flight is lost.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.controller import ControllerError
+from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.log.metrics.windows import LAST, Window, Windows
+from skyarm.records.arrays import AnyArray, Array, Mask
+from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Windowed
+from skyarm.scenario.paths import LATE
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
+from skyarm.studies.assess.finding import FAULT, NOTE, Finding
+from skyarm.studies.flights import Work
+from skyarm.studies.flights.fly import fly
+from skyarm.studies.stability.flight_margins import hovering
+from skyarm.world import Disturbance, TimedPayload
+from skyarm.world.signal_vector import SignalVector
+
+QUESTION = "flight in calm air"
+
+TILTED = np.radians(80.0)
+"""Tilt (rad) above which a flight counts as lost."""
+
+LAST_ERROR, LAST_TILT = "ee_error_last_mean_continuous", "tilt_rms"
+"""Metrics: mean tip error and RMS tilt of the last seconds."""
+
+START, DURATION = 3.0, 10.0
+"""Time (s) at which the base is hit, or a load is taken; and duration (s) of a flight."""
+
+SWING = Product(Sine(amplitude=0.2, frequency_hz=0.25), Ramp(start=0.5, duration=2.0, height=1.0, shape="quintic"))
+"""Motion of the base along x, m."""
+
+FASTEST, LATEST, HEAVIEST = 5.0, 0.1, 0.5
+"""Largest change of speed (m/s), lateness (s) and load (of the vehicle's mass) that are flown."""
+
+SECTIONS, ROUNDS = 8, 2
+"""Number of sections into which a number is cut, and of batches: 1/64 of the largest is resolved."""
+
+
+def lost(metrics: Mapping[str, AnyArray], completed: Mask, near: float = LARGEST_ERROR) -> Mask:
+    """True for each flight that an ending ended, or that is tilted or away from its reference in its last seconds.
+
+    Args:
+        metrics: columns with the mean tip error and RMS tilt of the last seconds.
+        completed: true for each flight that came to its end.
+        near: largest mean tip error of a flight that is not lost, m.
+    """
+    there = (metrics[LAST_ERROR] <= near) & (metrics[LAST_TILT] <= TILTED)
+    return ~(completed & there)
+
+
+def survived(scenario: Scenario) -> list[Finding]:
+    """Check results for the largest blow, lateness and load in motion; a fault if calm air is not survived.
+
+    Args:
+        scenario: vehicle, law, sensors and delays, of one vehicle.
+    """
+    mass = float(scenario.agent.plant.vehicle.mass)
+    most = {"bump": FASTEST * mass, "lateness": LATEST, "load in motion": HEAVIEST * mass}
+    try:
+        limits = largest(scenario, most)
+    except (ScenarioError, ControllerError, NoMachineCodeError) as error:
+        return [Finding(QUESTION, NOTE, f"not known: {error}")]
+    name = scenario.agent.controller.name
+    if not limits:
+        text = f"{name} is lost while it swings slowly in calm air"
+        return [Finding(QUESTION, FAULT, text, "controller", "another law or other gains")]
+    texts = {
+        "bump": ("N s", 1.0, "within a control period, in any of six directions"),
+        "lateness": ("ms", 1e3, "of the commands, of which the law is not told"),
+        "load in motion": ("kg", 1.0, "at the tip, of which the law is not told"),
+    }
+    findings = list[Finding]()
+    for kind, (unit, factor, words) in texts.items():
+        value, end = (factor * each for each in (limits[kind], most[kind]))
+        all_flown = ", the most that is flown" if value == end else ""
+        text = f"{name} survives {value:.3g} {unit} {words}{all_flown}"
+        findings.append(Finding(f"largest {kind}", NOTE, text, "", "", value, end, unit))
+    return findings
+
+
+def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
+    """Largest value of each kind up to which all flights survive; empty if a flight with none of them is lost.
+
+    Args:
+        scenario: scenario of one vehicle.
+        most: kind -> largest value that is flown: N s, s and kg.
+
+    Raises:
+        ScenarioError, ControllerError: no batch flies the scenario. NoMachineCodeError: no compiler.
+    """
+    flown = hit_while_swinging(scenario)
+    count, rate = len(scenario.agent.payloads), scenario.rates.control
+    blow = f"environment.forces.{len(flown.environment.forces) - 1}.force"
+    own = float(flown.agent.delays.command)
+    tables = {
+        "bump": [{f"{blow}.{axis}.value": sign * rate} for axis in "xyz" for sign in (1.0, -1.0)],
+        "lateness": [{LATE: 1.0}],
+        "load in motion": [{f"payloads.{count}.mass": 1.0}],
+    }
+    paths = {path: own if path == LATE else 0.0 for each in tables.values() for table in each for path in table}
+    low, high = dict.fromkeys(most, 0.0), dict(most)
+    for _ in range(ROUNDS):
+        for kind, each in tables.items():
+            amounts = np.linspace(low[kind], high[kind], SECTIONS + 1)
+            lanes = [{path: factor * amount for path, factor in one.items()} for one in each for amount in amounts]
+            columns = {path: np.array([usual + lane.get(path, 0.0) for lane in lanes]) for path, usual in paths.items()}
+            gone = _lost_lanes(flown, columns).reshape(len(each), len(amounts)).any(axis=0)
+            if gone[0]:
+                return {}
+            k = int(np.argmax([*gone, True]))
+            low[kind], high[kind] = amounts[k - 1], amounts[min(k, SECTIONS)]
+    return low
+
+
+def hit_while_swinging(scenario: Scenario) -> Scenario:
+    """Hover of a scenario in which its base swings, with a blow, a lateness and a load whose numbers are zero."""
+    hover = hovering(scenario)
+    x = Sum((hover.agent.reference.x, SWING))
+    pulse = Windowed(Constant(0.0), START, START + 1.0 / scenario.rates.control)
+    delays = hover.agent.delays
+    return with_words(
+        hover,
+        duration=DURATION,
+        reference=dataclasses.replace(hover.agent.reference, x=x),
+        forces=(*hover.environment.forces, Disturbance(force=SignalVector(x=pulse, y=pulse, z=pulse))),
+        payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
+        delays=dataclasses.replace(delays, longest_command=delays.longest + LATEST),
+    )
+
+
+def _lost_lanes(scenario: Scenario, columns: Mapping[str, Array]) -> Mask:
+    count = len(next(iter(columns.values())))
+    work = Work(
+        label=QUESTION,
+        scenario=scenario,
+        columns=columns,
+        episodes=np.zeros(count, dtype=int),
+        metrics=(LAST_ERROR, LAST_TILT),
+        windows=Windows(steady=Window(DURATION - LAST, DURATION)),
+        seed=scenario.seed,
+        effort=0,
+    )
+    rows = fly(work)
+    return lost(rows, rows["status"] == "completed")
