@@ -218,6 +218,12 @@ def test_the_delay_margin_in_hover_is_said_beside_what_is_believed(late: float, 
     assert f"nominal delay is {1e3 * late:.3g} ms" in found.text
 
 
+def test_a_law_whose_gains_of_adaptation_are_plain_numbers_has_a_margin() -> None:
+    (found,) = delay_margin(skyarm.load_scenario("case1", controller="kim2013_tuned"))
+    assert found.question == "delay margin"
+    assert found.value > 0.0
+
+
 def test_a_law_that_cannot_be_linearised_leaves_a_note() -> None:
     scenario = skyarm.load_scenario("case1", controller="nmpc")
     (found,) = delay_margin(scenario)

@@ -305,6 +305,9 @@ def test_findings_of_each_vehicle_are_under_its_name(monkeypatch: pytest.MonkeyP
     assert [each.question for each in found.agents["left"].alarms()] == ["thrust margin with its share"]
     assert [each.question for each in found.findings] == ["balance of plate", *(f"loss of {n}" for n in found.agents)]
     assert {each.level for each in found.findings[1:]} == {"warning"}
+    for each in found.findings[1:]:
+        margins = [float(m) for m in re.findall(r"with ([+-]\d+)% of thrust margin", each.text)]
+        assert round(100.0 * (each.value - 1.0)) == min(margins)
     assert "warning in thrust margin with its share" in found.findings[1].text
     assert found.flies
     document = found.plain()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -13,7 +11,6 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
-from skyarm.studies.assess.survived import lost
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import OLD, SPIKED, START, FaultySensors
 from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, beaten, survive_rows
@@ -162,16 +159,6 @@ def test_spikes_are_rare_and_of_either_sign():
     assert down.specific_force.x == right.specific_force.x == START
     sensors, vehicle = FaultySensors(spike=50.0), load_vehicle(PAPER)
     assert sensors.uniforms(vehicle) % 2 == 0
-
-
-def test_a_flight_is_lost_by_an_ending_by_its_distance_or_by_its_tilt():
-    metrics = {
-        "ee_error_last_mean_continuous": np.array([0.4, 0.4, 0.6, 0.4, math.nan]),
-        "tilt_rms": np.array([0.1, 0.1, 0.1, 2.0, 0.1]),
-    }
-    completed = np.array([True, False, True, True, True])
-    assert lost(metrics, completed).tolist() == [False, True, True, True, True]
-    assert lost(metrics, completed, 0.1).all()
 
 
 def test_any_vehicle_with_an_arm_is_planned_and_any_law():

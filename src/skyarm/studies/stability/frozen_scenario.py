@@ -114,7 +114,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     Of a law under layers, its own constants are looked at.
     """
     adaptation = part_of(scenario.agent.controller.par, "adaptation")
-    if adaptation is None:
+    if not hasattr(adaptation, "damping_limits"):  # of other laws these are gains
         return scenario
     return _with_part(
         scenario,

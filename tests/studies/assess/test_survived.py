@@ -1,0 +1,103 @@
+"""Largest blow, lateness and load that short flights survive: single flights are the oracle."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.scenario.scenario_record import Delays
+from skyarm.studies.assess.finding import FAULT, NOTE
+from skyarm.studies.assess.survived import (
+    DURATION,
+    HEAVIEST,
+    LATEST,
+    SECTIONS,
+    START,
+    hit_while_swinging,
+    largest,
+    lost,
+    survived,
+)
+from skyarm.world import TimedPayload
+
+SCENARIO = skyarm.load_scenario("case3", controller="paper_ct")
+MASS = float(SCENARIO.agent.plant.vehicle.mass)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return largest(SCENARIO, {"bump": 3.0 * MASS, "lateness": LATEST, "load in motion": HEAVIEST * MASS})
+
+
+def flies(scenario):
+    log = skyarm.run(scenario)
+    windows = Windows(steady=Window(DURATION - 5.0, DURATION))
+    metrics = skyarm.score(log, ["ee_error_last_mean_continuous", "tilt_rms"], windows)
+    return not lost(metrics, log.status == "completed")
+
+
+def test_the_largest_lateness_is_flown_and_the_next_section_is_lost(found):
+    scenario = hit_while_swinging(SCENARIO)
+    section, step = LATEST / SECTIONS**2, 0.001
+    # a single flight is late by whole steps of the physics
+    for late, good in ((found["lateness"] - step, True), (found["lateness"] + section + step, False)):
+        delays = Delays(command=round(late / step) * step)
+        assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, delays=delays))) is good
+
+
+def test_the_largest_load_is_taken_in_motion_and_the_next_section_is_lost(found):
+    scenario, section = hit_while_swinging(SCENARIO), HEAVIEST * MASS / SECTIONS**2
+    for mass, good in ((found["load in motion"], True), (found["load in motion"] + section, False)):
+        payloads = (TimedPayload(mass=mass, pick=START),)
+        assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, payloads=payloads))) is good
+
+
+def test_every_number_is_a_note_with_its_unit():
+    findings = survived(SCENARIO)
+    assert [(each.question, each.level, each.unit) for each in findings] == [
+        ("largest bump", NOTE, "N s"),
+        ("largest lateness", NOTE, "ms"),
+        ("largest load in motion", NOTE, "kg"),
+    ]
+    bump, late, load = findings
+    assert 0.0 < bump.value <= bump.limit == pytest.approx(5.0 * MASS)
+    assert f"survives {late.value:.3g} ms of the commands" in late.text
+    assert 0.0 < load.value < load.limit
+
+
+def test_a_law_that_does_not_survive_calm_air_is_a_fault():
+    scenario = SCENARIO.with_delays(Delays(command=0.045))
+    (found,) = survived(scenario)
+    assert (found.level, found.field) == (FAULT, "controller")
+    assert "is lost while it swings slowly in calm air" in found.text
+
+
+def test_what_no_batch_flies_is_not_known():
+    (found,) = survived(skyarm.load_scenario("case1", controller="nmpc"))
+    assert (found.level, found.text.startswith("not known: ")) == (NOTE, True)
+
+
+def test_a_flight_is_lost_by_an_ending_by_its_distance_or_by_its_tilt():
+    metrics = {
+        "ee_error_last_mean_continuous": np.array([0.4, 0.4, 0.6, 0.4, np.nan]),
+        "tilt_rms": np.array([0.1, 0.1, 0.1, 2.0, 0.1]),
+    }
+    completed = np.array([True, False, True, True, True])
+    assert lost(metrics, completed).tolist() == [False, True, True, True, True]
+    assert lost(metrics, completed, 0.1).all()
+
+
+def test_flights_take_a_law():
+    with pytest.raises(ValueError, match="--flights: must be left out unless a scenario of one vehicle states the law"):
+        skyarm.check("hummingbird_arm2", flights=True)
+    found = skyarm.check(SCENARIO, flights=True)
+    assert [each.question for each in found.findings][-3:] == [
+        "largest bump",
+        "largest lateness",
+        "largest load in motion",
+    ]
+    assert found.flies
