@@ -16,6 +16,8 @@ from skyarm.studies.assess.layout import DISC_LOADING, MOMENT_ARMS, THRUST_COEFF
 from skyarm.studies.assess.pressing_flights import ALLOWED, STEPS
 from skyarm.studies.assess.pressing_flights import QUESTION as IN_FLIGHT
 from skyarm.studies.assess.push_limits import ASSUMED, HALF, WARNS
+from skyarm.studies.assess.survived import KINDS
+from skyarm.studies.assess.survived import QUESTION as CALM
 from skyarm.studies.assess.thrust import ENOUGH, FAULTS, LEAST_SHARE, WARNINGS
 
 VEHICLE, SCENARIO = "vehicle", "scenario"
@@ -235,14 +237,15 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "loss of NAME",
         "note, warning",
-        "load share and balance with the grasps of one vehicle open; warning at an alarm of another vehicle",
+        "load share and balance with the grasps of one vehicle open; its number is the least thrust margin of the "
+        "others; warning at an alarm of another vehicle",
         "a lighter body, more thrust, or one vehicle more",
     ),
     Check(
         SCENARIO,
         QUESTION,
-        "ok, note, warning",
-        "extra delay at which the loop in hover becomes unstable",
+        "ok, note, warning, fault",
+        "extra delay at which the loop in hover becomes unstable; fault if it is unstable as it is",
         "softer gains, faster motors, or less delay",
     ),
     Check(
@@ -293,6 +296,17 @@ CHECKS: tuple[Check, ...] = (
         "ok, note, fault",
         f"mean force error in simulated flights; fault above {ALLOWED:.0%}, or if a flight ends early",
         "mend the cause that is named: yaw torque, reach or a light tip",
+    ),
+    Check(
+        SCENARIO,
+        CALM,
+        "note, fault",
+        "with `--flights`: whether the law flies a slow swing in calm air",
+        "another law or other gains",
+    ),
+    *(
+        Check(SCENARIO, f"largest {kind}", "note", f"with `--flights`: the most that is survived {words}", "none")
+        for kind, (_, _, words) in KINDS.items()
     ),
 )
 """Checks in the order of the report."""

@@ -43,6 +43,13 @@ SWING = Product(Sine(amplitude=0.2, frequency_hz=0.25), Ramp(start=0.5, duration
 FASTEST, LATEST, HEAVIEST = 5.0, 0.1, 0.5
 """Largest change of speed (m/s), lateness (s) and load (of the vehicle's mass) that are flown."""
 
+KINDS = {
+    "bump": ("N s", 1.0, "within a control period, in any of six directions"),
+    "lateness": ("ms", 1e3, "of the commands, of which the law is not told"),
+    "load in motion": ("kg", 1.0, "at the tip, of which the law is not told"),
+}
+"""What is flown -> its unit, factor from SI, and words."""
+
 SECTIONS, ROUNDS = 8, 2
 """Number of sections into which a number is cut, and of batches: 1/64 of the largest is resolved."""
 
@@ -75,17 +82,11 @@ def survived(scenario: Scenario) -> list[Finding]:
     if not limits:
         text = f"{name} is lost while it swings slowly in calm air"
         return [Finding(QUESTION, FAULT, text, "controller", "another law or other gains")]
-    texts = {
-        "bump": ("N s", 1.0, "within a control period, in any of six directions"),
-        "lateness": ("ms", 1e3, "of the commands, of which the law is not told"),
-        "load in motion": ("kg", 1.0, "at the tip, of which the law is not told"),
-    }
     findings = list[Finding]()
-    for kind, (unit, factor, words) in texts.items():
-        value, end = (factor * each for each in (limits[kind], most[kind]))
-        all_flown = ", the most that is flown" if value == end else ""
-        text = f"{name} survives {value:.3g} {unit} {words}{all_flown}"
-        findings.append(Finding(f"largest {kind}", NOTE, text, "", "", value, end, unit))
+    for kind, (unit, factor, words) in KINDS.items():
+        value, end = factor * limits[kind], factor * most[kind]
+        text = f"{name} survives {value:.3g} {unit} {words}; {end:.3g} {unit} is the most that is flown"
+        findings.append(Finding(f"largest {kind}", NOTE, text, value=value, limit=end, unit=unit))
     return findings
 
 
