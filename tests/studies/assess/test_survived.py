@@ -42,7 +42,7 @@ def flies(scenario):
 
 def test_the_largest_lateness_is_flown_and_the_next_section_is_lost(found):
     scenario = hit_while_swinging(SCENARIO)
-    section, step = LATEST / SECTIONS**2, 0.001
+    section, step = LATEST / SECTIONS, 0.001
     # a single flight is late by whole steps of the physics
     for late, good in ((found["lateness"] - step, True), (found["lateness"] + section + step, False)):
         delays = Delays(command=round(late / step) * step)
@@ -50,7 +50,7 @@ def test_the_largest_lateness_is_flown_and_the_next_section_is_lost(found):
 
 
 def test_the_largest_load_is_taken_in_motion_and_the_next_section_is_lost(found):
-    scenario, section = hit_while_swinging(SCENARIO), HEAVIEST * MASS / SECTIONS**2
+    scenario, section = hit_while_swinging(SCENARIO), HEAVIEST * MASS / SECTIONS
     for mass, good in ((found["load in motion"], True), (found["load in motion"] + section, False)):
         payloads = (TimedPayload(mass=mass, pick=START),)
         assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, payloads=payloads))) is good

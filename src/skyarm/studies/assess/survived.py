@@ -1,7 +1,7 @@
 """Check by short flights: the largest blow, lateness of the commands and load in motion that a law survives.
 
-The scenario's vehicle hovers in calm air and swings slowly along x. In one batch after the other each number is cut
-into sections, up to the first one in which a flight is lost.
+The scenario's vehicle hovers in calm air and swings slowly along x. Each number is cut into
+sections, up to the first one in which a flight is lost; all flights are one batch.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.log.metrics.windows import LAST, Window, Windows
-from skyarm.records.arrays import AnyArray, Array, Mask
+from skyarm.records.arrays import AnyArray, Mask
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Windowed
+from skyarm.scenario.numbers import number_at
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.studies.assess.finding import FAULT, NOTE, Finding
@@ -50,8 +51,8 @@ KINDS = {
 }
 """What is flown -> its unit, factor from SI, and words."""
 
-SECTIONS, ROUNDS = 8, 2
-"""Number of sections into which a number is cut, and of batches: 1/64 of the largest is resolved."""
+SECTIONS = 40
+"""Number of sections into which each is cut."""
 
 
 def lost(metrics: Mapping[str, AnyArray], completed: Mask, near: float = LARGEST_ERROR) -> Mask:
@@ -72,13 +73,12 @@ def survived(scenario: Scenario) -> list[Finding]:
     Args:
         scenario: vehicle, law, sensors and delays, of one vehicle.
     """
-    mass = float(scenario.agent.plant.vehicle.mass)
+    mass, name = float(scenario.agent.plant.vehicle.mass), scenario.agent.controller.name
     most = {"bump": FASTEST * mass, "lateness": LATEST, "load in motion": HEAVIEST * mass}
     try:
         limits = largest(scenario, most)
     except (ScenarioError, ControllerError, NoMachineCodeError) as error:
         return [Finding(QUESTION, NOTE, f"not known: {error}")]
-    name = scenario.agent.controller.name
     if not limits:
         text = f"{name} is lost while it swings slowly in calm air"
         return [Finding(QUESTION, FAULT, text, "controller", "another law or other gains")]
@@ -100,28 +100,35 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     Raises:
         ScenarioError, ControllerError: no batch flies the scenario. NoMachineCodeError: no compiler.
     """
-    flown = hit_while_swinging(scenario)
-    count, rate = len(scenario.agent.payloads), scenario.rates.control
+    flown, rate = hit_while_swinging(scenario), scenario.rates.control
     blow = f"environment.forces.{len(flown.environment.forces) - 1}.force"
-    own = float(flown.agent.delays.command)
-    tables = {
-        "bump": [{f"{blow}.{axis}.value": sign * rate} for axis in "xyz" for sign in (1.0, -1.0)],
-        "lateness": [{LATE: 1.0}],
-        "load in motion": [{f"payloads.{count}.mass": 1.0}],
+    factors = [("bump", f"{blow}.{axis}.value", sign * rate) for axis in "xyz" for sign in (1.0, -1.0)]
+    factors += [("lateness", LATE, 1.0), ("load in motion", f"payloads.{len(scenario.agent.payloads)}.mass", 1.0)]
+    shares = np.linspace(0.0, 1.0, SECTIONS + 1)
+    columns = {
+        path: number_at(flown, path)
+        + np.concatenate([factor * most[kind] * shares * (path == own) for kind, own, factor in factors])
+        for _, path, _ in factors
     }
-    paths = {path: own if path == LATE else 0.0 for each in tables.values() for table in each for path in table}
-    low, high = dict.fromkeys(most, 0.0), dict(most)
-    for _ in range(ROUNDS):
-        for kind, each in tables.items():
-            amounts = np.linspace(low[kind], high[kind], SECTIONS + 1)
-            lanes = [{path: factor * amount for path, factor in one.items()} for one in each for amount in amounts]
-            columns = {path: np.array([usual + lane.get(path, 0.0) for lane in lanes]) for path, usual in paths.items()}
-            gone = _lost_lanes(flown, columns).reshape(len(each), len(amounts)).any(axis=0)
-            if gone[0]:
-                return {}
-            k = int(np.argmax([*gone, True]))
-            low[kind], high[kind] = amounts[k - 1], amounts[min(k, SECTIONS)]
-    return low
+    work = Work(
+        label=QUESTION,
+        scenario=flown,
+        columns=columns,
+        episodes=np.zeros(len(factors) * len(shares), dtype=int),
+        metrics=(LAST_ERROR, LAST_TILT),
+        windows=Windows(steady=Window(DURATION - LAST, DURATION)),
+        seed=scenario.seed,
+        effort=0,
+    )
+    rows = fly(work)
+    gone = lost(rows, rows["status"] == "completed").reshape(len(factors), -1)
+    if gone[:, 0].any():
+        return {}
+    limits = dict(most)
+    for (kind, _, _), flags in zip(factors, gone, strict=True):
+        last = int(np.argmax([*flags, True])) - 1
+        limits[kind] = min(limits[kind], float(most[kind] * shares[last]))
+    return limits
 
 
 def hit_while_swinging(scenario: Scenario) -> Scenario:
@@ -138,19 +145,3 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
         payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
         delays=dataclasses.replace(delays, longest_command=delays.longest + LATEST),
     )
-
-
-def _lost_lanes(scenario: Scenario, columns: Mapping[str, Array]) -> Mask:
-    count = len(next(iter(columns.values())))
-    work = Work(
-        label=QUESTION,
-        scenario=scenario,
-        columns=columns,
-        episodes=np.zeros(count, dtype=int),
-        metrics=(LAST_ERROR, LAST_TILT),
-        windows=Windows(steady=Window(DURATION - LAST, DURATION)),
-        seed=scenario.seed,
-        effort=0,
-    )
-    rows = fly(work)
-    return lost(rows, rows["status"] == "completed")

@@ -145,7 +145,18 @@ class SurviveSuite(Suite[SurviveFlights]):
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Report: flights that are lost and the largest tip error, law beside law."""
-        return survive_report(found)
+        laws = found["laws"]
+        notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
+        for row, others in beaten(found).items() if FLAGSHIP in laws else ():
+            notes.append(f"{FLAGSHIP} is lost more often in {row} than {', '.join(others)}.")
+        table = Table(head=["condition", *(f">{law}" for law in laws)], rows=survive_rows(found))
+        titles = [(row.replace("_", " "), entry["title"]) for row, entry in found["rows"].items()]
+        return Report(
+            title=f"What laws survive on {found['vehicle']}",
+            facts=f"{len(laws)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
+            sections=[Section(name="Lost and flown", notes=notes, tables=[table])],
+            page_only=[Section(title="Conditions", tables=[Table(head=("condition", "flights"), rows=titles)])],
+        )
 
 
 def point_of(cell: Cell, flights: SurviveFlights) -> Document:
@@ -171,22 +182,6 @@ MEANING = (
     "or where in its last 5 s the tip was over 0.5 m off in the mean (0.1 m after turning round), or the tilt over 80 "
     "degrees. Cells: lost flights of all flights; largest tip error of the others from 2 s on, mm."
 )
-
-
-def survive_report(found: Record) -> Report:
-    """Build the report of the survive suite's results."""
-    laws = found["laws"]
-    notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
-    for row, others in beaten(found).items() if FLAGSHIP in laws else ():
-        notes.append(f"{FLAGSHIP} is lost more often in {row} than {', '.join(others)}.")
-    table = Table(head=["condition", *(f">{law}" for law in laws)], rows=survive_rows(found))
-    titles = [(row.replace("_", " "), entry["title"]) for row, entry in found["rows"].items()]
-    return Report(
-        title=f"What laws survive on {found['vehicle']}",
-        facts=f"{len(laws)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
-        sections=[Section(name="Lost and flown", notes=notes, tables=[table])],
-        page_only=[Section(title="Conditions", tables=[Table(head=("condition", "flights"), rows=titles)])],
-    )
 
 
 def survive_rows(found: Record) -> list[list[str]]:
