@@ -16,8 +16,8 @@ from skyarm.studies.assess.layout import DISC_LOADING, MOMENT_ARMS, THRUST_COEFF
 from skyarm.studies.assess.pressing_flights import ALLOWED, STEPS
 from skyarm.studies.assess.pressing_flights import QUESTION as IN_FLIGHT
 from skyarm.studies.assess.push_limits import ASSUMED, HALF, WARNS
-from skyarm.studies.assess.survived import KINDS
-from skyarm.studies.assess.survived import QUESTION as CALM
+from skyarm.studies.assess.survival_limits import KINDS
+from skyarm.studies.assess.survival_limits import QUESTION as CALM
 from skyarm.studies.assess.thrust import ENOUGH, FAULTS, LEAST_SHARE, WARNINGS
 
 VEHICLE, SCENARIO = "vehicle", "scenario"

@@ -17,7 +17,7 @@ sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when 
 
 from skyarm.studies.compare.compare_laws import compare
 from skyarm.studies.compare.envelope_setting import PAPER
-from skyarm.studies.compare.survive import LAWS, beaten, survive_rows
+from skyarm.studies.compare.survive import LAWS, survive_rows, worse_conditions
 from support.measured_tables import print_row, print_table, progress
 
 VEHICLES = (
@@ -46,7 +46,9 @@ def main() -> None:
             found = compare("survive-suite", LAWS, out, vehicle=vehicle, quick=quick, **options).document
             if given.vehicles:
                 lost = survive_rows(found)[-1][1:]
-                print_row([f"`{vehicle}`", *lost, ", ".join(each.replace("_", " ") for each in beaten(found))])
+                print_row(
+                    [f"`{vehicle}`", *lost, ", ".join(each.replace("_", " ") for each in worse_conditions(found))]
+                )
             else:
                 print_table(["condition", *heads], survive_rows(found))
 

@@ -13,7 +13,7 @@ from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import OLD, SPIKED, START, FaultySensors
-from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, beaten, survive_rows
+from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, survive_rows, worse_conditions
 from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
@@ -38,8 +38,8 @@ def flown(**options):
 
 def test_the_flagship_is_lost_nowhere_where_a_simpler_law_flies():
     suite, _, found = flown(conditions=QUICK)
-    assert set(beaten(found)) == OPEN
-    assert set(beaten(found, SIMPLER)) >= {"bump 3 m/s", "turn_round 180 deg", "commands_late 0.03 s"}
+    assert set(worse_conditions(found)) == OPEN
+    assert set(worse_conditions(found, SIMPLER)) >= {"bump 3 m/s", "turn_round 180 deg", "commands_late 0.03 s"}
     (*rows, total), table = survive_rows(found), suite.report(found).markdown()
     assert len(rows) == len(QUICK)
     assert int(total[1]) < int(total[2])

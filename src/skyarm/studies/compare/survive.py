@@ -16,7 +16,7 @@ from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.survived import LAST_TILT, lost
+from skyarm.studies.assess.survival_limits import LAST_TILT, lost
 from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
@@ -147,7 +147,7 @@ class SurviveSuite(Suite[SurviveFlights]):
         """Report: flights that are lost and the largest tip error, law beside law."""
         laws = found["laws"]
         notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
-        for row, others in beaten(found).items() if FLAGSHIP in laws else ():
+        for row, others in worse_conditions(found).items() if FLAGSHIP in laws else ():
             notes.append(f"{FLAGSHIP} is lost more often in {row} than {', '.join(others)}.")
         table = Table(head=["condition", *(f">{law}" for law in laws)], rows=survive_rows(found))
         titles = [(row.replace("_", " "), entry["title"]) for row, entry in found["rows"].items()]
@@ -167,7 +167,7 @@ def point_of(cell: Cell, flights: SurviveFlights) -> Document:
     return {"of": gone.size, "lost": int(gone.sum()), "endings": endings, "worst": max(flown.tolist(), default=None)}
 
 
-def beaten(found: Record, law: str = FLAGSHIP) -> dict[str, list[str]]:
+def worse_conditions(found: Record, law: str = FLAGSHIP) -> dict[str, list[str]]:
     """Conditions in which a law is lost more often than others, with the names of these."""
     behind: dict[str, list[str]] = {}
     for row, entry in found["rows"].items():

@@ -67,7 +67,7 @@ def lost(metrics: Mapping[str, AnyArray], completed: Mask, near: float = LARGEST
     return ~(completed & there)
 
 
-def survived(scenario: Scenario) -> list[Finding]:
+def survival_limits(scenario: Scenario) -> list[Finding]:
     """Check results for the largest blow, lateness and load in motion; a fault if calm air is not survived.
 
     Args:

@@ -11,7 +11,7 @@ import skyarm
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.assess.finding import FAULT, NOTE
-from skyarm.studies.assess.survived import (
+from skyarm.studies.assess.survival_limits import (
     DURATION,
     HEAVIEST,
     LATEST,
@@ -20,7 +20,7 @@ from skyarm.studies.assess.survived import (
     hit_while_swinging,
     largest,
     lost,
-    survived,
+    survival_limits,
 )
 from skyarm.world import TimedPayload
 
@@ -57,7 +57,7 @@ def test_the_largest_load_is_taken_in_motion_and_the_next_section_is_lost(found)
 
 
 def test_every_number_is_a_note_with_its_unit():
-    findings = survived(SCENARIO)
+    findings = survival_limits(SCENARIO)
     assert [(each.question, each.level, each.unit) for each in findings] == [
         ("largest bump", NOTE, "N s"),
         ("largest lateness", NOTE, "ms"),
@@ -71,13 +71,13 @@ def test_every_number_is_a_note_with_its_unit():
 
 def test_a_law_that_does_not_survive_calm_air_is_a_fault():
     scenario = SCENARIO.with_delays(Delays(command=0.045))
-    (found,) = survived(scenario)
+    (found,) = survival_limits(scenario)
     assert (found.level, found.field) == (FAULT, "controller")
     assert "is lost while it swings slowly in calm air" in found.text
 
 
 def test_what_no_batch_flies_is_not_known():
-    (found,) = survived(skyarm.load_scenario("case1", controller="nmpc"))
+    (found,) = survival_limits(skyarm.load_scenario("case1", controller="nmpc"))
     assert (found.level, found.text.startswith("not known: ")) == (NOTE, True)
 
 
