@@ -9,6 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.assess.finding import FAULT, NOTE
 from skyarm.studies.assess.survival_limits import (
@@ -54,6 +55,34 @@ def test_the_largest_load_is_taken_in_motion_and_the_next_section_is_lost(found)
     for mass, good in ((found["load in motion"], True), (found["load in motion"] + section, False)):
         payloads = (TimedPayload(mass=mass, pick=START),)
         assert flies(scenario.with_agent(dataclasses.replace(scenario.agent, payloads=payloads))) is good
+
+
+def test_a_blow_is_over_within_a_period_and_changes_the_speed_by_what_it_weighs():
+    scenario, blow = hit_while_swinging(SCENARIO), 0.4
+    assert [(each.pick, each.mass) for each in scenario.agent.payloads] == [(START, 0.0)]
+    for axis in "xyz":
+        log = skyarm.run(with_numbers(scenario, {f"environment.forces.0.force.{axis}.value": blow * 200.0}))
+        still = skyarm.run(scenario)
+        before, after, later = (int(np.argmin(np.abs(log.time - t))) for t in (START, START + 0.005, START + 0.01))
+        change = (log.velocity - still.velocity)[:, "xyz".index(axis)]
+        assert abs(change[before]) < 1e-9
+        # the arm hangs on its joints and follows later
+        assert change[after] == pytest.approx(blow / MASS, rel=0.25)
+        assert change[later] == pytest.approx(change[after], rel=0.2)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", "xyz")
+def test_the_weakest_of_six_directions_counts(axis, sign, monkeypatch):
+    def fly(work):
+        force = work.columns[f"environment.forces.0.force.{axis}.value"]
+        error = np.where(sign * force > 0.5 * 2.0 * 200.0 + 1e-6, 1.0, 0.0)
+        status = np.full(len(force), "completed")
+        return {"ee_error_last_mean_continuous": error, "tilt_rms": 0.0 * error, "status": status}
+
+    monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
+    most = {"bump": 2.0, "lateness": 0.1, "load in motion": 0.3}
+    assert largest(SCENARIO, most) == pytest.approx(most | {"bump": 1.0})
 
 
 def test_every_number_is_a_note_with_its_unit():

@@ -12,7 +12,7 @@ from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
-from skyarm.studies.compare.faulty_sensors import OLD, SPIKED, START, FaultySensors
+from skyarm.studies.compare.faulty_sensors import SPIKED, START, FaultySensors
 from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, survive_rows, worse_conditions
 from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -142,7 +142,7 @@ def test_each_failure_begins_in_time_and_is_what_its_name_says():
         repeated = before if first <= k < first + 20 else t
         assert stuck[k].specific_force.x == (before if failed else t)
         assert (turned[k].specific_force.x, turned[k].specific_force.z) == ((-t, -9.81) if failed else (t, 9.81))
-        assert old[k].specific_force.x == pytest.approx(t - OLD / 200.0 if failed else t)
+        assert old[k].specific_force.x == pytest.approx(t - 0.04 if failed else t)
         for each in (stuck, turned, old):
             assert (each[k].position.x, each[k].rate.x) == (t, t)
         now = frozen[k]

@@ -122,7 +122,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     )
     rows = fly(work)
     gone = lost(rows, rows["status"] == "completed").reshape(len(factors), -1)
-    if gone[:, 0].any():
+    if gone[0, 0]:
         return {}
     limits = dict(most)
     for (kind, _, _), flags in zip(factors, gone, strict=True):
