@@ -218,7 +218,7 @@ class LoadGains(OptionalPart):
         com = tip.position + tip.rotation.apply(memory.place)
         load = Body(mass=mul(self.inertia_share, memory.mass), com=com, inertia=Sym3(about, about, about))
         par = dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
-        share = 1.0 - (1.0 - HOLDING) * self.loaded(memory.mass)
+        share = 1.0 - (1.0 - HOLDING) * self.load_share(memory.mass)
         return at_shares(par, share, share)
 
     def affect(self, memory: LoadMemory, step: Step, effect: Effect) -> tuple[LoadMemory, Effect]:
@@ -248,7 +248,7 @@ class LoadGains(OptionalPart):
         unknown, force = dataclasses.replace(unknown, efforts=efforts), effect.force + resting.force
         return load, dataclasses.replace(effect, unknown=unknown, force=force, links=calm)
 
-    def loaded(self, mass: Scalar) -> Scalar:
+    def load_share(self, mass: Scalar) -> Scalar:
         """0 without a load, nearly 1 with a heavy one: m^2 / (m^2 + m_0^2), m_0 a part of the limit."""
         least = self.light * self.limit
         return divide(mass * mass, mass * mass + least * least)
@@ -260,7 +260,7 @@ class LoadGains(OptionalPart):
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
         """
         bulk = self.bulk * self.bulk * self.bulk * self.bulk
-        loaded, shares = self.loaded(mass), list[Scalar]()
+        loaded, shares = self.load_share(mass), list[Scalar]()
         for column, link in zip(jacobian_columns(vehicle, vehicle.frame(), joints), vehicle.links, strict=True):
             square = column.linear.dot(column.linear)
             shares.append(loaded * divide(bulk, square * square + bulk) if link.joint.turns else 0)
