@@ -252,7 +252,7 @@ def test_members_forget_a_pull_beyond_the_desired_one_and_part_less():
     assert all([*row.forgotten_force] == [0.0, 0.0, 0.0] and row.held == 0.0 for row in before)
 
 
-def test_where_a_member_must_lean_a_pull_is_forgotten_ten_times_slower_and_moves_tips_a_hundred_times_slower():
+def test_where_a_member_must_lean_pulls_are_forgotten_and_answered_slowly():
     whole, forces = team(internal_force=0.0, blind=8.0, pull_gain=0.05), [Vec3(-3.0, 0.0, 7.0), Vec3(3.0, 0.0, 7.0)]
     given = dataclasses.replace(inputs(whole, 5.0), forces=forces)
     _, (quick, _) = whole.lead(whole.first(DT), given, DT)
