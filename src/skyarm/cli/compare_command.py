@@ -69,9 +69,7 @@ def compare(
     ] = SUITE,
     out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
     laws: Laws = None,
-    only: Annotated[
-        str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas; all if left out")
-    ] = None,
+    only: Annotated[str | None, typer.Option(help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
         typer.Option(

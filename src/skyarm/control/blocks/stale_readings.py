@@ -24,6 +24,11 @@ GOLDEN = 0.6180339887498949
 """Ratio of the weights of a quantity's numbers: no two that move against each other have a sum that stands still."""
 
 
+RESTING = 1e-18
+"""Square of a weighted sum of rates ((m/s)^2, (rad/s)^2) up to which they rest: the rounding of a state of equilibrium,
+far below what any sensor resolves."""
+
+
 @immutable
 class Fresh:
     """Flags of a measurement's quantities: 1 for a new reading, 0 for one that its sensor repeats."""
@@ -80,6 +85,6 @@ def _sum(numbers: Sequence[Scalar]) -> Scalar:
 
 
 def _is_new(last: Scalar, now: Scalar, rate: Scalar) -> Scalar:
-    """1 if a sum differs from the last one, or if that of its rates is zero, else 0."""
+    """1 if a sum differs from the last one, or if its rates rest, else 0."""
     change = now - last
-    return where(change * change > 0.0, 1.0, where(rate * rate > 0.0, 0.0, 1.0))
+    return where(change * change > 0.0, 1.0, where(rate * rate > RESTING, 0.0, 1.0))
