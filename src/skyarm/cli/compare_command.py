@@ -72,9 +72,7 @@ def compare(
     only: Annotated[str | None, typer.Option(help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
-        typer.Option(
-            help="with envelope- or survive-suite: a vehicle with an arm", autocompletion=name_completion("vehicle")
-        ),
+        typer.Option(help="of envelope- or survive-suite", autocompletion=name_completion("vehicle")),
     ] = PAPER,
     scenario: Annotated[
         str,
