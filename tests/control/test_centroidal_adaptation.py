@@ -225,10 +225,14 @@ def test_the_models_joints_have_what_their_loops_bear_of_the_learned_damping():
     known = Model(vehicle=TRUTH.with_joints(damping=0.003), gravity=9.8)
     par = make_centroidal(known).par
     most = par.parts.adaptation.modelled
-    dampings = (most[0] + 0.01, -0.002)
+    dampings, doubted = (most[0] + 0.01, -0.001), par.parts.adaptation.doubted
+    # of what acts at the planned rate learning begins with all, and the model's joints with none
+    assert (doubted[0], doubted[1] > 0.001) == (0.0, True)
     joints = tuple(dataclasses.replace(j, damping=b) for j, b in zip(started().joints, dampings, strict=True))
     changed = par.parts.adaptation.adjust_gains(started(joints=joints), par, 0.005)
-    assert [link.joint.damping for link in changed.model.vehicle.links] == pytest.approx([0.003 + most[0], 0.001])
+    assert [link.joint.damping for link in changed.model.vehicle.links] == pytest.approx(
+        [0.003 + most[0], 0.003 - doubted[1] - 0.001]
+    )
 
 
 @pytest.mark.parametrize("periods", [0, 2])

@@ -169,7 +169,7 @@ def test_no_command_is_ever_nan(name):
 def test_the_quaternion_and_its_opposite_are_one_attitude():
     flown = LAWS["tip"]
     memory, _ = step(flown, flown.memory, *INPUTS[0])
-    measured, reference = INPUTS[0]
+    measured, reference = INPUTS[1]
     opposite = dataclasses.replace(measured, quaternion=Quaternion(*(-c for c in measured.quaternion)))
     one, other = (step(flown, memory, m, reference) for m in (measured, opposite))
     assert leaves(one[1]) == pytest.approx(leaves(other[1]), rel=1e-12)

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.control.blocks.actuators import command_for
-from skyarm.control.blocks.disturbance_observer import filter_pose, first_observed, nearer_sign, observe
+from skyarm.control.blocks.disturbance_observer import RELEASE, filter_pose, first_observed, nearer_sign, observe
 from skyarm.control.blocks.prediction import Disturbance, acceleration, actuation, predict_across, with_side
+from skyarm.control.blocks.stale_readings import Fresh
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import ObserverGains
@@ -30,6 +31,7 @@ MODEL = Model(vehicle=ARM, gravity=9.8)
 DT = 0.005
 THRUST, MOMENT, DRAG, ROLLING = 8.54858e-6, 0.016, 8.06428e-5, 1e-6
 """Of each rotor, as its file has them."""
+NEW = Fresh(position=1.0, quaternion=1.0, velocity=1.0, rate=1.0, specific_force=1.0, joints=1.0, joint_rates=1.0)
 TURNING, COMMANDED = (485.0, 475.0, 480.0, 490.0), (520.0, 450.0, 460.0, 530.0)
 
 
@@ -204,7 +206,11 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
         moved = np.concatenate([array(found.velocity), array(found.rate), found.joint_rates])
         np.testing.assert_allclose(moved, foretold + off * (1.0 - b**2), atol=1e-5)
         learned = np.concatenate([array(found.force), array(found.torque), found.efforts])
-        held = np.repeat(free, [6, 1, 1]) * missed + [1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.3, 0.4]
+        shares = np.repeat(free, [6, 1, 1])
+        if missed[:3] @ [1.0, 2.0, 3.0] < 0.0:
+            # a force that shrinks does so at a limit, too
+            shares[:3] = np.maximum(shares[:3], RELEASE)
+        held = shares * missed + [1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.3, 0.4]
         # 1e-5 rad/s of prediction, times inertia and (1 - b)^2 / dt = 4 per second
         np.testing.assert_allclose(learned, held, atol=2e-5)
         ends = [turn_of(w, c, DT) for w, c in zip(TURNING, COMMANDED, strict=True)]
@@ -332,7 +338,7 @@ def test_the_filtered_place_follows_estimated_velocities_and_a_measured_share():
     carried_to = array(memory.position) + DT * array(memory.velocity)
     joints = np.array(memory.joints) + DT * np.array(memory.joint_rates)
     for started, share in ((1.0, 1.0 - np.exp(-60.0 * DT)), (0.0, 1.0)):
-        found = filter_pose(60.0, memory, measured, started, DT)
+        found = filter_pose(60.0, memory, measured, NEW, started, DT)
         expected = carried_to + share * (array(measured.position) - carried_to)
         np.testing.assert_allclose(array(found.position), expected, rtol=1e-13)
         np.testing.assert_allclose(found.joints, joints + share * (np.array(measured.joints) - joints), rtol=1e-13)
@@ -340,6 +346,31 @@ def test_the_filtered_place_follows_estimated_velocities_and_a_measured_share():
         left = (gone * Rotation.from_rotvec(share * offset)).inv() * Rotation.from_quat([x, y, z, w])
         # the chord for the arc: a cube of 7 mrad
         assert left.magnitude() < 1e-8
+
+
+def test_a_repeated_place_is_carried_by_the_estimated_velocities_alone():
+    memory = dataclasses.replace(
+        first_observed(2, TURNING), velocity=Vec3(1.0, -2.0, 0.5), rate=Vec3(0.6, -0.9, 0.3), joint_rates=(1.5, -2.0)
+    )
+    turn = Rotation.from_rotvec(0.1 * np.ones(3))
+    measured = dataclasses.replace(
+        blank_measurement(2, 4), position=Vec3(0.3, 0.1, 1.2), quaternion=quaternion(turn), joints=(0.4, -0.2)
+    )
+    new = filter_pose(60.0, memory, measured, NEW, 1.0, DT)
+    for name in ("position", "quaternion", "joints"):
+        found = filter_pose(60.0, memory, measured, dataclasses.replace(NEW, **{name: 0.0}), 1.0, DT)
+        carried = {
+            "position": DT * array(memory.velocity),
+            "quaternion": array(quaternion(Rotation.from_rotvec(DT * array(memory.rate)))),
+            "joints": DT * np.array(memory.joint_rates),
+        }
+        for each in carried:
+            wanted = carried[each] if each == name else np.array([*getattr(new, each)])
+            np.testing.assert_allclose([*getattr(found, each)], wanted, atol=1e-8)
+        assert np.abs(np.subtract([*getattr(new, name)], carried[name])).max() > 0.005
+        # the first one is taken all the same
+        first = filter_pose(60.0, memory, measured, dataclasses.replace(NEW, **{name: 0.0}), 0.0, DT)
+        np.testing.assert_allclose([*getattr(first, name)], [*getattr(measured, name)], atol=1e-12)
 
 
 @pytest.mark.parametrize(("speed", "wanted"), [(855.0, 870.0), (845.0, 2000.0), (838.0, 900.0), (830.0, 839.0)])

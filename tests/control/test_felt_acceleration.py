@@ -10,7 +10,7 @@ from centroidal_flights import fly
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import (
     AccelerometerGains,
@@ -24,6 +24,7 @@ from skyarm.control.blocks.disturbance_observer import (
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
 from skyarm.control.blocks.prediction import acceleration, actuation, rotor_wrench
+from skyarm.control.blocks.stale_readings import Fresh
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness
@@ -45,27 +46,31 @@ ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
 UP = np.array([0.0, 0.0, G])
 BIAS = np.array([0.3, -0.2, 0.25])
 LEVEL = Rotation.identity()
-STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3)
+WIDE = dataclasses.replace(GAINS, agreement=10.0)
+STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3, integrated=Vec3(0.0, 0.0, 0.0))
+FRESH = Fresh(position=1.0, quaternion=1.0, velocity=1.0, rate=1.0, specific_force=1.0, joints=1.0, joint_rates=1.0)
 
 
 def vec(a):
     return Vec3(*(float(x) for x in a))
 
 
-def felt_in(turn, specific_force, velocity, before=STILL, free=(1.0,), linear=ZERO3, rotors=ZERO3):
+def felt_in(
+    turn, specific_force, velocity, before=STILL, free=(1.0,), linear=ZERO3, rotors=ZERO3, fresh=FRESH, gains=GAINS
+):
     """What one period tells; ``before`` also stands for what the velocity alone tells."""
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
     R = Mat3(*(vec(row) for row in turn.as_matrix()))
     modelled = modelled_specific_force(ARM, R, linear, rotors)
-    return measure_translation(GAINS, before.velocity, before, measured, R, linear, modelled, free, DT)
+    return measure_translation(gains, before, measured, R, linear, modelled, free, fresh, DT)
 
 
-def felt_along(turn, accelerations, bias, start=0.0):
+def felt_along(turn, accelerations, bias, start=0.0, gains=GAINS):
     """The velocity that is true and what is felt, after each period; the model believes that nothing accelerates it."""
     velocity, base, found = np.full(3, start), STILL, []
     for a in accelerations:
         velocity = velocity + a * DT
-        base = felt_in(turn, turn.inv().apply(a + UP) + bias, velocity, base)
+        base = felt_in(turn, turn.inv().apply(a + UP) + bias, velocity, base, gains=gains)
         found.append((velocity, base))
     return found
 
@@ -84,7 +89,7 @@ def test_a_constant_error_of_the_accelerometer_is_found_and_is_no_force():
 
 def test_velocity_and_bias_come_to_the_truth_with_both_poles_where_they_were_placed():
     """e_(k+2) - 2 beta e_(k+1) + beta^2 e_k = 0 for what the velocity is off, beta = exp(-w dt)."""
-    found = felt_along(LEVEL, np.zeros((200, 3)), BIAS, start=1.0)
+    found = felt_along(LEVEL, np.zeros((200, 3)), BIAS, start=1.0, gains=WIDE)
     off = np.array([velocity - np.array(list(base.velocity)) for velocity, base in found])
     beta = np.exp(-5.0 * DT)
     assert np.abs(off[2:] - 2.0 * beta * off[1:-1] + beta**2 * off[:-2]).max() < 1e-12
@@ -119,10 +124,10 @@ def test_three_zeros_are_no_reading():
     """Whoever measures no specific force leaves it at 0: velocity, force and bias are those of the velocity alone."""
     bias = Vec3(0.1, 0.2, 0.3)
     seen = dataclasses.replace(STILL, velocity=Vec3(0.4, 0.5, 0.6), change=Vec3(7.0, 8.0, 9.0), bias=bias)
-    none = felt_in(LEVEL, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
+    none = felt_in(LEVEL, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), seen, gains=WIDE)
     assert (list(none.velocity), list(none.change)) == ([0.4, 0.5, 0.6], [7.0, 8.0, 9.0])
     assert list(none.bias) == list(bias)
-    least = felt_in(LEVEL, (1e-12, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
+    least = felt_in(LEVEL, (1e-12, 0.0, 0.0), (1.0, 0.0, 0.0), seen, gains=WIDE)
     assert least.change.z < -1.0
 
 
@@ -200,11 +205,15 @@ def test_what_turns_a_joint_is_hardly_taken_for_a_force_on_the_base():
     observed, found = first_observed(2, command.rotor_speeds, True), []
     for k in range(1, 21):
         measured = dataclasses.replace(
+            # a reading that repeats is none
             blank_measurement(2, 4),
+            position=Vec3(1e-12 * k, 0.0, 0.0),
+            quaternion=Quaternion(1.0, 0.0, 0.0, 1e-12 * k),
+            joints=(0.0, 1e-12 * k),
             velocity=linear * (k * DT),
             rate=angular * (k * DT),
             joint_rates=tuple(a * k * DT for a in qdd),
-            specific_force=linear + Vec3(0.0, 0.0, G),
+            specific_force=linear + Vec3(0.0, 0.0, G + 1e-12 * k),
             rotor_speeds=command.rotor_speeds,
         )
         known = Unknown(force=observed.force, torque=observed.torque, efforts=observed.efforts)
@@ -357,5 +366,5 @@ def test_whole_numbers_are_a_specific_force():
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
     R = Mat3.identity()
     modelled = modelled_specific_force(ARM, R, ZERO3, ZERO3)
-    felt = measure_translation(GAINS, ZERO3, STILL, measured, R, ZERO3, modelled, (1.0,), DT)
+    felt = measure_translation(GAINS, STILL, measured, R, ZERO3, modelled, (1.0,), FRESH, DT)
     assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

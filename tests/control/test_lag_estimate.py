@@ -22,7 +22,7 @@ from skyarm.control.laws.centroidal.lag_estimate import (
     LagMemory,
     delay_share,
     estimate,
-    stride_of,
+    lag_gains,
 )
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.laws.centroidal.parameters import at_shares
@@ -65,7 +65,8 @@ def learn(gains, memory, told, measurement, started, free, isolated, dt):
     """The memory one period later, of what a step of the law tells."""
     before = SimpleNamespace(started=started, free=free)
     timing = SimpleNamespace(past=SimpleNamespace(squares=[0.0], efforts=[0.0]))
-    par, seen = SimpleNamespace(model=None, delay_periods=0), SimpleNamespace(told=told)
+    # the model always tells of the newest command
+    par, seen = SimpleNamespace(model=None, delay_periods=gains.stride * gains.earlier), SimpleNamespace(told=told)
     step = SimpleNamespace(par=par, seen=seen, measurement=measurement, memory=before, timing=timing, dt=dt)
     return gains.after(memory, step, isolated)
 
@@ -150,7 +151,7 @@ def test_of_the_first_measurement_nothing_is_learned_but_the_rates():
 
 
 def lags(memory: LagMemory, dt=DT, gains=GAINS):
-    return estimate(memory.base, dt * gains.stride), estimate(memory.arm, dt * gains.stride)
+    return tuple(estimate(bank, dt * gains.stride, gains.earlier) for bank in (memory.base, memory.arm))
 
 
 @pytest.mark.parametrize("late", sampled(range(CANDIDATES), 4))
@@ -178,10 +179,13 @@ def test_a_longer_lag_than_the_longest_counts_as_that():
     assert with_one_more == pytest.approx(((CANDIDATES - 1) * DT,) * 2, abs=2e-4)
 
 
-def written(a, y):
+def written(a, y, earlier=0):
     """Residuals and found lag of rotors (roll, pitch) and joints, agreement and size, of whole records, by SciPy."""
-    steps, filters = np.arange(9), {w: ([1.0 - math.exp(-w * DT)], [1.0, -math.exp(-w * DT)]) for w in (20.0, 60.0)}
-    prices = np.minimum(0.0075 * steps, 0.05)
+    steps, filters = (
+        np.arange(9 + earlier),
+        {w: ([1.0 - math.exp(-w * DT)], [1.0, -math.exp(-w * DT)]) for w in (20.0, 60.0)},
+    )
+    prices = np.minimum(0.0075 * abs(steps - earlier), 0.05)
 
     def band(x):
         upper = lfilter(*filters[60.0], lfilter(*filters[60.0], x, axis=0), axis=0)
@@ -190,11 +194,11 @@ def written(a, y):
     def weights(paid):
         return (1.0 + 12.5 * (paid - paid.min()) / (paid.min() + 0.0075)) ** -8.0
 
-    believed, measured = np.vstack([np.zeros((8, 4)), band(a)]), band(y)
+    believed, measured = np.vstack([np.zeros((steps[-1], 4)), band(a)]), band(y)
     banks, clipped = [[prices, 0.0], [prices, 0.0]], 0
     agreement, size, slow = np.full(2, 0.05), np.full(2, 0.05), np.zeros((2, 2))
     for k, here in enumerate(measured):
-        past = believed[k + 8 - steps]
+        past = believed[k + steps[-1] - steps]
         delay = np.clip((1.35 - (size / agreement).min()) / 0.2, 0.0, 1.0)
         paid, scale = banks[0]
         both = np.array([weights(paid) @ past[:, :2] / weights(paid).sum(), here[:2]])
@@ -213,11 +217,12 @@ def written(a, y):
         size = size + gain * expected**2 - 0.3 * DT * size
     assert 100 < clipped < 2 * len(measured) - 100
     assert 0.1 < delay < 0.9
-    found = [weights(paid) @ (steps * DT) / weights(paid).sum() for paid, _ in banks]
+    found = [weights(paid) @ ((steps - earlier) * DT) / weights(paid).sum() for paid, _ in banks]
     return banks, agreement, size, found
 
 
-def test_the_filters_are_those_of_the_page():
+@pytest.mark.parametrize("earlier", [0, 4])
+def test_the_filters_are_those_of_the_page(earlier):
     """Rotors 3 and joints 5 periods late, accelerations 1.3 times smaller than modelled, and a burst."""
     rng = np.random.default_rng(11)
     a = 10.0 * rng.normal(size=(400, 4))
@@ -225,19 +230,68 @@ def test_the_filters_are_those_of_the_page():
     y = np.column_stack([np.roll(a[:, :2], 3, axis=0), np.roll(a[:, 2:], 5, axis=0)]) / 1.3
     y[:5] = 0.0
     rates = np.vstack([np.zeros(4), np.cumsum(y, axis=0) * DT]) + 0.002 * rng.normal(size=(401, 4))
-    memory = GAINS.start(2)
+    gains = dataclasses.replace(GAINS, earlier=earlier)
+    memory = gains.start(2)
     for k, rate in enumerate(rates):
         model = a[max(k - 1, 0)]
         told = told_by(Vec3(*model[:2], 9.0), tuple(model[2:]), Vec3(0.0, 0.0, 0.0), (0.0, 0.0))
         measured = Rates(rate=Vec3(*rate[:2], 7.0), joint_rates=tuple(rate[2:]))
-        memory = learn(GAINS, memory, told, measured, 0.0 if k == 0 else 1.0, (1.0,) * 3, 1.0, DT)
-    banks, agreement, size, found = written(a, np.diff(rates, axis=0) / DT)
+        memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, (1.0,) * 3, 1.0, DT)
+    banks, agreement, size, found = written(a, np.diff(rates, axis=0) / DT, earlier)
     for bank, (paid, scale) in zip((memory.base, memory.arm), banks, strict=True):
         assert bank.paid == pytest.approx(paid, rel=1e-8)
         assert bank.scale == pytest.approx(scale, rel=1e-8)
     assert memory.agreement == pytest.approx(agreement, rel=1e-8)
     assert memory.size == pytest.approx(size, rel=1e-8)
-    assert lags(memory) == pytest.approx(found, rel=1e-8)
+    assert lags(memory, gains=gains) == pytest.approx(found, rel=1e-8)
+
+
+@pytest.mark.parametrize(("told", "late"), [(9, 1), (13, 1), (9, 9), (9, 11)])
+def test_a_known_delay_that_is_longer_than_the_true_one_is_a_lag_below_zero(told, late):
+    """45 and 65 ms are told; 5 ms are true, or what is told, or 10 ms more."""
+    gains = lag_gains(0.02, 0.012, DT, told)
+    memory = dataclasses.replace(flown(late, seconds=1.2, gains=gains), count=400.0)
+    assert lags(memory, gains=gains) == pytest.approx(((late - told) * DT,) * 2, abs=3e-4)
+    assert gains.delay(memory, DT) == pytest.approx((late - told) * DT, abs=3e-4)
+    # what is predicted takes no bandwidth after the ramp, whichever sign it has
+    assert gains.shares(memory, DT) == pytest.approx((1.0, 1.0), abs=0.02)
+
+
+def test_an_arm_at_rest_does_not_take_the_joints_bandwidth_where_a_known_delay_is_too_long():
+    """It shows no lag at all: 40 ms more than the rotors'. Later than told is another matter."""
+    gains = lag_gains(0.02, 0.012, DT, 9)
+    still = dataclasses.replace(flown(1, seconds=1.2, gains=gains), arm=gains.start(2).arm, count=400.0)
+    base, joints = lags(still, gains=gains)
+    assert (base, joints) == pytest.approx((-0.04, 0.0), abs=1e-3)
+    assert gains.shares(still, DT)[1] == pytest.approx(1.0, abs=0.02)
+    late = dataclasses.replace(still, arm=flown(11, seconds=1.2, gains=gains).arm)
+    assert gains.shares(late, DT)[1] == pytest.approx(0.012 / (0.012 + 0.01 - IGNORED), rel=0.03)
+    # one that is not checked is none of these
+    assert GAINS.shares(dataclasses.replace(GAINS.start(2), count=1.0), DT) == (1.0, 1.0)
+
+
+def test_a_flight_whose_known_delay_may_be_too_long_begins_gently():
+    """With a quarter of the bandwidths, all of them after 1.5 s."""
+    gains = lag_gains(0.02, 0.012, DT, 9)
+    for seconds, share in ((0.0, 0.25), (0.75, 0.625), (1.5, 1.0), (3.0, 1.0)):
+        memory = dataclasses.replace(gains.start(2), count=seconds / DT)
+        assert gains.shares(memory, DT) == pytest.approx((share, share), rel=1e-9)
+        assert GAINS.shares(dataclasses.replace(GAINS.start(2), count=seconds / DT), DT) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("period", "periods", "stride", "earlier"),
+    [(0.005, 3, 1, 0), (0.005, 4, 1, 4), (0.005, 13, 1, 13), (0.001, 19, 5, 0), (0.001, 23, 5, 4), (0.02, 1, 1, 1)],
+)
+def test_known_delays_of_20_ms_and_more_are_checked(period, periods, stride, earlier):
+    gains = lag_gains(0.02, 0.012, period, periods)
+    assert (gains.base, gains.joints, gains.stride, gains.earlier) == (0.02, 0.012, stride, earlier)
+    prices = [min(0.0075 * abs(j), 0.05) for j in range(-earlier, 9)]
+    assert gains.prices == pytest.approx(prices)
+    first = gains.start(2)
+    assert first.base.paid == pytest.approx(prices)
+    assert len(first.past) == stride * (earlier + 8)
+    assert estimate(first.base, period, earlier) == pytest.approx(0.0, abs=2e-8)
 
 
 def test_at_a_limit_the_observers_disturbance_stands_still():
@@ -248,9 +302,10 @@ def test_at_a_limit_the_observers_disturbance_stands_still():
         assert learn(GAINS, GAINS.start(2), told, still, 1.0, free, 1.0, DT).disturbing == moved
 
 
-@pytest.mark.parametrize("periods", [0, 2])
-def test_the_model_answers_the_command_that_a_measurement_is_of(periods):
-    """Squares and efforts as many periods before the newest as the known delay has."""
+@pytest.mark.parametrize(("periods", "earlier"), [(0, 0), (2, 0), (2, 1), (2, 2)])
+def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier):
+    """Squares and efforts as many periods before the newest as the shortest delay has that may be true."""
+    gains = dataclasses.replace(GAINS, earlier=earlier)
     heard = []
     amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
     told = Told(amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
@@ -261,8 +316,9 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods):
         par=SimpleNamespace(model="model", delay_periods=periods),
         timing=SimpleNamespace(past=Rows(["oldest", "older", "newest"], ["first", "second", "third"])),
     )  # fmt: skip
-    GAINS.after(GAINS.start(2), step, 1.0)
-    assert heard == [("model", ["newest", "", "oldest"][periods], ["third", "", "first"][periods])]
+    gains.after(gains.start(2), step, 1.0)
+    least = periods - earlier
+    assert heard == [("model", ["newest", "older", "oldest"][least], ["third", "second", "first"][least])]
 
 
 def test_without_motion_there_is_none():
@@ -342,7 +398,7 @@ def test_a_bank_of_two_periods_a_step_compares_with_every_other_period():
 
 @pytest.mark.thorough
 def test_a_faster_loop_has_its_lags_as_far_apart():
-    assert [stride_of(period) for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
+    assert [lag_gains(1, 1, period, 0).stride for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
     gains = dataclasses.replace(GAINS, stride=5)
     found = lags(flown(20, dt=0.001, gains=gains, seconds=3.0), dt=0.001, gains=gains)
     assert found == pytest.approx((0.02, 0.02), abs=1e-3)

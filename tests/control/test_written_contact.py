@@ -17,7 +17,7 @@ from written_vehicle import vehicle_of
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks import disturbance_observer, force_control
+from skyarm.control.blocks import disturbance_observer, force_control, stale_readings
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.laws.centroidal.contact import admittance, interaction, load
@@ -165,17 +165,43 @@ def test_load_is_written(wrist: bool) -> None:
 
 
 def test_the_accelerometer_is_written() -> None:
+    """Readings about the accepted difference and the largest acceleration, some repeated, some of zeros."""
     gains = disturbance_observer.AccelerometerGains(force=30.0, velocity=5.0)
-    b, v = np.zeros(3), np.zeros(3)
-    for R, _, draw in poses(6, 50):
-        y, measured, a, thrust, change = draw.normal(0.0, 1.0, (5, 3))
-        before = disturbance_observer.Felt(velocity=vec(v), bias=vec(b), change=vec(change), learns=1.0)
-        seen = dataclasses.replace(blank_measurement(2, 4), velocity=vec(measured), specific_force=vec(y))
-        rotors = vec(thrust * float(ARM.mass))
-        model = Model(vehicle=ARM, gravity=G)
-        modelled = disturbance_observer.modelled_specific_force(model, mat(R), vec(a), rotors)
-        felt = disturbance_observer.measure_translation(
-            gains, vec(v), before, seen, mat(R), vec(a), modelled, (1.0, 1.0), DT
+    own = written.Accelerometer(30.0, 5.0, 0.05)
+    b, v, agreed, seldom = np.zeros(3), np.zeros(3), 1.0, np.zeros(4)
+    model = Model(vehicle=ARM, gravity=G)
+    for k, (R, _, draw) in enumerate(poses(6, 300)):
+        a, thrust, change, alone = draw.normal(0.0, 1.0, (4, 3))
+        # of what it should read; a third of all is wrong, and at last the bias is beyond its bound
+        off = draw.normal(0.0, [3.0, 0.3, 0.3, 0.3][k % 4] if k < 200 else 0.05, 3) + (k > 200) * np.array(
+            [9.0, 0, -7.0]
         )
-        v, b, changed = written.accelerometer((30.0, 5.0), y, b, v, measured, R, a, thrust, G, DT)
-        assert np.allclose([v, b, changed], [[*felt.velocity], [*felt.bias], [*felt.change]], rtol=0, atol=1e-9)
+        y = R.T @ (a + G * written.UP) + thrust + own.b + off * draw.choice([1.0, 1.0, 5.0])
+        measured = own.v + a * DT + draw.normal(0.0, 0.06 if k % 40 > 20 else 0.005, 3)
+        new, free = draw.choice([1.0, 1.0, 1.0, 0.0], 2), float(draw.choice([1.0, 0.0, 1.0]))
+        if k % 11 == 10:
+            y = np.zeros(3)
+        if k % 40 == 0:
+            agreed = own.used = 1.0
+        if k == 200:
+            own.b = b = np.array([4.99, 0.0, -4.99])
+        before = disturbance_observer.Felt(
+            velocity=vec(alone), bias=vec(b), change=vec(change), agreed=agreed, integrated=vec(v)
+        )
+        seen = dataclasses.replace(blank_measurement(2, 4), velocity=vec(measured), specific_force=vec(y))
+        flags = stale_readings.Fresh(
+            position=1.0, quaternion=1.0, velocity=new[0], rate=1.0, specific_force=new[1], joints=1.0, joint_rates=1.0
+        )
+        modelled = disturbance_observer.modelled_specific_force(model, mat(R), vec(a), vec(thrust * float(ARM.mass)))
+        felt = disturbance_observer.measure_translation(
+            gains, before, seen, mat(R), vec(a), modelled, (1.0, free), flags, DT
+        )
+        wanted = own.step(y, measured, new, alone, change, free, R, a, thrust, G, DT)
+        found = [[*felt.velocity], [*felt.change], felt.heard, [*felt.beside]]
+        for each, other in zip(wanted, found, strict=True):
+            assert np.allclose(each, other, rtol=0, atol=1e-9), k
+        b, v, agreed = (np.array([*felt.bias]), np.array([*felt.integrated]), felt.agreed)
+        assert np.allclose([*own.b, *own.v, own.used], [*b, *v, agreed], rtol=0, atol=1e-9), k
+        large = float(np.linalg.norm(wanted[3]))
+        seldom += [own.used < 0.9, own.used > 0.999, large > 10.0, np.abs(own.b).max() == 5.0]
+    assert seldom.min() > 5

@@ -196,12 +196,46 @@ class Load:
         return self.m**2 / (self.m**2 + m0**2) * r**4 / ((at.J**2).sum(axis=0) ** 2 + r**4)
 
 
-def accelerometer(
-    gains: Any, y: Any, b: Any, v: Any, measured: Any, R: Any, a: Any, thrust: Any, g: float, dt: float
-) -> Any:
-    """Velocity, bias, and acceleration by which the force of 4. changes."""
-    force, velocity = gains
-    r = y - b - R.T @ (a + g * UP) - thrust
-    ahead = v + dt * (a + R @ r)
-    e, beta = measured - ahead, np.exp(-velocity * dt)
-    return ahead + (1 - beta**2) * e, b - (1 - beta) ** 2 * R.T @ e / dt, low(force, dt) * R @ r
+class Accelerometer:
+    """Bias, velocity integrated from the accelerometer, and how far it is used."""
+
+    def __init__(self, force: float, velocity: float, agreement: float) -> None:
+        self.force, self.velocity, self.agreement = force, velocity, agreement
+        self.b, self.v, self.used = np.zeros(3), np.zeros(3), 1.0
+
+    def step(
+        self,
+        y: Any,
+        seen: Any,
+        new: Any,
+        v: Any,
+        change: Any,
+        free: float,
+        R: Any,
+        a: Any,
+        thrust: Any,
+        g: float,
+        dt: float,
+    ) -> Any:
+        """Velocity, acceleration by which the force of 4. changes, how much of that is felt, what is beyond the model.
+
+        ``v`` and ``change`` are those of the measured velocity alone, ``new`` the flags of velocity and specific force.
+        """
+        r = R @ (y - self.b - thrust) - a - g * UP
+        ahead = self.v + dt * (a + r)
+        e, beta = (seen - ahead) * new[0], np.exp(-self.velocity * dt)
+        ratio = self.agreement / np.sqrt(e @ e + 1e-9)
+        # of a wrong accelerometer's error a part is left, twice what is accepted at most for each period
+        self.v = ahead + e - beta**2 * min(1.0, 2.0 * ratio) * e
+        trust, there = min(ratio, 1.0), new[1] * float(np.any(y != 0.0))
+        self.used = min(trust**4, self.used + dt)
+        self.b = np.clip(self.b - there * trust * (1 - beta) ** 2 / dt * (R.T @ e), -5.0, 5.0)
+        use = there * self.used
+        share = use * free
+        bounded = r * min(1.0, 10.0 / np.sqrt(r @ r + 1e-9))
+        return (
+            use * self.v + (1 - use) * v,
+            share * low(self.force, dt) * bounded + (1 - share) * change,
+            share,
+            r,
+        )

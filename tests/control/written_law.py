@@ -63,7 +63,8 @@ class WrittenLaw(WrittenParts):
         self.left, self.modelled = np.zeros(n), np.zeros(n)
         self.W = W
         self.free = np.ones(1 + n)
-        self.slow, self.bias = np.zeros(3), np.zeros(3)
+        self.slow, self.bias, self.integrated, self.agreed = np.zeros(3), np.zeros(3), np.zeros(3), 1.0
+        self.last, self.jump = None, 0.0
         self.trim = np.zeros(len(W))
         self.size, self.mean = 0.0, np.zeros(3)
         self.y, self.sinks = np.zeros(3), np.zeros(3)
@@ -103,6 +104,9 @@ class WrittenLaw(WrittenParts):
         )
         M = v.mass_matrix(np.zeros(n))
         self.slack, self.stickiest = self.par.yaw_slack * M[5, 5], 50.0 * np.diag(M)[6:]
+        # what damping of 5 I takes from the fastest motion of the arm, whose base gives way: no more than its loop has
+        fastest = np.linalg.eigvals(np.linalg.inv(M)[6:, 6:] @ np.diag(self.stickiest / 10)).real.max()
+        self.borne = self.stickiest / 10 * min(1.0, self.par.arm[1] / fastest)
 
     def step(self, x: Any, held: Any, ahead: Any) -> tuple[Any, Any]:
         """Rotor speeds and joint torques.
@@ -150,6 +154,7 @@ class WrittenLaw(WrittenParts):
         observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * quicker
         calm, seen = self._share(self.shaking, FELT), self._share(self.noise, SEEN)
         heard = par.accelerometer[0] * r * calm, np.clip(par.accelerometer[1] * (seen / calm) ** 2, 2.0, 60.0)
+        heard = *heard, 0.05 / seen**2
         # 4. observer
         told = self._observe(x, then, observer, heard)
         # 5. prediction
@@ -294,29 +299,40 @@ class WrittenLaw(WrittenParts):
     def _observe(self, x: Any, done: Any, bandwidths: Any, heard: Any) -> Any:
         """Pose filter and observer; what the lag estimate takes from them."""
         v, dt = self.v, self.dt
-        share = low(self.par.observer[3], dt) if self.started else 1.0
+        new = self._new(x)
+        share = {
+            name: low(self.par.observer[3], dt) * new[name] if self.started else 1.0
+            for name in ("position", "quaternion", "joints")
+        }
         (p, quaternion, q), (velocity, w, qd) = self.pose, self.rates
         p, joints = p + velocity * dt, q + qd * dt
         carried = times(quaternion, turn(w * dt))
         measured = x.quaternion if x.quaternion @ carried >= 0 else -x.quaternion
-        new = unit(carried + share * (measured - carried))
-        self.pose = p + share * (x.position - p), new, joints + share * (x.joints - joints)
-        R, amid = matrix(unit(quaternion + new)), (q + self.pose[2]) / 2 if self.started else self.pose[2]
+        turned = unit(carried + share["quaternion"] * (measured - carried))
+        self.pose = (
+            p + share["position"] * (x.position - p),
+            turned,
+            joints + share["joints"] * (x.joints - joints),
+        )
+        R, amid = matrix(unit(quaternion + turned)), (q + self.pose[2]) / 2 if self.started else self.pose[2]
         side = v.side(done.speeds, R.T @ velocity, w)
         unknown = [a + b for a, b in zip(self.d, self.fed[self.delay], strict=True)]
         unknown = [unknown[0] + R @ side[0], unknown[1] + side[1], unknown[2]]
         self.modelled = qd
         linear, angular, bend = self._accelerations(R, w, amid, qd, done.squares, done.efforts, unknown)
         ahead = velocity + linear * dt, w + angular * dt, qd + bend * dt
-        seen = x.velocity, x.rate, x.joint_rates
-        errors = [a - b for a, b in zip(seen, ahead, strict=True)]
+        seen, flags = (x.velocity, x.rate, x.joint_rates), (new["velocity"], new["rate"], new["joint_rates"])
+        errors = [flag * (a - b) for a, b, flag in zip(seen, ahead, flags, strict=True)]
+        size = np.linalg.norm(errors[0])
+        if size > 0.3 + self.jump:
+            errors[0] = errors[0] * (0.3 + self.jump) / size
         poles = [np.exp(-each * dt) for each in bandwidths]
         slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
-        translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0], self.free[0]
-        translation, beside = self._hear(x, R, linear, done, heard, translation)
+        translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0]
+        translation, beside = self._hear(x, new, R, linear, done, heard, translation)
         still = amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1]
         _, torque, efforts = v.rnea(*still, slow[2])
-        trust = self.free.prod()
+        trust = translation[2]
         quick = trust * low(heard[0], dt) * (errors[2] - self.left) / dt + (1 - trust) * slow[2]
         force = v.rnea(*still, quick)[0]
         told = SimpleNamespace(R=R, w=w, q=amid, qd=qd, unknown=unknown, corrections=np.array([*slow[1][:2], *slow[2]]))
@@ -324,16 +340,26 @@ class WrittenLaw(WrittenParts):
         if self.started:
             self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
             self.rates = (translation[0], *self.rates[1:])
-            self.left = poles[2] ** 2 * errors[2]
+            self.left, self.jump, force = poles[2] ** 2 * errors[2], size, R @ force
+            # at a limit it may shrink, slowly
             self.d = (
-                self.d[0] + R @ force * translation[2],
+                self.d[0] + force * max(self.free[0], 0.05 if self.d[0] @ force < 0 else 0.0),
                 self.d[1] + torque * self.free[0],
                 self.d[2] + efforts * self.free[1:],
             )
             self.W = done.speeds
         else:
-            self.rates = seen
+            self.rates, self.integrated = seen, x.velocity
         return told
+
+    def _new(self, x: Any) -> dict[str, float]:
+        """Of each reading, 1 if it is new: it differs from the last one, or its rate is zero."""
+        rates = {"position": "velocity", "quaternion": "rate", "joints": "joint_rates"}
+        last, self.last, new = self.last, x, {}
+        for name in ("position", "quaternion", "velocity", "rate", "specific_force", "joints", "joint_rates"):
+            repeats = last is not None and np.all(getattr(x, name) == getattr(last, name))
+            new[name] = float(not repeats or np.all(getattr(x, rates.get(name, name)) == 0.0))
+        return new
 
     def _predict(self, since: Any, unknown: Any, h: float) -> Any:
         """State in h seconds."""

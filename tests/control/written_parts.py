@@ -246,18 +246,26 @@ class WrittenParts:
 
     # the accelerometer
 
-    def _hear(self, x: Any, R: Any, linear: Any, done: Any, heard: Any, seen: Any) -> Any:
-        """Velocity, change of the force's acceleration and how much of it counts; what is beyond the model."""
+    def _hear(self, x: Any, new: Any, R: Any, linear: Any, done: Any, heard: Any, seen: Any) -> Any:
+        """Velocity, change of the force's acceleration and how much of it is felt; what is beyond the model."""
         dt = self.dt
         more = (self.v.A @ (done.speeds**2 - done.squares))[-1]
         beside = R @ (x.specific_force - self.bias - R.T @ (linear + self.g * E_Z) - E_Z * more / self.v.mass)
-        guess = self.rates[0] + dt * (linear + beside)
-        e, beta = x.velocity - guess, np.exp(-heard[1] * dt)
+        guess = self.integrated + dt * (linear + beside)
+        e, beta = new["velocity"] * (x.velocity - guess), np.exp(-heard[1] * dt)
+        ratio = heard[2] / np.sqrt(e @ e + 1e-9)
+        there = new["specific_force"] if np.any(x.specific_force) else 0.0
+        integrated = guess + e - beta**2 * min(1.0, 2 * ratio) * e
+        agreed = min(min(1.0, ratio) ** 4, self.agreed + dt)
+        used = there * agreed
+        trust = self.free.prod() * used
+        taken = beside * min(1.0, 10.0 / np.sqrt(beside @ beside + 1e-9))
+        change = trust * low(heard[0], dt) * taken + (1 - trust) * seen[1]
         if self.started:
-            self.bias = self.bias - (1 - beta) ** 2 * R.T @ e / dt
-        trust = self.free.prod()
-        change = trust * low(heard[0], dt) * beside + (1 - trust) * seen[1]
-        return (guess + (1 - beta**2) * e, change, trust + (1 - trust) * seen[2]), beside
+            self.bias = self.bias - there * min(1.0, ratio) * (1 - beta) ** 2 * R.T @ e / dt
+            self.bias = np.clip(self.bias, -5.0, 5.0)
+            self.integrated, self.agreed = integrated, agreed
+        return (used * integrated + (1 - used) * seen[0], change, trust), beside
 
     # 12.
 
@@ -334,7 +342,7 @@ class WrittenParts:
 
     def _modelled(self) -> Any:
         """Of the learned damping what the model's joints have."""
-        return np.minimum(self.learned.b, self.stickiest / 10.0)
+        return np.minimum(self.learned.b, self.borne)
 
     def _adapt(
         self, x: Any, wanted: Any, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any
