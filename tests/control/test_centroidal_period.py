@@ -364,8 +364,8 @@ def test_a_repeated_place_is_carried_by_the_estimated_velocities_alone():
             "quaternion": array(quaternion(Rotation.from_rotvec(DT * array(memory.rate)))),
             "joints": DT * np.array(memory.joint_rates),
         }
-        for each in carried:
-            wanted = carried[each] if each == name else np.array([*getattr(new, each)])
+        for each, alone in carried.items():
+            wanted = alone if each == name else np.array([*getattr(new, each)])
             np.testing.assert_allclose([*getattr(found, each)], wanted, atol=1e-8)
         assert np.abs(np.subtract([*getattr(new, name)], carried[name])).max() > 0.005
         # the first one is taken all the same

@@ -40,7 +40,7 @@ SMALL = 0.02
 
 
 def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
-    """Acceleration of each joint per effort, the others free, at q = 0; an int 0 where friction is slow.
+    """Acceleration of each joint per effort, the others free, at q = 0; 0 where friction is slow.
 
     Args:
         vehicle: the law's model.
@@ -55,17 +55,19 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
     M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
     units = ([float(row == 6 + i) for row in range(len(M))] for i in range(vehicle.n))
     mobilities = [ldl_solve(M, unit)[6 + i] for i, unit in enumerate(units)]
-    return tuple(m if _is_quick(joint, m, period) else 0 for joint, m in zip(joints, mobilities, strict=True))
+    return tuple(_if_quick(joint, m, period) for joint, m in zip(joints, mobilities, strict=True))
 
 
 def _rubs(joint: Joint) -> bool:
     return not concrete(joint.damping, joint.coulomb) or bool(joint.damping or joint.coulomb)
 
 
-def _is_quick(joint: Joint, mobility: Scalar, period: float) -> bool:
-    """True if a joint's friction is quick, or a number that varies from flight to flight."""
+def _if_quick(joint: Joint, mobility: Scalar, period: float) -> Scalar:
+    """Mobility of a joint whose friction is quick, else 0: an int where no number varies from flight to flight."""
     slope = joint.damping + divide(joint.coulomb, joint.coulomb_rate)
-    return not concrete(slope, mobility) or slope * mobility * period > QUICK
+    if concrete(slope, mobility):
+        return mobility if slope * mobility * period > QUICK else 0
+    return where(slope * mobility * period > QUICK, mobility, 0.0)
 
 
 def doubted_dampings(vehicle: Vehicle, mobilities: Scalars, period: float) -> Scalars:
@@ -93,7 +95,8 @@ def with_held_damping(model: Model, mobilities: Scalars, dt: Scalar) -> Model:
     for link, mobility in zip(model.vehicle.links, mobilities, strict=True):
         joint = link.joint
         if not same(mobility, 0):
-            armature = add(joint.armature, held_damping(joint.damping, mobility, dt))
+            held = where(mobility > 0.0, held_damping(joint.damping, mobility, dt), 0.0)
+            armature = add(joint.armature, held)
             rate = maximum(joint.coulomb_rate, mul(joint.coulomb, mobility * dt))
             joint = dataclasses.replace(joint, armature=armature, coulomb_rate=rate)
         links.append(dataclasses.replace(link, joint=joint))

@@ -1,0 +1,165 @@
+"""Readings that repeat: which are new, what stands still rightly, and what the observer does over the others."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.control.blocks.common import standing_command
+from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed, observe
+from skyarm.control.blocks.prediction import Disturbance, actuation
+from skyarm.control.blocks.stale_readings import Fresh, Readings
+from skyarm.control.model import Model
+from skyarm.sensing.measurement import Measurement
+
+DT, G = 0.005, 9.81
+ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
+NAMES = tuple(field.name for field in dataclasses.fields(Fresh))
+RATES = {"position": "velocity", "quaternion": "rate", "joints": "joint_rates"}
+"""Of the quantities that are no rates themselves."""
+
+
+def drawn(seed):
+    """A measurement of something that moves."""
+    draw = np.random.default_rng(seed).normal(size=19).tolist()
+    return Measurement(
+        time=0.0,
+        position=Vec3(*draw[:3]),
+        quaternion=Quaternion(*draw[3:7]).normalized(),
+        velocity=Vec3(*draw[7:10]),
+        rate=Vec3(*draw[10:13]),
+        specific_force=Vec3(*draw[13:15], 9.0),
+        joints=tuple(draw[15:17]),
+        joint_rates=tuple(draw[17:]),
+        rotor_speeds=(500.0,) * 4,
+    )
+
+
+def fresh(before, now):
+    """Names of the quantities that are new."""
+    flags = Readings.of(before).fresh(Readings.of(now))
+    assert {getattr(flags, name) for name in NAMES} <= {0.0, 1.0}
+    return {name for name in NAMES if getattr(flags, name) == 1.0}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_quantity_repeats_or_is_new_for_itself(name):
+    before, now = drawn(1), drawn(2)
+    assert fresh(before, now) == set(NAMES)
+    assert fresh(before, before) == set()
+    assert fresh(before, dataclasses.replace(now, **{name: getattr(before, name)})) == {*NAMES} - {name}
+    assert fresh(before, dataclasses.replace(before, **{name: getattr(now, name)})) == {name}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_number_that_moves_is_enough_and_so_are_two_that_move_against_each_other(name):
+    before = drawn(3)
+    numbers, cls = [*getattr(before, name)], type(getattr(before, name))
+    make = tuple if cls is tuple else lambda row: cls(*row)
+    for i in range(len(numbers)):
+        for k in range(len(numbers)):
+            moved = list(numbers)
+            moved[i] += 0.01
+            moved[k] -= 0.01 if k != i else 0.0
+            assert fresh(before, dataclasses.replace(before, **{name: make(moved)})) == {name}
+
+
+def test_opposite_motions_from_zero_are_new():
+    """x = -y: the plain sum of such a measurement stands still."""
+    before = dataclasses.replace(drawn(3), position=ZERO3)
+    for k in range(1, 4):
+        now = dataclasses.replace(before, position=Vec3(0.1 * k, -0.1 * k, 0.0))
+        assert fresh(before, now) == {"position"}
+        before = now
+
+
+def test_a_vehicle_at_rest_repeats_its_readings_rightly():
+    rest = dataclasses.replace(drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0))
+    # all but the accelerometer, which the weight keeps from zero
+    assert fresh(rest, rest) == {*NAMES} - {"specific_force"}
+
+
+@pytest.mark.parametrize("name", sorted(RATES))
+def test_what_stands_still_while_its_rate_does_not_is_old(name):
+    rest = dataclasses.replace(drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0))
+    moving = dataclasses.replace(rest, **{RATES[name]: getattr(drawn(5), RATES[name])})
+    # the rate itself is new: it differs from zero
+    assert fresh(rest, moving) == {*NAMES} - {"specific_force", name}
+    assert fresh(moving, rest) == {*NAMES} - {"specific_force"}
+
+
+GAINS = ObserverGains(
+    force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=AccelerometerGains(force=40.0, velocity=5.0)
+)
+COMMAND = standing_command(ARM)
+DONE = actuation(ARM, COMMAND.rotor_speeds, COMMAND, DT)
+NOTHING = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0.0, 0.0))
+
+
+def seen(before, measured, known=NOTHING, gains=GAINS, free=(1.0,) * 3):
+    return observe(ARM, gains, before, measured, DONE, known, 1.0, free, DT)
+
+
+def underway(measured):
+    """An observer that begins with a measurement."""
+    first = first_observed(2, COMMAND.rotor_speeds, True)
+    return observe(ARM, GAINS, first, measured, DONE, NOTHING, 0.0, (1.0,) * 3, DT)[0]
+
+
+def test_the_first_measurement_is_remembered_and_repeats_from_the_second_on():
+    start = drawn(6)
+    begun = underway(start)
+    assert begun.readings == Readings.of(start)
+    assert list(begun.integrated) == list(start.velocity)
+    assert seen(begun, drawn(7))[0].readings == Readings.of(drawn(7))
+
+
+@pytest.mark.parametrize("gains", [GAINS, dataclasses.replace(GAINS, accelerometer=None)])
+def test_over_readings_that_repeat_the_model_predicts_alone(gains):
+    """All of them: pose and rates go on by the model, and no disturbance is learned."""
+    start = drawn(6)
+    begun = underway(start)
+    after, told = seen(begun, start, gains=gains)
+    assert list(after.position) == pytest.approx(list(start.position + start.velocity * DT))
+    assert after.joints == pytest.approx([q + r * DT for q, r in zip(start.joints, start.joint_rates, strict=True)])
+    linear, angular, joints = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
+    assert list(after.velocity) == pytest.approx(list(start.velocity + linear * DT))
+    assert list(after.rate) == pytest.approx(list(start.rate + angular * DT))
+    assert after.joint_rates == pytest.approx([r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)])
+    assert [*after.force, *after.torque, *after.efforts] == pytest.approx([0.0] * 8, abs=1e-12)
+
+
+@pytest.mark.parametrize(("name", "of"), [("rate", "torque"), ("joint_rates", "efforts")])
+def test_a_rate_that_repeats_corrects_nothing(name, of):
+    """The model that predicts it errs by 1 unit a second; the others are as they should be."""
+    start = drawn(6)
+    begun = underway(start)
+    _, told = seen(begun, start)
+    linear, angular, joints = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
+    foretold = {
+        "velocity": start.velocity + linear * DT,
+        "rate": start.rate + angular * DT,
+        "joint_rates": tuple(r + a * DT for r, a in zip(start.joint_rates, joints, strict=True)),
+    }
+    held, _ = seen(begun, dataclasses.replace(start, **(foretold | {name: getattr(start, name)})))
+    off, _ = seen(begun, dataclasses.replace(start, **(foretold | {name: getattr(drawn(8), name)})))
+    assert list(getattr(held, of)) == pytest.approx([0.0] * len(getattr(held, of)), abs=1e-12)
+    assert np.abs(list(getattr(off, of))).max() > 1e-3
+
+
+def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():
+    """2 m/s^2 that the model lacks, for 0.3 s: the estimate follows them, and the force finds them."""
+    start = dataclasses.replace(drawn(6), rate=ZERO3, joint_rates=(0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0))
+    observed = underway(start)
+    for k in range(60):
+        known = Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
+        now = dataclasses.replace(start, specific_force=Vec3(2.0, 0.0, G + 1e-9 * k), joints=(1e-9 * k, 0.0))
+        observed, _ = seen(observed, now, known)
+    assert observed.velocity.x - start.velocity.x == pytest.approx(0.6, abs=0.01)
+    drag = 4 * 8.06428e-5 * COMMAND.rotor_speeds[0] * observed.velocity.x
+    assert observed.force.x == pytest.approx(2.0 * float(ARM.vehicle.mass) + drag, rel=0.02)
+    assert observed.agreed == 1.0
