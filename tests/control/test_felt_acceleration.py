@@ -13,6 +13,10 @@ import skyarm
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import (
+    JUMP,
+    LARGEST_BIAS,
+    MOST,
+    RELEASE,
     AccelerometerGains,
     Felt,
     ObserverGains,
@@ -129,6 +133,204 @@ def test_three_zeros_are_no_reading():
     assert list(none.bias) == list(bias)
     least = felt_in(LEVEL, (1e-12, 0.0, 0.0), (1.0, 0.0, 0.0), seen, gains=WIDE)
     assert least.change.z < -1.0
+
+
+def world(accelerations, reading, noise=0.002, before=STILL, seed=1):
+    """What is felt in each period, of a level body with these accelerations whose accelerometer has this ``reading``.
+
+    The model believes that nothing accelerates it. The estimate by the velocity alone is the measured velocity.
+    """
+    rng, velocity, found = np.random.default_rng(seed), np.zeros(3), []
+    for k, a in enumerate(accelerations):
+        velocity = velocity + a * DT
+        measured = velocity + noise * rng.normal(size=3)
+        alone = dataclasses.replace(before, velocity=vec(measured), change=ZERO3)
+        before = felt_in(LEVEL, reading(k, a + UP), measured, alone)
+        found.append((velocity, measured, before))
+    return found
+
+
+def shaken(seconds):
+    """Accelerations of a flight: some m/s^2 that change within a second."""
+    t = np.arange(0.0, seconds, DT)
+    return np.stack([3.0 * np.sin(6.0 * t), 2.0 * np.cos(5.0 * t), 2.0 * np.sin(4.0 * t)], axis=1)
+
+
+WRONG = {
+    "stuck": (lambda k, y: UP + np.array([0.0, 0.0, 4.0]), 60),
+    "upside down": (lambda k, y: -y, 5),
+    "turned by 90 degrees": (lambda k, y: y[[2, 1, 0]], 5),
+    "three times as large": (lambda k, y: 3.0 * y, 5),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_accelerometer_is_left_and_used_again_a_second_after_it_is_right(name):
+    wrong, within = WRONG[name]
+    begin, end = 200, 500
+    found = world(shaken(6.0), lambda k, y: wrong(k, y) if begin <= k < end else y)
+    agreed = np.array([base.agreed for *_, base in found])
+    assert agreed[:begin].min() > 0.999
+    left = begin + int(np.argmax(agreed[begin:] < 0.1))
+    assert left - begin <= within
+    assert agreed[end - 100 : end].max() < 0.5
+    # the velocity is that which was measured, but for what is still used
+    off = [np.linalg.norm(np.subtract(list(base.velocity), true)) for true, _, base in found]
+    assert max(off) < 0.1
+    assert max(np.abs(list(base.bias)).max() for *_, base in found) <= LARGEST_BIAS
+    # it returns in a second at the earliest, once its bias and velocity are right again
+    back = end + int(np.argmax(agreed[end:] > 0.999))
+    assert 1.0 <= (back - end) * DT + 0.5 * (agreed[end]) < 3.5
+    assert agreed[-1] > 0.999
+    assert np.diff(agreed).max() <= DT / 1.0 + 1e-12
+
+
+def test_the_force_is_that_of_the_velocity_as_far_as_the_accelerometer_disagrees():
+    """Integrated and measured velocity 0.1 m/s apart, twice what is accepted: a 16th of it counts."""
+    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), velocity=Vec3(0.4, 0.5, 0.6))
+    found = felt_in(LEVEL, UP, (0.1, 0.0, 0.0), seen)
+    used = (0.05**2 / (0.1**2 + 1e-9)) ** 2
+    assert found.agreed == pytest.approx(used)
+    assert found.heard == pytest.approx(used)
+    assert list(found.change) == pytest.approx([(1.0 - used) * each for each in (7.0, 8.0, 9.0)])
+    beta = np.exp(-5.0 * DT)
+    own = 0.1 * (1.0 - beta**2 * min(1.0, 2.0 * 0.5))
+    assert list(found.integrated) == pytest.approx([own, 0.0, 0.0], rel=1e-6)
+    assert list(found.velocity) == pytest.approx(
+        [used * own + (1.0 - used) * 0.4, (1.0 - used) * 0.5, (1.0 - used) * 0.6], rel=1e-6
+    )
+    assert found.bias.x == pytest.approx(-0.5 * (1.0 - beta) ** 2 * 0.1 / DT, rel=1e-6)
+    # four times as far: what is left of it is twice what is accepted
+    far = felt_in(LEVEL, UP, (0.4, 0.0, 0.0), seen)
+    assert 0.4 - far.integrated.x == pytest.approx(beta**2 * 0.1, rel=1e-6)
+    # and it comes back by a period over a second
+    back = felt_in(LEVEL, UP, (0.0, 0.0, 0.0), dataclasses.replace(seen, agreed=0.3))
+    assert back.agreed == pytest.approx(0.3 + DT)
+    assert felt_in(LEVEL, UP, (0.0, 0.0, 0.0), dataclasses.replace(seen, agreed=0.999)).agreed == 1.0
+
+
+@pytest.mark.parametrize("size", [20.0, 60.0, 1000.0])
+def test_a_spike_moves_the_force_by_the_largest_acceleration_at_most_and_is_forgotten(size):
+    found = world(np.zeros((500, 3)), lambda k, y: y + np.array([size, 0.0, 0.0]) if k == 50 else y, noise=0.0)
+    changes = np.array([list(base.change) for *_, base in found])
+    share = 1.0 - np.exp(-40.0 * DT)
+    assert np.abs(changes).max() <= MOST * share * (1.0 + 1e-9)
+    agreed = np.array([base.agreed for *_, base in found])
+    assert agreed[-1] == 1.0
+    off = [np.linalg.norm(list(base.velocity)) for *_, base in found]
+    assert max(off) < 0.11
+
+
+def test_an_acceleration_counts_up_to_the_largest_and_keeps_its_direction():
+    for size in (0.9 * MOST, 1.1 * MOST, 5.0 * MOST):
+        turn = np.array([0.6, 0.0, 0.8])
+        found = felt_in(LEVEL, UP + size * turn, size * turn * DT)
+        share = 1.0 - np.exp(-40.0 * DT)
+        assert list(found.change) == pytest.approx(share * min(size, MOST) * turn, rel=1e-9, abs=1e-12)
+        # the velocity takes all of it
+        assert list(found.velocity) == pytest.approx(size * turn * DT)
+
+
+@pytest.mark.parametrize("bias", [3.0, -4.0])
+def test_a_large_bias_is_learned_and_the_accelerometer_used_again(bias):
+    found = world(shaken(8.0), lambda k, y: y + np.array([0.0, bias, 0.0]), noise=0.0)
+    last = found[-1][2]
+    assert last.bias.y == pytest.approx(bias, abs=0.02)
+    assert last.agreed == 1.0
+    assert last.heard == 1.0
+
+
+def test_a_bias_is_bounded():
+    """One of 9 m/s^2 is none: the accelerometer is wrong."""
+    found = world(shaken(8.0), lambda k, y: y + np.array([9.0, 0.0, -9.0]))
+    largest = np.max([np.abs(list(base.bias)) for *_, base in found], axis=0)
+    assert largest.max() == LARGEST_BIAS
+    assert found[-1][2].agreed < 0.5
+
+
+def test_readings_that_repeat_are_not_felt():
+    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), velocity=Vec3(0.4, 0.5, 0.6))
+    y, measured = UP + np.array([1.0, 0.0, 0.0]), (0.02, 0.0, 0.0)
+    both = felt_in(LEVEL, y, measured, seen)
+    force = felt_in(LEVEL, y, measured, seen, fresh=dataclasses.replace(FRESH, specific_force=0.0))
+    assert (force.heard, list(force.change), list(force.velocity)) == (0.0, [7.0, 8.0, 9.0], [0.4, 0.5, 0.6])
+    assert list(force.bias) == [0.0] * 3
+    assert force.agreed == both.agreed
+    # without a new velocity what is felt goes on alone, and its bias is not learned
+    alone = felt_in(LEVEL, y, measured, seen, fresh=dataclasses.replace(FRESH, velocity=0.0))
+    assert list(alone.velocity) == pytest.approx([DT, 0.0, 0.0])
+    assert list(alone.bias) == [0.0] * 3
+    assert alone.heard == 1.0
+    assert both.bias.x < 0.0
+
+
+NUDGED = ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0)
+LOOSE, AT_LIMIT = (1.0, 1.0, 1.0), (0.0, 1.0, 1.0)
+
+
+def pushed(force, velocity, free, pair=None, innovation=0.0, gains=NUDGED):
+    """The observer's memory after a measured velocity, of a hover in which the force is only believed."""
+    command = standing_command(ARM)
+    before = dataclasses.replace(first_observed(2, command.rotor_speeds, pair is not None), force=vec(force))
+    before = dataclasses.replace(before, innovation=innovation)
+    measured = dataclasses.replace(
+        blank_measurement(2, 4), velocity=vec(velocity), specific_force=Vec3(1e-9, 0.0, G), joint_rates=(1e-9, 1e-9)
+    )
+    known = Unknown(force=before.force, torque=before.torque, efforts=before.efforts)
+    done = actuation(ARM, command.rotor_speeds, command, DT)
+    gains = dataclasses.replace(gains, accelerometer=pair)
+    return observe(ARM, gains, before, measured, done, known, 1.0, free, DT)[0]
+
+
+@pytest.mark.parametrize("pair", [None, GAINS])
+@pytest.mark.parametrize("force", [(3.0, 0.0, 0.0), (-1.0, 2.0, -8.0), (0.0, 0.0, 0.01)])
+def test_a_false_force_shrinks_while_rotors_are_at_their_limit(force, pair):
+    """What is measured is the model without it: at a twentieth of the pace of the velocity alone."""
+    start = np.array(force)
+    rows = ((LOOSE, None), (AT_LIMIT, pair))
+    free, held = (np.array(list(pushed(force, (0.0, 0.0, 0.0), *row).force)) for row in rows)
+    assert np.linalg.norm(held) < np.linalg.norm(start)
+    assert held - start == pytest.approx(RELEASE * (free - start), rel=1e-4)
+    # one that is seen to be larger is held
+    more = pushed(force, 0.01 * start / np.linalg.norm(start) + start * (DT / float(ARM.vehicle.mass)), AT_LIMIT)
+    assert list(more.force) == pytest.approx(force, rel=1e-12)
+
+
+def test_a_force_never_grows_while_rotors_are_at_their_limit():
+    rng, shrank = np.random.default_rng(5), 0
+    for _ in range(60):
+        force = rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 1.0)
+        held = pushed(force, rng.normal(size=3) * 10.0 ** rng.uniform(-3.0, 0.5), AT_LIMIT, GAINS)
+        after, before = np.linalg.norm(list(held.force)), np.linalg.norm(force)
+        assert after <= before * (1.0 + 1e-9)
+        shrank += after < before * (1.0 - 1e-9)
+    assert 10 < shrank < 50
+
+
+def test_a_velocity_that_leaps_must_come_twice():
+    at = [np.array(list(pushed((0.0,) * 3, (v, 0.0, 0.0), LOOSE).force)) for v in (JUMP, 0.5 * JUMP, 5.0, -40.0)]
+    assert at[1] == pytest.approx(0.5 * at[0], rel=1e-6)
+    assert at[2] == pytest.approx(at[0], rel=1e-6)
+    assert at[3] == pytest.approx(-at[0], rel=1e-6)
+    leaps = pushed((0.0,) * 3, (3.0, 4.0, 0.0), LOOSE)
+    assert leaps.innovation == pytest.approx(5.0, rel=1e-6)
+    assert np.linalg.norm(list(leaps.velocity)) == pytest.approx(JUMP * (1.0 - np.exp(-54.0 * DT)), rel=1e-3)
+    # as large as in the period before, and by 0.3 m/s more: all of it
+    again, more, beyond = (
+        np.array(list(pushed((0.0,) * 3, (v, 0.0, 0.0), LOOSE, innovation=5.0).force)) for v in (5.0, 5.0 + JUMP, 9.0)
+    )
+    assert again == pytest.approx(at[0] * 5.0 / JUMP, rel=1e-6)
+    assert more == pytest.approx(at[0] * (5.0 + JUMP) / JUMP, rel=1e-6)
+    assert beyond == pytest.approx(more, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1.0, 20.0])
+def test_a_single_false_velocity_moves_the_force_by_no_more_with_an_accelerometer(size):
+    """Of what is felt nothing changed: the velocity is wrong, and neither is believed."""
+    most = np.linalg.norm(list(pushed((0.0,) * 3, (JUMP, 0.0, 0.0), LOOSE).force))
+    spiked = pushed((0.0,) * 3, (size, 0.0, 0.0), LOOSE, GAINS)
+    assert np.linalg.norm(list(spiked.force)) <= most * (1.0 + 1e-6)
+    assert spiked.agreed < 1e-5
 
 
 def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():

@@ -341,9 +341,9 @@ class WrittenLaw(WrittenParts):
             self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
             self.rates = (translation[0], *self.rates[1:])
             self.left, self.jump, force = poles[2] ** 2 * errors[2], size, R @ force
-            # at a limit it may shrink, slowly
+            # at a limit it may shrink, slowly, until it is least
             self.d = (
-                self.d[0] + force * max(self.free[0], 0.05 if self.d[0] @ force < 0 else 0.0),
+                self.d[0] + force * max(self.free[0], np.clip(-self.d[0] @ force / (force @ force + 1e-9), 0.0, 0.05)),
                 self.d[1] + torque * self.free[0],
                 self.d[2] + efforts * self.free[1:],
             )

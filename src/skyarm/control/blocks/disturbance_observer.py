@@ -127,7 +127,7 @@ JUMP = 0.3
 believed in the second."""
 
 SMALL = 1e-9
-"""Added to the square of an acceleration ((m/s^2)^2), as a divisor."""
+"""Added to the square of a speed, an acceleration or a force, as a divisor."""
 
 
 @immutable
@@ -310,6 +310,8 @@ def observe(
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
+    # up to where the force is least: beyond, or across, it would grow
+    shrinking = maximum(divide(-memory.force.dot(push), push.dot(push) + SMALL), 0.0)
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
@@ -317,7 +319,7 @@ def observe(
         velocity=base.velocity,
         rate=w + ew * fast[1],
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
-        force=memory.force + push * maximum(free[0], where(memory.force.dot(push) < 0.0, RELEASE, 0.0)),
+        force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(map(data, speeds)),
