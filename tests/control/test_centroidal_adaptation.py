@@ -15,7 +15,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.adaptation import adapt, felt_load, tip_velocity, unit_load
+from skyarm.control.laws.centroidal.adaptation import adapt, adaptation_gains, felt_load, tip_velocity, unit_load
 from skyarm.control.laws.centroidal.step_records import Planned
 from skyarm.control.model import Model
 from skyarm.reference import Sine
@@ -453,6 +453,35 @@ def test_the_largest_damping_is_that_of_the_joints_inertia():
     gains = law().parts.adaptation
     np.testing.assert_allclose([high for _, high in gains.damping_limits], STICKIEST * np.diag(M)[6:], rtol=1e-10)
     np.testing.assert_allclose(gains.modelled, MODELLED * np.diag(M)[6:], rtol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_learned_damping_of_the_models_joints_takes_no_more_than_their_loop_gives(seed):
+    """The arm's fastest mode under it, base and all joints free: of a long arm it decays as fast as the loop's damping.
+
+    By eigenvalues of Pinocchio's mass matrix. Of arms whose modes are slow a share of the joints' inertias is bound.
+    """
+    pytest.importorskip("pinocchio")
+    rng, n = np.random.default_rng([31, seed]), 1 + seed % 5
+    vehicle = random_vehicle(rng, n)
+    still = RandomState(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(n), np.zeros(6 + n))
+    M, damping = TWINS["pinocchio"](vehicle).mass_matrix(still), 60.0
+    gains = adaptation_gains(vehicle, 0.3, 0.2, 0, damping, (0.0,) * n)
+    own = MODELLED * np.diag(M)[6:]
+
+    def fastest(dampings):
+        return np.linalg.eigvals(np.linalg.inv(M)[6:, 6:] @ np.diag(dampings)).real.max()
+
+    assert fastest(gains.modelled) == pytest.approx(min(damping, fastest(own)), rel=1e-9)
+    np.testing.assert_allclose(gains.modelled / own, gains.modelled[0] / own[0], rtol=1e-9)
+    halved = adaptation_gains(vehicle, 0.3, 0.2, 0, 0.5 * fastest(own), (0.0,) * n)
+    np.testing.assert_allclose(halved.modelled, 0.5 * own, rtol=1e-9)
+
+
+def test_the_damping_that_bounds_it_is_that_of_the_laws_joint_loop():
+    long = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
+    own, half = (make_centroidal(long, arm=(900.0, kd)).par.parts.adaptation.modelled for kd in (60.0, 30.0))
+    np.testing.assert_allclose(half, 0.5 * np.array(own), rtol=1e-9)
 
 
 def loaded(scenario, kg):

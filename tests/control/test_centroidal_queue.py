@@ -199,6 +199,21 @@ def test_by_a_known_delay_of_the_commands_the_reference_is_ahead():
     assert ahead != old.law(old.memory, level, moving, DT, par=old.par)[1]
 
 
+@pytest.mark.parametrize(("told", "late"), [(9, -8), (9, 3), (2, 0)])
+def test_a_known_delay_that_is_too_long_is_no_lead_and_shortens_the_age(told, late):
+    """40 ms less than told: the command acts after one period, and the reference is not read in the past."""
+    controller = make_centroidal(MODEL, delay=told * DT)
+    memory, gains = underway(controller, SENT[:1]), controller.par.parts.lag
+    lags = np.arange(-gains.earlier, 9)
+    paid = tuple(0.0 if each == late else 0.9 for each in lags)
+    lag = dataclasses.replace(memory.parts.lag, base=dataclasses.replace(memory.parts.lag.base, paid=paid))
+    timing = law_module.time_of_action(controller.par, with_parts(memory, lag=lag), DT)
+    assert timing.late == pytest.approx(late * DT, abs=1e-6)
+    assert timing.lead == pytest.approx(max(late, 0) * DT, abs=1e-6)
+    assert timing.age == pytest.approx(told + late, abs=1e-3)
+    assert controller.par.lead_periods == 0
+
+
 def test_the_preview_counts_from_when_the_command_acts():
     """Commands 15 or 100 ms late: samples to come are so much nearer, and at least a period away."""
     goal = hovering()[1]

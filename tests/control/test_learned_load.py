@@ -24,6 +24,7 @@ from skyarm.control.laws.centroidal.contact.load import (
     missing,
 )
 from skyarm.control.model import Model
+from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.linkage import Body
@@ -287,3 +288,23 @@ def test_other_limits_are_refused_in_one_line(limit):
 def test_a_vehicle_without_an_arm_has_no_load_to_learn():
     with pytest.raises(ControllerError, match=r"controller\.load = 0\.5: must be 0"):
         make_centroidal(Model(vehicle=skyarm.load_vehicle("tilted_hexarotor"), gravity=G), load=0.5)
+
+
+def test_without_a_mass_the_bandwidths_are_the_laws_own():
+    """To the bit."""
+    changed = GAINS.adjust_gains(NONE, LAW, DT)
+    for name in ("base", "center", "joint_gains", "tip", "observer"):
+        assert leaves(getattr(changed, name)) == leaves(getattr(LAW, name))
+
+
+@pytest.mark.parametrize("mass", [0.03, 0.12, 0.6])
+def test_with_a_heavy_load_the_bandwidths_are_085_of_that(mass):
+    """Stiffness by the square. Half of it at a fifth of the limit; all of it with a mass without bound."""
+    changed = GAINS.adjust_gains(dataclasses.replace(NONE, mass=mass), LAW, DT)
+    share = 1.0 - 0.15 * mass**2 / (mass**2 + 0.12**2)
+    assert changed.base.attitude.x == pytest.approx(share**2 * LAW.base.attitude.x)
+    assert changed.base.rate.x == pytest.approx(share * LAW.base.rate.x)
+    assert changed.joint_gains.damping == pytest.approx([share * each for each in LAW.joint_gains.damping])
+    assert changed.observer.joints == pytest.approx(share * LAW.observer.joints)
+    heavy = GAINS.adjust_gains(dataclasses.replace(NONE, mass=1e4), LAW, DT)
+    assert heavy.base.rate.x == pytest.approx(0.85 * LAW.base.rate.x)

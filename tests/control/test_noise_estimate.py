@@ -151,6 +151,17 @@ def test_the_poles_of_the_accelerometer_go_with_both_noises(seen, felt):
     assert observer.accelerometer.velocity == pytest.approx(np.clip(8.0 * ratio, SLOWEST, QUICKEST))
 
 
+@pytest.mark.parametrize("times", [0.5, 1.0, 4.0])
+def test_an_accelerometer_may_part_from_a_noisy_velocity_by_as_many_deviations(times):
+    """The accepted difference goes with the velocity's deviation beyond the bench's, whatever the accelerometer's."""
+    par = make_centroidal(MODEL).par
+    gains, noise = par.parts.noise, (times * SEEN) ** 2 / DT
+    for felt in (0.0, (3.0 * FELT) ** 2 / DT):
+        memory = NoiseMemory(velocity=of_variance(noise), accelerometer=of_variance(felt))
+        found = gains.adjust_gains(memory, par, DT).observer.accelerometer
+        assert found.agreement == pytest.approx(par.observer.accelerometer.agreement * max(times, 1.0))
+
+
 def test_an_observer_that_takes_velocities_whole_keeps_its_bandwidth():
     """Nothing is left of a reading: each change of it is one of the model's force."""
     assert fed(white(0.1, 1.0), bandwidth=1e6)[-1].velocity.share(GAINS.density, DT) < 1.0
