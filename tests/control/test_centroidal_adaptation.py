@@ -456,7 +456,7 @@ def test_the_largest_damping_is_that_of_the_joints_inertia():
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_the_learned_damping_of_the_models_joints_takes_no_more_than_their_loop_gives(seed):
+def test_the_learned_damping_takes_no_more_than_the_joints_loop_gives(seed):
     """The arm's fastest mode under it, base and all joints free: of a long arm it decays as fast as the loop's damping.
 
     By eigenvalues of Pinocchio's mass matrix. Of arms whose modes are slow a share of the joints' inertias is bound.

@@ -210,7 +210,7 @@ def test_the_force_is_that_of_the_velocity_as_far_as_the_accelerometer_disagrees
 
 
 @pytest.mark.parametrize("size", [20.0, 60.0, 1000.0])
-def test_a_spike_moves_the_force_by_the_largest_acceleration_at_most_and_is_forgotten(size):
+def test_a_spike_moves_the_force_by_a_bounded_part_and_is_forgotten(size):
     found = world(np.zeros((500, 3)), lambda k, y: y + np.array([size, 0.0, 0.0]) if k == 50 else y, noise=0.0)
     changes = np.array([list(base.change) for *_, base in found])
     share = 1.0 - np.exp(-40.0 * DT)

@@ -120,7 +120,7 @@ def test_a_model_has_the_armature_of_its_quick_joints_alone():
     assert with_held_damping(plain, (0, 0), DT) is plain
 
 
-def test_damping_is_doubted_beyond_what_the_model_takes_without_harm_and_up_to_what_is_sure():
+def test_damping_is_doubted_beyond_the_harmless_and_up_to_the_sure():
     unit = 1.0 / (FREE[1] * DT)
     for decay, doubted in (
         (0.0, 0.0), (0.999 * QUICK, 0.0), (1.001 * QUICK, 0.001 * QUICK), (1.0, 1.0 - QUICK),

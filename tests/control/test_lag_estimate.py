@@ -257,7 +257,7 @@ def test_a_known_delay_that_is_longer_than_the_true_one_is_a_lag_below_zero(told
     assert gains.shares(memory, DT) == pytest.approx((1.0, 1.0), abs=0.02)
 
 
-def test_an_arm_at_rest_does_not_take_the_joints_bandwidth_where_a_known_delay_is_too_long():
+def test_an_arm_at_rest_takes_no_bandwidth_where_a_known_delay_is_too_long():
     """It shows no lag at all: 40 ms more than the rotors'. Later than told is another matter."""
     gains = lag_gains(0.02, 0.012, DT, 9)
     still = dataclasses.replace(flown(1, seconds=1.2, gains=gains), arm=gains.start(2).arm, count=400.0)
