@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.control.blocks.actuators import command_for
-from skyarm.control.blocks.disturbance_observer import RELEASE, filter_pose, first_observed, nearer_sign, observe
+from skyarm.control.blocks.disturbance_observer import filter_pose, first_observed, nearer_sign, observe
 from skyarm.control.blocks.prediction import Disturbance, acceleration, actuation, predict_across, with_side
 from skyarm.control.blocks.stale_readings import Fresh
 from skyarm.control.catalogue import make_controller
@@ -209,7 +209,7 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
         shares = np.repeat(free, [6, 1, 1]).astype(float)
         # a force that shrinks does so at a limit, too, until it is least
         along = missed[:3] @ [1.0, 2.0, 3.0]
-        shares[:3] = np.maximum(shares[:3], np.clip(-along / (missed[:3] @ missed[:3]), 0.0, RELEASE))
+        shares[:3] = np.maximum(shares[:3], np.clip(-along / (missed[:3] @ missed[:3]), 0.0, 0.05))
         held = shares * missed + [1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.3, 0.4]
         # 1e-5 rad/s of prediction, times inertia and (1 - b)^2 / dt = 4 per second
         np.testing.assert_allclose(learned, held, atol=2e-5)
