@@ -10,9 +10,6 @@ from scipy.linalg import expm
 
 import skyarm
 from skyarm.control.blocks.held_damping import (
-    QUICK,
-    SMALL,
-    SURE,
     doubted_dampings,
     held_damping,
     joint_mobilities,
@@ -53,7 +50,7 @@ def test_the_friction_acts_amid_the_period_if_slow_and_at_its_end_if_quick():
     assert weight(1e-7) == pytest.approx(0.5, abs=1e-7)
     assert weight(1e6) == pytest.approx(1.0, abs=2e-6)
     assert held_damping(0.0, 1.0 / DT, DT) == 0.0
-    assert weight(SMALL * (1.0 - 1e-9)) == pytest.approx(weight(SMALL * (1.0 + 1e-9)), abs=1e-11)
+    assert weight(0.02 * (1.0 - 1e-9)) == pytest.approx(weight(0.02 * (1.0 + 1e-9)), abs=1e-11)
     rows = [weight(x) for x in np.geomspace(1e-4, 1e3, 300)]
     assert np.all(np.diff(rows) > 0.0)
 
@@ -85,7 +82,7 @@ FREE = joint_mobilities(ARM.with_joints(damping=100.0), DT)
 
 
 def test_friction_is_quick_from_a_tenth_of_decay_in_a_period():
-    slow, quick = (share * QUICK / (FREE[1] * DT) for share in (0.999, 1.001))
+    slow, quick = (share * 0.1 / (FREE[1] * DT) for share in (0.999, 1.001))
     assert joint_mobilities(with_friction((0.0, 0.0), (slow, 0.0)), DT) == (0, 0)
     assert joint_mobilities(with_friction((0.0, 0.0), (quick, 0.0)), DT) == (0, FREE[1])
     # dry friction by its slope at rest, and both together
@@ -123,8 +120,8 @@ def test_a_model_has_the_armature_of_its_quick_joints_alone():
 def test_damping_is_doubted_beyond_the_harmless_and_up_to_the_sure():
     unit = 1.0 / (FREE[1] * DT)
     for decay, doubted in (
-        (0.0, 0.0), (0.999 * QUICK, 0.0), (1.001 * QUICK, 0.001 * QUICK), (1.0, 1.0 - QUICK),
-        (0.999 * SURE, 0.999 * SURE - QUICK), (1.001 * SURE, 0.0), (50.0, 0.0),
+        (0.0, 0.0), (0.999 * 0.1, 0.0), (1.001 * 0.1, 0.001 * 0.1), (1.0, 1.0 - 0.1),
+        (0.999 * 5.0, 0.999 * 5.0 - 0.1), (1.001 * 5.0, 0.0), (50.0, 0.0),
     ):  # fmt: skip
         vehicle = with_friction((0.0, 0.0), (decay * unit, 0.0))
         found = doubted_dampings(vehicle, (0, FREE[1]), DT)
