@@ -36,7 +36,7 @@ SURE = 5.0
 the planned rate it moves no pole, and costs 1 % of the tip's error where it is true. At x = 10 that would be 46 %."""
 
 SMALL = 0.02
-"""Decay x below which w is its series, whose next term is 3e-12."""
+"""Decay x below which w is its series, whose next term is 1e-18."""
 
 
 def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
