@@ -222,16 +222,18 @@ class Accelerometer:
         ``v`` and ``change`` are those of the measured velocity alone, ``new`` the flags of velocity and specific force.
         """
         r = R @ (y - self.b - thrust) - a - g * UP
-        ahead = self.v + dt * (a + r)
+        present = float(np.any(y != 0.0))
+        there = new[1] * present
+        ahead = self.v + dt * (a + there * r)
         e, beta = (seen - ahead) * new[0], np.exp(-self.velocity * dt)
         ratio = self.agreement / np.sqrt(e @ e + 1e-9)
         # of a wrong accelerometer's error a part is left, twice what is accepted at most for each period
         self.v = ahead + e - beta**2 * min(1.0, 2.0 * ratio) * e
-        trust, there = min(ratio, 1.0), new[1] * float(np.any(y != 0.0))
+        trust = min(ratio, 1.0)
         self.used = min(trust**4, self.used + dt)
         self.b = np.clip(self.b - there * trust * (1 - beta) ** 2 / dt * (R.T @ e), -5.0, 5.0)
-        use = there * self.used
-        share = use * free
+        use = present * self.used
+        share = there * self.used * free
         bounded = r * min(1.0, 10.0 / np.sqrt(r @ r + 1e-9))
         return (
             use * self.v + (1 - use) * v,

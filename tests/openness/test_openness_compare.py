@@ -98,7 +98,8 @@ def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_pa
     [
         (
             ["paper"],
-            "suite = 'paper': must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, or a scenario",
+            "suite = 'paper': must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, "
+            "or a scenario",
         ),
         (["case3", "--only", "noisy"], "--only: must be left out for scenario case3"),
         (["case3", "--laws", "anlges"], "controller = 'anlges'"),

@@ -22,7 +22,7 @@ A blow is over before a rotor answers it: the force takes r up to ``MOST``, the 
 
 An accelerometer that is stuck, late, turned round or spiked parts from the measured velocity: e is the leaky integral
 of their difference. Beyond ``agreement`` velocity and force go over to those of the measured velocity alone, with
-(agreement / |e|)^4, and return slowly. A reading of the velocity that leaps by more than ``JUMP`` must come twice.
+(agreement / |e|)^4, and return slowly. What a leap of the measured velocity gives beyond ``JUMP`` must come twice.
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
 predict over them.
 
@@ -98,7 +98,6 @@ class AccelerometerGains:
         Unit(
             "m/s",
             "difference of measured and integrated velocity up to which the accelerometer is used in full",
-            effect="higher values use a wrong accelerometer more, lower ones a noisy one less",
         ),
     ] = AGREEMENT
 
@@ -120,7 +119,8 @@ LEFT = 2.0
 single false reading leaves must fade, what a wrong accelerometer adds in each period must show."""
 
 RETURN = 1.0
-"""Time (s) in which an accelerometer that disagreed is used in full again."""
+"""Time (s) in which an accelerometer that disagreed is used in full again: with one false reading in a hundred it is
+left out, and errors are those of a law without one."""
 
 JUMP = 0.3
 """Largest growth (m/s) of the innovation of the velocity in one period that is believed at once. What lasts for two is
@@ -196,20 +196,21 @@ def measure_translation(
         dt: s.
     """
     felt = measurement.specific_force
+    there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
+    new = there * fresh.specific_force
     beside = R.apply(felt - seen.bias - modelled)
-    ahead = seen.integrated + (linear + beside) * dt
+    ahead = seen.integrated + (linear + beside * new) * dt
     e = (measurement.velocity - ahead) * fresh.velocity
     ratio = divide(gains.agreement, sqrt(e.dot(e) + SMALL))
     fast, slow = double_pole(gains.velocity, dt)
     integrated = ahead + e * (1.0 - (1.0 - fast) * minimum(1.0, LEFT * ratio))
-    trust, there = minimum(1.0, ratio), where(felt.dot(felt) > 0.0, fresh.specific_force, 0.0)
+    trust = minimum(1.0, ratio)
     square = trust * trust
     agreed = minimum(square * square, seen.agreed + dt * (1.0 / RETURN))
-    used = there * agreed
-    share = used
+    used, share = there * agreed, new * agreed
     for each in free:
         share = mul(share, each)
-    bias = seen.bias - R.apply_T(e) * mul(there * trust, divide(slow, dt))
+    bias = seen.bias - R.apply_T(e) * mul(new * trust, divide(slow, dt))
     taken = beside * minimum(1.0, divide(MOST, sqrt(beside.dot(beside) + SMALL)))
     return Felt(
         velocity=integrated * used + seen.velocity * (1.0 - used),

@@ -207,7 +207,7 @@ class CentroidalParameters:
     parts: Parts
 
     def refit(self, memory: Any, model: Model, control_period: float) -> tuple[CentroidalParameters, Any]:
-        """Constants and initial state of the law after a change of its ``model``; ``control_period`` in s."""
+        """Mobilities and doubted damping of the law, after a change of its ``model``; ``control_period`` in s."""
         vehicle, mobilities = model.vehicle, joint_mobilities(model.vehicle, control_period)
         par, gains = dataclasses.replace(self, mobilities=mobilities), self.parts.adaptation
         if gains is None:
