@@ -24,6 +24,17 @@ GOLDEN = 0.6180339887498949
 """Ratio of the weights of a quantity's numbers: no two that move against each other have a sum that stands still."""
 
 
+RATES = {
+    "position": "velocity",
+    "quaternion": "rate",
+    "velocity": "velocity",
+    "rate": "rate",
+    "specific_force": "specific_force",
+    "joints": "joint_rates",
+    "joint_rates": "joint_rates",
+}
+"""Quantities of a measurement, each with the one that tells whether it may repeat: its rate, or for a rate itself."""
+
 RESTING = 1e-18
 """Square of a weighted sum of rates ((m/s)^2, (rad/s)^2) up to which they rest: the rounding of a state of equilibrium,
 far below what any sensor resolves."""
@@ -57,27 +68,12 @@ class Readings:
     @staticmethod
     def of(measurement: Measurement) -> Readings:
         """Weighted sums of a measurement."""
-        return Readings(
-            position=_sum(measurement.position),
-            quaternion=_sum(measurement.quaternion),
-            velocity=_sum(measurement.velocity),
-            rate=_sum(measurement.rate),
-            specific_force=_sum(measurement.specific_force),
-            joints=_sum(measurement.joints),
-            joint_rates=_sum(measurement.joint_rates),
-        )
+        return Readings(**{name: _sum(getattr(measurement, name)) for name in RATES})
 
     def fresh(self, now: Readings) -> Fresh:
         """Flags of the quantities that are new in the measurement whose sums are ``now``."""
-        return Fresh(
-            position=_is_new(self.position, now.position, now.velocity),
-            quaternion=_is_new(self.quaternion, now.quaternion, now.rate),
-            velocity=_is_new(self.velocity, now.velocity, now.velocity),
-            rate=_is_new(self.rate, now.rate, now.rate),
-            specific_force=_is_new(self.specific_force, now.specific_force, now.specific_force),
-            joints=_is_new(self.joints, now.joints, now.joint_rates),
-            joint_rates=_is_new(self.joint_rates, now.joint_rates, now.joint_rates),
-        )
+        rows = ((name, getattr(now, rate)) for name, rate in RATES.items())
+        return Fresh(**{name: _is_new(getattr(self, name), getattr(now, name), rate) for name, rate in rows})
 
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
