@@ -76,10 +76,15 @@ def desired(scenario, t, h=1e-3):
 def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull):
     scenario = skyarm.scenario_from(tables)
     (body,) = tables["world"]["objects"]
+    above = CORNERS["front"][2]
     places = np.array([grasp["place"] for grasp in tables["world"]["grasps"]])
     for t in (0.6, 2.2, 3.1, 4.4, 6.3):
         x, a, R, moment = desired(scenario, t)
         arms = places @ R.T
+        if len(arms) == 2:  # a rod turns freely about the line of its grasps: the apparent weight has no lever
+            down = np.add(a, [0.0, 0.0, 9.81])
+            down -= R[:, 1] * (R[:, 1] @ down)
+            arms = places[:, 1:2] * R[:, 1] + above * down / np.linalg.norm(down)
         cross = [np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]]) for r in arms]
         G = np.vstack([np.hstack([np.eye(3)] * len(arms)), np.hstack(cross)])
         wrench = np.concatenate([body["mass"] * np.add(a, [0.0, 0.0, 9.81]), moment])

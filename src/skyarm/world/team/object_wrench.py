@@ -14,7 +14,8 @@ the loops of the members; the proportional part h leaves d / (1 + h) of a misfit
 that of a late clock. Below h = 1 this loop is stable with any age of the pose that is small against 1 / k (small gain).
 e is left out of ball grasps only: a moment in a fixed grasp, or the tilt of a vehicle on a cable, is an error of the
 tip that lasts, and the integrals have to remove it. There the proportional part would act on the members' own loops,
-and is 0.
+and is 0. The integral feeds the sway of a body on cables of length l at the rate k / 2; its velocity damps the sway,
+by ``swing``, from k l / g on (Routh).
 
 Observers of members that hold one body stiffly fight: each compensates the pull of the others, so that the pull grows
 by about 90 N/s for each metre that the grasps are misplaced, until a joint is at its limit. Here the observers forget
@@ -308,7 +309,7 @@ class ObjectWrench(Sharing):
         pose = team._pose_errors(own.pose, inputs, course, arms, dt)
         ahead, aslant = pose.place + pose.off * self.pose_shift, pose.turn + pose.askew * self.pose_shift
         missing = course.then.velocity - inputs.body.velocity
-        # not its turning: a twist on spread cables is quicker than vehicles that lean, and they would feed it
+        # not its turning: a twist on spread cables is quicker than vehicles that lean, which would feed it
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
         step = 0.5 * self.pull_gain * prompt * prompt * dt

@@ -264,9 +264,10 @@ class Team(Component[TeamMemory]):
             return path
         t = np.arange(-BEYOND, math.ceil(duration / STEP) + 1 + BEYOND) * STEP
         desired = self.motion.at(t)
-        force = self.load(desired, gravity, t)[self.members.index(member)]
+        forces = self.load(desired, gravity, t)
+        force = forces[self.members.index(member)]
         along = force * (member.length / np.sqrt(force.dot(force) + SMALL))
-        ends = desired.position + desired.R.apply(member.place) + along
+        ends = desired.position + self._hanging_arm(member, desired.R, sum(forces, ZERO3)) + along
         if vehicle.end_effector and not vehicle.n:
             heading, hook = path.yaw.derivatives(t)[0], vehicle.frame().position
             ends = ends - Vec3(
@@ -276,6 +277,20 @@ class Team(Component[TeamMemory]):
             )
         x, y, z = (sampled_curve(np.broadcast_to(each, t.shape).tolist(), STEP) for each in ends)
         return replace(path, x=x, y=y, z=z)
+
+    def _hanging_arm(self, member: Member, R: Mat3, force: Vec3) -> Vec3:
+        """Place of a grasp from the middle of the body (m, world axes) under the force (N) of all members.
+
+        A body on two cables turns freely about the line of its grasps: its middle hangs below it along the force.
+        """
+        arm = R.apply(member.place)
+        if len(self.members) != 2 or any(coerce.absent(each.length) for each in self.members):
+            return arm
+        (line,) = self.lines(self.arms(R))
+        across, pull = (each - line * each.dot(line) for each in (arm, force))
+        hung = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
+        above = where(across.dot(pull) > 0.0, 1.0, 0.0)
+        return arm + (hung - across) * above
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.
