@@ -126,7 +126,7 @@ def roll(log: Any) -> Array:
     return np.asarray(2.0 * np.arctan2(log.object_quaternion[:, 1], log.object_quaternion[:, 0]))
 
 
-SWINGING = {"swing": 0.1, "filter": 15.0}
+SWINGING = {"swing": 0.1, "filter": 20.0}
 """Options of ``object_wrench`` for bodies on cables."""
 
 TILT = 3.0

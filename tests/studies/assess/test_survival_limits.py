@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra import Vec3
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_record import Delays
-from skyarm.studies.assess.finding import FAULT, NOTE
+from skyarm.scenario.scenario_record import Delays, ScenarioError, with_words
+from skyarm.studies.assess.finding import FAULT, NOTE, OK
 from skyarm.studies.assess.survival_limits import (
     DURATION,
     HEAVIEST,
     LATEST,
     SECTIONS,
     START,
+    flight_together,
     hit_while_swinging,
     largest,
     lost,
     survival_limits,
 )
 from skyarm.world import TimedPayload
+from skyarm.world.wind import ForceWind
+from support.teams import nothing, team, with_law
 
 SCENARIO = skyarm.load_scenario("case3", controller="paper_ct")
 MASS = float(SCENARIO.agent.plant.vehicle.mass)
@@ -130,3 +135,42 @@ def test_flights_take_a_law():
         "largest load in motion",
     ]
     assert found.flies
+
+
+def test_vehicles_that_hold_a_body_fly_their_scenario_in_calm_air():
+    calm = team("bar", duration=2.0)
+    storm = with_words(calm, wind=ForceWind(force_W=Vec3(0.0, 0.0, -400.0)))
+    assert skyarm.run(storm).status != "completed"
+    (found,) = flight_together(storm)
+    assert (found.level, found.text) == (OK, "they fly together for 2 s")
+    falling = with_law(calm, nothing)
+    log = skyarm.run(falling)
+    (found,) = flight_together(falling)
+    assert (found.level, found.field) == (FAULT, "agents")
+    assert found.text.startswith(f"lost in calm air by {log.time[-1]:.3g} s: ")
+
+
+def test_no_more_than_half_a_minute_is_flown_and_an_unknown_law_is_said(monkeypatch):
+    flown = []
+
+    def refuse(scenario):
+        flown.append(scenario.duration)
+        raise ScenarioError("controller: is not here")
+
+    monkeypatch.setattr("skyarm.studies.assess.survival_limits.run", refuse)
+    (found,) = flight_together(team("bar", duration=600.0))
+    assert (found.level, found.text) == (NOTE, "not known: controller: is not here")
+    assert flown == [30.0]
+
+
+@pytest.mark.parametrize(("off", "level"), [(0.4, OK), (0.6, FAULT)])
+def test_a_held_body_that_stays_behind_is_lost_although_the_flight_ends_well(off, level, monkeypatch):
+    unfinished = (SimpleNamespace(reference="phase"),)  # a longer flight is cut
+    agents = {"left": SimpleNamespace(shortfall=SimpleNamespace(unreached=unfinished))}
+    time = np.arange(0.0, 20.0, 0.1)
+    error = np.where(time > 14.5, off, 5.0)[:, None]
+    log = SimpleNamespace(status="completed", agents=agents, time=time, team_position_error=error)
+    monkeypatch.setattr("skyarm.studies.assess.survival_limits.run", lambda _: log)
+    (found,) = flight_together(team("long_bar"))
+    assert found.level == level
+    assert (f"the body is {off:.3g} m off" in found.text) is (level == FAULT)

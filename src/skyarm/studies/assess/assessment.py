@@ -34,7 +34,7 @@ from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
-from skyarm.studies.assess.survival_limits import survival_limits
+from skyarm.studies.assess.survival_limits import flight_together, survival_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle import Vehicle
@@ -217,7 +217,9 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
             findings = (*findings, *delay_margin(hovering), *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
     first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())
-    shared = (*balance_of_bodies(bodies), *(losses(scenario, bodies, payload) if flies and len(agents) > 1 else ()))
+    shared = balance_of_bodies(bodies)
+    if flies and len(agents) > 1 and bodies:
+        shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
     if len(agents) == 1:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
     return replace(first, name=scenario.name, findings=shared, agents=agents)

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyarm.algebra import Sym3, Vec3
-from skyarm.control.controller import part_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
@@ -36,12 +35,6 @@ if TYPE_CHECKING:
 
 WITH_SHARE = " with its share"
 """Words behind the questions about a vehicle that bears its share of the bodies."""
-
-HEAVY, CALMEST = 1.0 / 3.0, 0.85
-"""Share over the vehicle's own weight above which lower gains while it carries than this factor may lose it.
-
-Of some eighty drawn teams with 0.6 six are above it, of which four were lost, and two of the others; two of the four
-were flown again with 0.85 and placed the body."""
 
 LEVER = 1e-4
 """Lever (m) of a weight about its grasps, and slope of its cables, that count as rounding."""
@@ -225,12 +218,7 @@ def load_of(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: f
     used = [(each.value / each.limit, each.question.removesuffix(poses.held)) for each in joints if each.limit > 0.0]
     text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""
     turns = [replace(each, question=f"{each.question}{WITH_SHARE}") for each in torque_authority(poses)]
-    calmed, of_own = part_of(scenario.agents[name].controller.par, "carrying"), share / (thrust - share)
-    level, remedy = NOTE, ""
-    if calmed is not None and of_own > HEAVY and calmed.bandwidth < CALMEST:
-        text += f"; it is {of_own:.0%} of the vehicle's own weight, which may turn it over with gains so low"
-        level, remedy = WARNING, f"carrying = {CALMEST:g} in place of {calmed.bandwidth:g}, or a lighter body"
-    return [Finding("load share", level, text, "world.grasps", remedy, share, unit="N"), *margins, *joints, *turns]
+    return [Finding("load share", NOTE, text, "world.grasps", value=share, unit="N"), *margins, *joints, *turns]
 
 
 def _spare(margin: Finding) -> str:

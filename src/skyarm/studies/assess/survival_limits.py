@@ -1,7 +1,8 @@
 """Check by short flights: the largest blow, lateness of the commands and load in motion that a law survives.
 
 The scenario's vehicle hovers in calm air and swings slowly along x. Each number is cut into
-sections, up to the first one in which a flight is lost; all flights are one batch.
+sections, up to the first one in which a flight is lost; all flights are one batch. Several vehicles that hold a body
+fly their own scenario.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Windowed
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
-from skyarm.studies.assess.finding import FAULT, NOTE, Finding
+from skyarm.simulate.loop import run
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
 from skyarm.studies.flights import Work
 from skyarm.studies.flights.fly import fly
 from skyarm.studies.stability.flight_margins import hovering
-from skyarm.world import Disturbance, TimedPayload
+from skyarm.world import NO_WIND, Disturbance, TimedPayload
 from skyarm.world.signal_vector import SignalVector
 
 QUESTION = "flight in calm air"
@@ -40,6 +42,9 @@ START, DURATION = 3.0, 10.0
 
 SWING = Product(Sine(amplitude=0.2, frequency_hz=0.25), Ramp(start=0.5, duration=2.0, height=1.0, shape="quintic"))
 """Motion of the base along x, m."""
+
+LONGEST = 30.0
+"""Time (s) for which several vehicles are flown together at most."""
 
 FASTEST, LATEST, HEAVIEST = 5.0, 0.1, 0.5
 """Largest change of speed (m/s), lateness (s) and load (of the vehicle's mass) that are flown."""
@@ -88,6 +93,27 @@ def survival_limits(scenario: Scenario) -> list[Finding]:
         text = f"{name} survives {value:.3g} {unit} {words}; {end:.3g} {unit} is the most that is flown"
         findings.append(Finding(f"largest {kind}", NOTE, text, value=value, limit=end, unit=unit))
     return findings
+
+
+def flight_together(scenario: Scenario) -> list[Finding]:
+    """Check result of several vehicles that hold a body, from their own flight in calm air: a fault if it is lost.
+
+    Loops that are stable alone may shake each other through the body.
+    """
+    try:
+        log = run(with_words(scenario, duration=min(scenario.duration, LONGEST), wind=NO_WIND, air=()))
+    except (ScenarioError, ControllerError) as error:
+        return [Finding(QUESTION, NOTE, f"not known: {error}")]
+    missed = [] if log.status == "completed" else [str(log.info["cause"])]
+    for name, own in log.agents.items():
+        missed += [f"{name}: {each}" for each in own.shortfall.unreached if each.reference in ("position", "tip")]
+    if scenario.team:
+        off = float(np.mean(log.team_position_error[log.time > log.time[-1] - LAST]))
+        missed += [f"the body is {off:.3g} m off"] if off > LARGEST_ERROR else []
+    if not missed:
+        return [Finding(QUESTION, OK, f"they fly together for {log.time[-1]:.3g} s")]
+    text = f"lost in calm air by {log.time[-1]:.3g} s: {missed[0]}"
+    return [Finding(QUESTION, FAULT, text, "agents", "a lighter body, carrying = 0.85 or other gains")]
 
 
 def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:

@@ -289,8 +289,7 @@ class Team(Component[TeamMemory]):
         (line,) = self.lines(self.arms(R))
         across, pull = (each - line * each.dot(line) for each in (arm, force))
         hung = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
-        above = where(across.dot(pull) > 0.0, 1.0, 0.0)
-        return arm + (hung - across) * above
+        return arm + (hung - across) * where(across.dot(pull) > 0.0, 1.0, 0.0)
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.
