@@ -34,6 +34,7 @@ from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
+from skyarm.studies.assess.survival_limits import QUESTION as CALM
 from skyarm.studies.assess.survival_limits import flight_together, survival_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
@@ -167,8 +168,13 @@ def check(
     if gravity is not None:
         raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
     require_shapes(what)
+    if flights and payload:
+        raise ValueError(f"--payload = {payload:g}: must be left out beside --flights: state payloads in the scenario")
     found = assess_scenario(what, payload=payload, poses=poses)
-    return replace(found, findings=(*found.findings, *survival_limits(what))) if flights and found.flies else found
+    if not flights:
+        return found
+    flown = survival_limits(what) if found.flies else [Finding(CALM, NOTE, "not flown: a fault above")]
+    return replace(found, findings=(*found.findings, *flown))
 
 
 def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:
