@@ -46,9 +46,7 @@ def main() -> None:
             found = compare("survive-suite", LAWS, out, vehicle=vehicle, quick=quick, **options).document
             if given.vehicles:
                 lost = survive_rows(found)[-1][1:]
-                print_row(
-                    [f"`{vehicle}`", *lost, ", ".join(each.replace("_", " ") for each in worse_conditions(found))]
-                )
+                print_row([f"`{vehicle}`", *lost, ", ".join(worse_conditions(found))])
             else:
                 print_table(["condition", *heads], survive_rows(found))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import SPIKED, START, FaultySensors
 from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, survive_rows, worse_conditions
@@ -20,7 +22,10 @@ from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
 
-SIMPLER = "hybrid_computed_torque_tuned"
+SIMPLER, ADAPTIVE = "hybrid_computed_torque_tuned", "kim2013_tuned"
+"""Simpler laws: the first is lost on a vehicle of six joints as it is, the second flies there."""
+
+HEXAROTOR = "hexarotor_arm6"
 
 QUICK = (
     *("bump", "upside_down", "turn_round", "damping", "told", "frozen", "commands_late", "landing", "thrust"),
@@ -28,20 +33,31 @@ QUICK = (
 )
 """Conditions that fit into three seconds."""
 
-OPEN: set[str] = set()
-"""Conditions in which the flagship is lost and the simpler law flies; each that is repaired leaves the set."""
+OPEN = {"hexarotor_arm6: damping 30"}
+"""Conditions in which the flagship is lost and a simpler law flies; each that is repaired leaves the set."""
 
 
-def flown(**options):
-    suite = SurviveSuite(laws=(FLAGSHIP, SIMPLER), quick=True, **options)
+def flown(simpler=SIMPLER, **options):
+    suite = SurviveSuite(laws=(FLAGSHIP, simpler), quick=True, **options)
     todo, refused = suite.plan_cells()
     return suite, todo, suite.options | suite.judge(todo, [cell_of(each) for each in todo], refused)
 
 
+def behind(found):
+    """Conditions of a vehicle in which the flagship is lost more often, beside those that are known."""
+    here = {f"{found['vehicle']}: {row}" for row in found["rows"]}
+    return {f"{found['vehicle']}: {row}" for row in worse_conditions(found)}, OPEN & here
+
+
 def test_the_flagship_is_lost_nowhere_where_a_simpler_law_flies():
     suite, _, found = flown(conditions=QUICK)
-    assert set(worse_conditions(found)) == OPEN
-    assert set(worse_conditions(found, SIMPLER)) >= {"bump 3 m/s", "turn_round 180 deg", "commands_late 0.03 s"}
+    worse, known = behind(found)
+    assert worse == known == set()
+    for row, entry in found["rows"].items():
+        if row.startswith(("accelerometer", "frozen", "told")):
+            own, other = (entry["laws"][law]["worst"] for law in (FLAGSHIP, SIMPLER))
+            assert own <= 3.0 * other, row
+    assert set(worse_conditions(found, SIMPLER)) >= {"bump 3 m/s", "turn round 180 deg", "commands late 0.03 s"}
     *rows, total = survive_rows(found)
     assert len(rows) == len(QUICK)
     assert int(total[1]) < int(total[2])
@@ -50,6 +66,13 @@ def test_the_flagship_is_lost_nowhere_where_a_simpler_law_flies():
     lost["rows"]["told 0.065 s"]["laws"][FLAGSHIP]["lost"] = 3
     told = suite.report(lost).markdown()
     assert "centroidal_tip is lost more often in told 0.065 s than hybrid_computed_torque_tuned." in told
+
+
+@pytest.mark.parametrize("conditions", [("bump", "turn_round"), pytest.param(("damping",), marks=pytest.mark.thorough)])
+def test_on_six_joints_the_flagship_is_lost_nowhere_but_where_it_is_known(conditions):
+    _, _, found = flown(ADAPTIVE, vehicle=HEXAROTOR, conditions=conditions)
+    worse, known = behind(found)
+    assert worse == known
 
 
 def scenario_of(trial, **made):
@@ -81,7 +104,7 @@ def test_a_lane_is_the_flight_with_its_numbers():
 
 
 def test_damping_of_one_lets_the_fastest_motion_fall_to_a_fraction_e_within_a_period():
-    vehicle = load_vehicle("hexarotor_arm6")
+    vehicle = load_vehicle(HEXAROTOR)
     M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
     # the base is free: what the joints move is the Schur complement
     moved = M[6:, 6:] - M[6:, :6] @ np.linalg.solve(M[:6, :6], M[:6, 6:])
@@ -119,7 +142,7 @@ def test_damping_that_the_model_has_is_in_the_law_and_in_the_truth():
     assert dampings[0] == dampings[1] == list(numbers.values())[:2]
 
 
-def readings(sensors, count=425, draw=0.5):
+def readings(sensors, count=425, draws=(0.5, 0.5)):
     """Readings at 200 Hz of a state that moves along x, with a specific force that is its time."""
     vehicle = load_vehicle(PAPER)
     memory, found = sensors.start(vehicle), []
@@ -129,7 +152,7 @@ def readings(sensors, count=425, draw=0.5):
             position=Vec3(t, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(1.0 + t, 0.0, 0.0),
             rate=Vec3(t, 0.0, 0.0), joints=(t, 0.0), joint_rates=(1.0, 0.0), rotor_speeds=(t,) * 4,
         )  # fmt: skip
-        memory, now = sensors.measure(memory, t, state, Vec3(t, 0.0, 9.81), [draw, draw], 0.005)
+        memory, now = sensors.measure(memory, t, state, Vec3(t, 0.0, 9.81), list(draws), 0.005)
         found.append(now)
     return found
 
@@ -160,11 +183,14 @@ def test_each_failure_begins_in_time_and_is_what_its_name_says():
 
 
 def test_spikes_are_rare_and_of_either_sign():
-    up, down, right = (readings(FaultySensors(spike=50.0), 401, draw)[-1] for draw in (0.999 * SPIKED, 0.5, 1.0))
-    assert up.specific_force.x == pytest.approx(START - 50.0)
-    assert down.specific_force.x == right.specific_force.x == START
-    sensors, vehicle = FaultySensors(spike=50.0), load_vehicle(PAPER)
-    assert sensors.uniforms(vehicle) % 2 == 0
+    sensors, start = FaultySensors(spike=50.0), int(START * 200.0)
+    for rare, sign in itertools.product((0.999 * SPIKED, 1.001 * SPIKED), (0.499, 0.501)):
+        now = readings(sensors, start + 1, (rare, sign))
+        off = 50.0 * (rare < SPIKED) * (1.0 if sign > 0.5 else -1.0)
+        assert now[-1].specific_force.x == pytest.approx(START + off, abs=1e-12)
+        assert now[-2].specific_force.x == START - 0.005
+    vehicle = load_vehicle(PAPER)
+    assert sensors.uniforms(vehicle) == SensorNoise(position=1.0).uniforms(vehicle) + 2
 
 
 def test_any_vehicle_with_an_arm_is_planned_and_any_law():
