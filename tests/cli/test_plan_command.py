@@ -62,12 +62,12 @@ def test_a_scenario_that_its_check_refuses_is_not_written(folder: Path, monkeypa
         return Assessment("up", scenario.agent.plant.vehicle, 9.81, 0.0, 1, (fault,))
 
     monkeypatch.setattr("skyarm.studies.assess.assessment.check", refuse)
-    ended = command("plan", "up.toml", "-o", "made/p.npz", "--scenario", "fly/up.toml")
+    ended = command("plan", "up.toml", "-o", "made/p.npz", "--scenario", "fly/up.toml", "--report", "up.html")
     assert ended.code == 1, ended.err
     assert checked[0].times[-1] > 1.5
     assert "fault: rotors along the reference: at most 1.2 of the limit\n" in ended.out
     assert ended.out.endswith("no scenario: skyarm check finds what cannot be flown; fly/up.toml is not written\n")
-    assert sorted(each.name for each in folder.rglob("*.*")) == ["p.npz", "up.toml"]
+    assert sorted(each.name for each in folder.rglob("*.*")) == ["p.npz", "up.html", "up.toml"]
     document = json.loads(command("plan", "up.toml", "--scenario", "fly/up.toml", "--json").out)
     assert document["faults"] == ["fault: rotors along the reference: at most 1.2 of the limit"]
     assert command("plan", "up.toml").code == 0

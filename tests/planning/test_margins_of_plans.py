@@ -17,7 +17,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.planning.plan_file import plan_arrays, plan_bytes
-from skyarm.planning.plan_report import flight_document
+from skyarm.planning.plan_report import flight_document, summary, summary_lines
 from skyarm.planning.planner import (
     JOINT_MARGIN,
     REACTION,
@@ -89,6 +89,9 @@ def test_free_durations_are_as_long_as_the_rotors_need(quick: Plan) -> None:
     assert quick.t[-1] > least.t[-1]
     assert quick.solution.violation < 1e-6
     assert quick.task == hop()
+    assert (least.not_least, plan(hop("effort")).not_least) == ("", "")
+    assert quick.not_least.startswith("not looked for, rotors lag by over 0.5 of limits.rotor_lag")
+    assert f"least time: {quick.not_least}" in summary_lines("hop", summary(quick))
     assert not any(phase.duration for phase in quick.task.phases)
 
 

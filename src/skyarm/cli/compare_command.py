@@ -72,7 +72,7 @@ def compare(
     only: Annotated[str | None, typer.Option(help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
-        typer.Option(help="of envelope- or survive-suite", autocompletion=name_completion("vehicle")),
+        typer.Option(help="with an arm; of envelope- or survive-suite", autocompletion=name_completion("vehicle")),
     ] = PAPER,
     scenario: Annotated[
         str,
@@ -89,7 +89,7 @@ def compare(
     quick: Annotated[
         bool,
         typer.Option(
-            "--quick", help=f"fewer flights: two values of each axis, one of each condition, or {QUICK} worlds"
+            "--quick", help=f"two values of each axis, one of each condition, {QUICK} worlds of contact-suite"
         ),
     ] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",

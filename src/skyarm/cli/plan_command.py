@@ -60,6 +60,11 @@ def plan(
         numbers = summary(found)
         give(solved=True, file=str(file), **plain(numbers))
         tell(*summary_lines(loaded.name, numbers), f"plan: {file}")
+        if page is not None:
+            from skyarm.studies.assess.plan_page import plan_page
+
+            write_atomically(page, plan_page(found).encode())
+            tell(f"page: {page}")
         if flight is not None:
             beside = Path(os.path.relpath(file, flight.parent))
             document = flight_document(found, beside, vehicle_of_file(task, flight.parent))
@@ -70,11 +75,6 @@ def plan(
                 raise typer.Exit(DIFFERENT)
             write_atomically(flight, scenario_text(document).encode())
             tell(f"scenario: {flight}; fly it by: skyarm run {flight}")
-        if page is not None:
-            from skyarm.studies.assess.plan_page import plan_page
-
-            write_atomically(page, plan_page(found).encode())
-            tell(f"page: {page}")
 
 
 def _faults(document: dict[str, Entry], folder: Path) -> list[str]:

@@ -37,8 +37,9 @@ class Summary:
         duration: s. phases: their names and lengths, s. speed: largest of the base, m/s. tilt: largest, rad.
         rotor, torque, joint_rate: what is nearest to its limit. clearance: smallest distance, m; between which bodies.
         short: which bodies come nearer than the task's clearance; empty if none.
-        rotor_lag: largest lag of a rotor, over its speed in hover. fast: the phases of fixed duration where it is above
-            the task's limit; empty if none.
+        rotor_lag: largest lag of a rotor, over its speed in hover. fast: the phases where it is above the task's limit:
+            of fixed duration, or free ones without a longer plan within the limits; empty if none.
+        not_least: why the time is not the least, which was asked for; empty if it is.
         violation, cost, seconds, seeds, iterations: of the solution.
     """
 
@@ -54,6 +55,7 @@ class Summary:
     short: str
     rotor_lag: float
     fast: str
+    not_least: str
     violation: float
     cost: float
     seconds: float
@@ -88,6 +90,7 @@ def summary(plan: Plan) -> Summary:
         short=f"{task.limits.clearance:g} m: {plan.nearest.short}" if plan.nearest and plan.nearest.short else "",
         rotor_lag=float(plan.lags.max()),
         fast=", ".join(name for name, lag in zip(names, plan.lags, strict=True) if lag > task.limits.rotor_lag),
+        not_least=plan.not_least,
         violation=plan.solution.violation,
         cost=plan.solution.cost,
         seconds=plan.seconds,
@@ -123,6 +126,8 @@ def summary_lines(name: str, found: Summary) -> list[str]:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
     if found.short:
         lines.append(f"nearer than limits.clearance = {found.short}")
+    if found.not_least:
+        lines.append(f"least time: {found.not_least}")
     if found.fast:
         lag = f"{found.rotor_lag:.2f} of their speed in hover"
         lines.append(f"fast: rotors lag by {lag} in {found.fast}, more than limits.rotor_lag: fly it first")

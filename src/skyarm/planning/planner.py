@@ -62,6 +62,7 @@ class Plan:
     Attributes:
         task: planned task. t: (N + 1,) s. x: (N + 1, nx) states. u: (N, nu) inputs. K: (N, nu, nt) gains.
         edges: node at which each phase begins, and the last. solution: of the solver.
+        not_least: why its time is not the least, which was asked for; empty if it is.
     """
 
     task: Task
@@ -77,6 +78,7 @@ class Plan:
     seeds: int
     seconds: float = 0.0
     nearest: Nearest | None = None
+    not_least: str = ""
 
     @property
     def torques(self) -> Array:
@@ -436,7 +438,7 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
     if reason := impossible(task):
         raise PlanError(f"{task.name}: {reason}")
     try:
-        found = _with_free_lengths(task, watch, met)
+        found, not_least = _with_free_lengths(task, watch, met)
         for _ in range(STRETCHES):
             if (longer := _longer(task, found)) is None:
                 break
@@ -446,30 +448,36 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
                 break
     except TimeoutError as error:
         raise PlanError(str(error)) from None
-    return dataclasses.replace(found, task=task, seconds=time.perf_counter() - begun)
+    return dataclasses.replace(found, task=task, not_least=not_least, seconds=time.perf_counter() - begun)
 
 
 STRETCHES = 8
-"""Largest number of plans with longer durations."""
+"""Largest number of plans with longer durations: together longer by a sixth at least, 25 times at most."""
 
 LENGTHS = (1.02, 1.5)
-"""Least and largest factor by which a duration grows from plan to plan."""
+"""Least and largest factor by which a duration grows from plan to plan: not for ever, and near to the motion before."""
 
 
-def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]]) -> Plan:
-    """Plan with its free durations as what is minimised has them.
+def _with_free_lengths(task: Task, watch: Callable[[str], None], met: set[tuple[str, str]]) -> tuple[Plan, str]:
+    """Plan with its free durations as what is minimised has them, and why not; empty if it has.
 
     The least time is looked for beside the plan of least effort. Where rotors lag far in that one already, a still
     shorter one would have to become nearly as long.
     """
     gentle = _best_plan(dataclasses.replace(task, minimise="effort"), watch, met)
     free = [phase.duration is None for phase in task.phases]
-    if task.minimise == "effort" or not any(free) or (gentle.lags[free] > 0.5 * task.limits.rotor_lag).any():
-        return gentle
+    if task.minimise == "effort" or not any(free):
+        return gentle, ""
+    if (gentle.lags[free] > FAR * task.limits.rotor_lag).any():
+        return gentle, f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag with the least effort"
     try:
-        return _best_plan(task, watch, met, penalties=PENALTIES[:1])
+        return _best_plan(task, watch, met, penalties=PENALTIES[:1]), ""
     except PlanError:  # a plan within the limits is worth more than the least time
-        return gentle
+        return gentle, "no plan within the limits was found, this one has the least effort"
+
+
+FAR = 0.5
+"""Share of ``limits.rotor_lag`` beyond which time cannot be shorter by more than a fifth: a lag goes with its cube."""
 
 
 def _longer(task: Task, found: Plan) -> Task | None:
