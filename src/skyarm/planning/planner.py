@@ -503,13 +503,10 @@ def _longer(task: Task, found: Plan) -> Task | None:
 def _slower(found: Plan, task: Task) -> Guess:
     """Motion of a plan in the durations of a task, at as many nodes as that has."""
     lengths = [float(phase.duration or 0.0) for phase in task.phases]
-    counts = node_counts(task, lengths)
-    at = [
-        np.linspace(a, b, count, endpoint=False)
-        for (a, b), count in zip(itertools.pairwise(found.t[[*found.edges]]), counts, strict=True)
-    ]
-    t = np.append(np.concatenate(at), found.t[-1])
-    slow = np.append(np.repeat(np.diff(found.t[[*found.edges]]) / lengths, counts), 1.0)[:, None]
+    counts, edges = node_counts(task, lengths), found.t[[*found.edges]]
+    nodes = np.append(0, np.cumsum(counts))
+    t = np.interp(np.arange(nodes[-1] + 1), nodes, edges)
+    slow = np.append(np.repeat(np.diff(edges) / lengths, counts), 1.0)[:, None]
     n, m, free = task.vehicle.n, len(task.vehicle.rotors), found.stage.free
     x = states_at(found, t)[:, : found.x.shape[1] - free]
     x[:, 7:13] *= slow
