@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import where
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
@@ -54,17 +54,16 @@ class FaultySensors(SensorNoise):
         """Reading of the state with noise and failures."""
         before, past = memory
         _, true = SensorNoise.measure(self, (), t, state, specific_force, draws[:-2], dt)
-        force, failed = true.specific_force, t >= START
-        late = blend(logical_and(failed, self.old > 0.5), past[-1], force)
-        off = where(logical_and(failed, draws[-2] < SPIKED), where(draws[-1] < 0.5, -self.spike, self.spike), 0.0)
-        sign = where(failed, 1.0 - 2.0 * self.turned, 1.0)
-        felt = Vec3(*(sign * f + off for f in late))
-        felt = blend(logical_and(failed, self.stuck > 0.5), before.specific_force, felt)
-        now = replace(true, specific_force=felt)
-        lost = logical_and(failed, t < START + self.pose_lost)
-        pose = {name: blend(lost, getattr(before, name), getattr(now, name)) for name in POSE}
-        now = replace(now, **pose)
-        now = blend(logical_and(failed, t < START + self.frozen), replace(before, time=now.time), now)
+        force = true.specific_force
+        late = blend(self.old > 0.5, past[-1], force)
+        off = where(draws[-2] < SPIKED, where(draws[-1] < 0.5, -self.spike, self.spike), 0.0)
+        felt = Vec3(*((1.0 - 2.0 * self.turned) * f + off for f in late))
+        felt = blend(self.stuck > 0.5, before.specific_force, felt)
+        lost = t < START + self.pose_lost
+        pose = {name: blend(lost, getattr(before, name), getattr(true, name)) for name in POSE}
+        failed = replace(true, specific_force=felt, **pose)
+        failed = blend(t < START + self.frozen, replace(before, time=true.time), failed)
+        now = blend(t < START, true, failed)
         return (now, (force, *past[:-1])), now
 
 

@@ -68,10 +68,6 @@ class SurviveFlights(CellFlights):
         """Numbers of the flights: parameter path -> values (flights,)."""
         return {path: np.array([each.get(path, own) for each in self.lanes]) for path, own in self.paths.items()}
 
-    def episodes(self, scenario: Scenario) -> int:
-        """Number of flights."""
-        return len(self.lanes)
-
 
 @immutable
 class SurviveSuite(Suite[SurviveFlights]):
@@ -117,18 +113,21 @@ class SurviveSuite(Suite[SurviveFlights]):
         end, noises = trial.duration, NOISES if trial.noisy and not self.quick else 1
         windows = Windows(steady=Window(end - LAST, end), gust=Window(START, end))
         cells = list[SurviveFlights]()
-        for each, value, lanes in points:
+        for each, value, once in points:
+            lanes = tuple(once * noises)
             row = f"{each.name.replace('_', ' ')} {value:g} {each.unit}".rstrip()
             cells.append(
                 SurviveFlights(
                     entrant=Entrant(name=law, group="own", law=law),
                     case=Case(name=trial.name, title=trial.name, scenario=self.vehicle, windows=windows),
-                    condition=Condition(name=row, title=each.title, noisy=trial.noisy, episodes=1, cases=(trial.name,)),
+                    condition=Condition(
+                        name=row, title=each.title, noisy=trial.noisy, episodes=len(lanes), cases=(trial.name,)
+                    ),
                     plant=self.plant,
                     seed=self.seed,
                     built=trial.scenario(setting, law, self.plant, lanes[0]) if each.made else common,
                     paths={} if each.made else usual,
-                    lanes=tuple(lanes * noises),
+                    lanes=lanes,
                     near=each.near,
                 )
             )
