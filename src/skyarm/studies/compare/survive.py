@@ -32,8 +32,12 @@ FLAGSHIP = "centroidal_tip"
 
 LAWS = (
     FLAGSHIP,
-    *("hybrid_computed_torque_tuned", "decoupled_pd_tuned", "indi_tuned"),
-    *("kim2013_tuned", "guo2023_tuned", "li2024_tuned"),
+    "hybrid_computed_torque_tuned",
+    "decoupled_pd_tuned",
+    "indi_tuned",
+    "kim2013_tuned",
+    "guo2023_tuned",
+    "li2024_tuned",
 )
 """Default laws: the flagship and simpler ones, which fit any vehicle."""
 

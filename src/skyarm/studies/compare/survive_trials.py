@@ -61,26 +61,23 @@ class SurviveCondition:
 
     def flights(self, scenario: Scenario, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at one value: parameter path -> number, of each table."""
-        vehicle = scenario.agent.plant.vehicle
+        vehicle, rate = scenario.agent.plant.vehicle, scenario.rates.control
+        mass, damping = float(vehicle.mass), decaying(vehicle, rate)
+        scales = {"": 1.0, "mass": mass, "blow": mass * rate}
         flights = list[dict[str, float]]()
         for table in self.each:
             numbers = dict[str, float]()
             for pattern, factor in table.items():
                 several = vehicle.rotors if ".rotors." in pattern else vehicle.links
-                for i in range(len(several) if "*" in pattern else 1):
+                for i, _ in enumerate(several if "*" in pattern else several[:1]):
                     path = pattern.replace("*", str(i))
-                    numbers[path] = factor * value * self._scale(scenario, path, i)
+                    if self.scale == "nominal":
+                        scale = number_at(scenario, path)
+                    else:
+                        scale = float(damping[i]) if self.scale == "damping" else scales[self.scale]
+                    numbers[path] = factor * value * scale
             flights.append(numbers)
         return flights
-
-    def _scale(self, scenario: Scenario, path: str, i: int) -> float:
-        vehicle, rate = scenario.agent.plant.vehicle, scenario.rates.control
-        if self.scale == "nominal":
-            return number_at(scenario, path)
-        if self.scale == "damping":
-            return float(decaying(vehicle, rate)[i])
-        mass = float(vehicle.mass)
-        return {"": 1.0, "mass": mass, "blow": mass * rate}[self.scale]
 
 
 def decaying(vehicle: Vehicle, rate: float) -> Array:
