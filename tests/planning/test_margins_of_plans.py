@@ -10,12 +10,14 @@ import itertools
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.planning import planner
 from skyarm.planning.plan_file import plan_arrays, plan_bytes
 from skyarm.planning.plan_report import flight_document, summary, summary_lines
 from skyarm.planning.planner import (
@@ -93,6 +95,20 @@ def test_free_durations_are_as_long_as_the_rotors_need(quick: Plan) -> None:
     assert quick.not_least.startswith("not looked for, rotors lag by over 0.5 of limits.rotor_lag")
     assert f"least time: {quick.not_least}" in summary_lines("hop", summary(quick))
     assert not any(phase.duration for phase in quick.task.phases)
+
+
+def test_a_least_time_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    best = planner._best_plan
+
+    def gentle(task: Task, *rest: Any, **options: Any) -> Plan:
+        if task.minimise == "time":
+            raise PlanError("no plan")
+        return best(task, *rest, **options)
+
+    monkeypatch.setattr(planner, "_best_plan", gentle)
+    found = plan(hop(rotor_lag=math.inf))
+    assert found.not_least == "no plan within the limits was found, this one has the least effort"
+    assert found.t[-1] == plan(hop("effort", rotor_lag=math.inf)).t[-1]
 
 
 def test_a_plan_of_least_time_is_flown(quick: Plan, tmp_path: Path) -> None:

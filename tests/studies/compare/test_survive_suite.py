@@ -200,3 +200,11 @@ def test_any_vehicle_with_an_arm_is_planned_and_any_law():
     assert len({each.label for each in todo}) == len(todo) == 2 * sum(len(each.values) for each in CONDITIONS.values())
     noisy = next(each for each in todo if each.condition.name == "frozen 0.2 s")
     assert (len(noisy.lanes), noisy.near) == (3, 0.5)
+
+
+def test_a_blow_is_judged_when_it_is_over_and_the_hardest_value_is_last():
+    suite = SurviveSuite(laws=(SIMPLER,), quick=True, conditions=("bump", "masses", "thrust"))
+    blow, *others = suite.plan_cells()[0]
+    # the blow ends at 2.005 s
+    assert (blow.near, blow.case.windows.steady.start, blow.scenario().duration) == (0.05, 7.0, 12.0)
+    assert [each.condition.name for each in others] == ["masses 0.7 times", "thrust 0.8 times"]
