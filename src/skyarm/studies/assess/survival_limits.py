@@ -44,7 +44,7 @@ NEAR = 0.05
 """Mean tip error (m) that a flight with a blow may have in its last seconds beyond that of the flight without one."""
 
 SWING = Product(Sine(amplitude=0.2, frequency_hz=0.25), Ramp(start=0.5, duration=2.0, height=1.0, shape="quintic"))
-"""Motion of the base along x, m."""
+"""Motion of the base along x, m: at most 0.3 m/s and 0.5 m/s^2, so that the law moves but is at no limit."""
 
 LONGEST = 30.0
 """Time (s) for which several vehicles are flown together at most."""

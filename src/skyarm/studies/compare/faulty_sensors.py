@@ -16,13 +16,13 @@ from skyarm.sensing.measurement import Measurement, SensorNoise, blank_measureme
 from skyarm.vehicle import Vehicle
 
 START = 2.0
-"""Time (s) at which sensors fail."""
+"""Time (s) at which sensors fail: laws have settled."""
 
 OLD = 8
 """Age of the accelerometer's readings, control periods: 40 ms at 200 Hz."""
 
 SPIKED = 0.01
-"""Fraction of the accelerometer's readings that are off."""
+"""Fraction of the accelerometer's readings that are off: two in a second at 200 Hz."""
 
 Memory = tuple[Measurement, tuple[Vec3, ...]]
 """Last reading before a failure, and the last readings of the accelerometer, the latest first."""

@@ -34,7 +34,8 @@ MODEL = "hummingbird_arm2"
 """Nominal model of the paper's vehicle; that of another vehicle is the vehicle."""
 
 HEIGHT, BENT = 4.34, 0.5
-"""Height (m) of the hover; and joints in it, as a share of their swing from the middle of their range."""
+"""Height (m) of the hover: skids are 1.2 m above the surfaces of the landing; and joints in it, as a share of their
+swing from the middle of their range: neither straight nor at a limit."""
 
 
 @immutable
