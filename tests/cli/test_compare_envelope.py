@@ -111,8 +111,8 @@ def test_the_survive_suite_flies_what_is_named_on_the_vehicle_that_is_named(tmp_
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert (found["vehicle"], found["quick"]) == ("pelican_arm2", True)
-    assert list(found["rows"]) == ["turn_round 180 deg"]
-    assert found["rows"]["turn_round 180 deg"]["laws"]["indi_tuned"]["of"] == 1
+    assert list(found["rows"]) == ["turn round 180 deg"]
+    assert found["rows"]["turn round 180 deg"]["laws"]["indi_tuned"]["of"] == 1
 
 
 def test_a_law_of_a_file_flies(tmp_path: Path) -> None:
