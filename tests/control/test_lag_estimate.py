@@ -249,7 +249,7 @@ def test_the_filters_are_those_of_the_page(earlier):
 @pytest.mark.parametrize(("told", "late"), [(9, 1), (13, 1), (9, 9), (9, 11)])
 def test_a_known_delay_that_is_longer_than_the_true_one_is_a_lag_below_zero(told, late):
     """45 and 65 ms are told; 5 ms are true, or what is told, or 10 ms more."""
-    gains = lag_gains(0.02, 0.012, DT, told)
+    gains = lag_gains((0.02, 0.012), DT, told)
     memory = dataclasses.replace(flown(late, seconds=1.2, gains=gains), count=400.0)
     assert lags(memory, gains=gains) == pytest.approx(((late - told) * DT,) * 2, abs=3e-4)
     assert gains.delay(memory, DT) == pytest.approx((late - told) * DT, abs=3e-4)
@@ -259,7 +259,7 @@ def test_a_known_delay_that_is_longer_than_the_true_one_is_a_lag_below_zero(told
 
 def test_an_arm_at_rest_takes_no_bandwidth_where_a_known_delay_is_too_long():
     """It shows no lag at all: 40 ms more than the rotors'. Later than told is another matter."""
-    gains = lag_gains(0.02, 0.012, DT, 9)
+    gains = lag_gains((0.02, 0.012), DT, 9)
     still = dataclasses.replace(flown(1, seconds=1.2, gains=gains), arm=gains.start(2).arm, count=400.0)
     base, joints = lags(still, gains=gains)
     assert (base, joints) == pytest.approx((-0.04, 0.0), abs=1e-3)
@@ -272,7 +272,7 @@ def test_an_arm_at_rest_takes_no_bandwidth_where_a_known_delay_is_too_long():
 
 def test_a_flight_whose_known_delay_may_be_too_long_begins_gently():
     """With a quarter of the bandwidths, all of them after 1.5 s."""
-    gains = lag_gains(0.02, 0.012, DT, 9)
+    gains = lag_gains((0.02, 0.012), DT, 9)
     for seconds, share in ((0.0, 0.25), (0.75, 0.625), (1.5, 1.0), (3.0, 1.0)):
         memory = dataclasses.replace(gains.start(2), count=seconds / DT)
         assert gains.shares(memory, DT) == pytest.approx((share, share), rel=1e-9)
@@ -284,7 +284,7 @@ def test_a_flight_whose_known_delay_may_be_too_long_begins_gently():
     [(0.005, 7, 1, 0), (0.005, 8, 1, 8), (0.005, 13, 1, 13), (0.001, 39, 5, 0), (0.001, 43, 5, 8), (0.02, 2, 1, 2)],
 )
 def test_known_delays_of_40_ms_and_more_are_checked(period, periods, stride, earlier):
-    gains = lag_gains(0.02, 0.012, period, periods)
+    gains = lag_gains((0.02, 0.012), period, periods)
     assert (gains.base, gains.joints, gains.stride, gains.earlier) == (0.02, 0.012, stride, earlier)
     prices = [min(0.0075 * abs(j), 0.05) for j in range(-earlier, 9)]
     assert gains.prices == pytest.approx(prices)

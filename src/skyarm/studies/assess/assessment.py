@@ -228,7 +228,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
     if len(agents) == 1:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
-    return replace(first, name=scenario.name, findings=shared, agents=agents)
+    return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
 
 
 def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:

@@ -72,7 +72,8 @@ def lost(metrics: Mapping[str, AnyArray], completed: Mask, near: AnyArray | floa
         near: largest mean tip error of a flight that is not lost, m; one or of each.
     """
     there = (metrics[LAST_ERROR] <= near) & (metrics[LAST_TILT] <= TILTED)
-    return ~(completed & there)
+    gone: Mask = ~(completed & there)
+    return gone
 
 
 def survival_limits(scenario: Scenario) -> list[Finding]:

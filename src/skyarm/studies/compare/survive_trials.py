@@ -90,7 +90,8 @@ def decaying(vehicle: Vehicle, rate: float) -> Array:
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()
-    return rate / fastest * inertia
+    damping: Array = rate / fastest * inertia
+    return damping
 
 
 @immutable
@@ -147,9 +148,10 @@ class Trial:
 
 
 def _trial(row: Document) -> Trial:
+    tables: list[Document] = row.pop("conditions")
     conditions = tuple(
-        SurviveCondition(**{key: tuple(each) if isinstance(each, list) else each for key, each in table.items()})
-        for table in row.pop("conditions")
+        SurviveCondition(**table | {key: tuple(table[key]) for key in ("values", "each") if key in table})
+        for table in tables
     )
     return Trial(conditions=conditions, **row)
 

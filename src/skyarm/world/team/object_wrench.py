@@ -315,8 +315,8 @@ class ObjectWrench(Sharing):
         step = 0.5 * self.pull_gain * prompt * prompt * dt
         rows = zip(inputs.tilting or [NO_TILT] * len(excess), excess, strict=True)
         tilted = [share_of_tilt.apply(each) for share_of_tilt, each in rows]
-        moved = [each - slow * (1.0 - TILTING * TILTING) for each, slow in zip(excess, tilted, strict=True)]
-        inner = [shorten(q + R.apply_T(each) * step, MOST) for q, each in zip(own.inner, moved, strict=True)]
+        quick = [each - slow * (1.0 - TILTING * TILTING) for each, slow in zip(excess, tilted, strict=True)]
+        inner = [shorten(q + R.apply_T(each) * step, MOST) for q, each in zip(own.inner, quick, strict=True)]
         moved_masses = team.masses_moved(share)
         shifts, carries, blind, w = [], [], self.blind * prompt * (1.0 + STANDING * standing), self.filter
         for i, member in enumerate(self.members):

@@ -288,8 +288,9 @@ class Team(Component[TeamMemory]):
             return arm
         (line,) = self.lines(self.arms(R))
         across, pull = (each - line * each.dot(line) for each in (arm, force))
-        hung = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
-        return arm + (hung - across) * where(across.dot(pull) > 0.0, 1.0, 0.0)
+        hung: Vec3 = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
+        turned: Vec3 = arm + (hung - across) * where(across.dot(pull) > 0.0, 1.0, 0.0)
+        return turned
 
     def require_members(self, names: Collection[str], period: float) -> None:
         """Refuse members that are not among the names of vehicles, or twice one of them.

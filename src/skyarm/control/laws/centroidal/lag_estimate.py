@@ -275,8 +275,12 @@ class LagMemory:
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 
-def lag_gains(base: Scalar, joints: Scalar, control_period: float, delay_periods: int) -> LagGains:
-    """Constants of the lag estimate for a control period (s) and a known delay, which may be too long."""
+def lag_gains(lags: tuple[Scalar, Scalar], control_period: float, delay_periods: int) -> LagGains:
+    """Constants of the lag estimate from two lags (s), for a control period (s) and a known delay that may be too long.
+
+    The lags are those that halve the bandwidths of rotor and joint loops.
+    """
+    base, joints = lags
     stride = max(1, round(STEP / control_period))
     checked = delay_periods * control_period > OVERSTATED - 1e-9
     return LagGains(base=base, joints=joints, stride=stride, earlier=delay_periods // stride if checked else 0)

@@ -158,7 +158,7 @@ def make_centroidal(
         lead_periods=ahead,
         reference_period=published,
         parts=Parts(
-            lag=lag_gains(*gains["lag"], control_period, periods) if any(gains["lag"]) else None,
+            lag=lag_gains(gains["lag"], control_period, periods) if any(gains["lag"]) else None,
             noise=noise_gains(vehicle, hears),
             **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead, periods=periods),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,

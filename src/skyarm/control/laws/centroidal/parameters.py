@@ -209,7 +209,8 @@ class CentroidalParameters:
     def refit(self, memory: Any, model: Model, control_period: float) -> tuple[CentroidalParameters, Any]:
         """Mobilities and doubted damping of the law, after a change of its ``model``; ``control_period`` in s."""
         vehicle, mobilities = model.vehicle, joint_mobilities(model.vehicle, control_period)
-        par, gains = dataclasses.replace(self, mobilities=mobilities), self.parts.adaptation
+        par = dataclasses.replace(self, mobilities=mobilities)
+        gains: Any = self.parts.adaptation
         if gains is None:
             return par, memory
         gains = gains.doubting(vehicle, doubted_dampings(vehicle, mobilities, control_period))
