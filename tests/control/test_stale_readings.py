@@ -14,7 +14,7 @@ from skyarm.control.blocks.disturbance_observer import AccelerometerGains, Obser
 from skyarm.control.blocks.prediction import Disturbance, actuation
 from skyarm.control.blocks.stale_readings import Fresh, Readings
 from skyarm.control.model import Model
-from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.measurement import Measurement, blank_measurement
 
 DT, G = 0.005, 9.81
 ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
@@ -41,7 +41,7 @@ def drawn(seed):
 
 def fresh(before, now):
     """Names of the quantities that are new."""
-    flags = Readings.of(before).fresh(Readings.of(now))
+    flags, _ = Readings.of(before).fresh(Readings.of(now), 0.005)
     assert {getattr(flags, name) for name in NAMES} <= {0.0, 1.0}
     return {name for name in NAMES if getattr(flags, name) == 1.0}
 
@@ -163,3 +163,17 @@ def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():
     drag = 4 * 8.06428e-5 * COMMAND.rotor_speeds[0] * observed.velocity.x
     assert observed.force.x == pytest.approx(2.0 * float(ARM.vehicle.mass) + drag, rel=0.02)
     assert observed.agreed == 1.0
+
+
+def test_a_reading_that_repeats_for_two_seconds_is_believed():
+    """A vehicle that stands still under a coarse gyro with a bias: its attitude is measured, not predicted on."""
+    still = dataclasses.replace(blank_measurement(2, 4), rate=Vec3(0.02, 0.0, 0.0))
+    readings, ages = Readings.of(drawn(3)), []
+    for _ in range(500):
+        flags, readings = readings.fresh(Readings.of(still), 0.005)
+        ages.append((flags.quaternion, flags.rate))
+    assert ages[0] == (1.0, 1.0)
+    assert set(ages[1:400]) == {(0.0, 0.0)}
+    assert set(ages[402:]) == {(1.0, 1.0)}
+    moved = dataclasses.replace(drawn(5), rate=Vec3(0.03, 0.0, 0.0))
+    assert readings.fresh(Readings.of(moved), 0.005)[1].stale == 0.0

@@ -274,8 +274,7 @@ def observe(
             the force shrink slowly.
         dt: s.
     """
-    readings = Readings.of(measurement)
-    fresh = memory.readings.fresh(readings)
+    fresh, readings = memory.readings.fresh(Readings.of(measurement), dt)
     place = filter_pose(gains.pose, memory, measurement, fresh, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()

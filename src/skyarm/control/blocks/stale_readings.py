@@ -3,6 +3,7 @@
 A reading of something that moves has other digits each time, by its noise if by nothing else. One that repeats all its
 numbers while its rate is not zero says nothing of the period: a filter predicts over it and corrects by the next new
 one. A vehicle at rest repeats its readings rightly; its rates are zero, or so small that their sensor rounds them off.
+One that stands still under a coarse gyro with a bias seems to move: after ``LONGEST`` a repeated reading is believed.
 
 Numbers are compared by a weighted sum of each quantity: one to remember instead of all. Two sums are equal by chance
 only where quantities are coarse, and then one reading is left out.
@@ -11,11 +12,12 @@ Source: Bar-Shalom, Li, Kirubarajan 2001, 3.2 (prediction alone where no measure
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import data, mul, total, where
+from skyarm.algebra.scalars import data, maximum, mul, total, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
@@ -35,9 +37,15 @@ RATES = {
 }
 """Quantities of a measurement, each with the one that tells whether it may repeat: its rate, or for a rate itself."""
 
+MOTION = ("position", "quaternion", "velocity", "rate")
+"""Quantities whose repetition is limited in time."""
+
 RESTING = 1e-18
 """Square of a weighted sum of rates ((m/s)^2, (rad/s)^2) up to which they rest: the rounding of a state of equilibrium,
 far below what any sensor resolves."""
+
+LONGEST = 2.0
+"""Longest time (s) for which repeated readings are predicted over: a prediction without its sensor drifts off."""
 
 
 @immutable
@@ -64,16 +72,27 @@ class Readings:
     specific_force: Annotated[Scalar, Unit("m/s^2", "weighted sum of the measured specific force")] = 0.0
     joints: Annotated[Scalar, Unit("rad or m", "weighted sum of the measured joint positions")] = 0.0
     joint_rates: Annotated[Scalar, Unit("rad/s or m/s", "weighted sum of the measured joint rates")] = 0.0
+    stale: Annotated[Scalar, Unit("s", "time since the motion of base and joints was all new")] = 0.0
 
     @staticmethod
     def of(measurement: Measurement) -> Readings:
         """Weighted sums of a measurement."""
         return Readings(**{name: _sum(getattr(measurement, name)) for name in RATES})
 
-    def fresh(self, now: Readings) -> Fresh:
-        """Flags of the quantities that are new in the measurement whose sums are ``now``."""
-        rows = ((name, getattr(now, rate)) for name, rate in RATES.items())
-        return Fresh(**{name: _is_new(getattr(self, name), getattr(now, name), rate) for name, rate in rows})
+    def fresh(self, now: Readings, dt: Scalar) -> tuple[Fresh, Readings]:
+        """Flags of the quantities that are new in the measurement whose sums are ``now``, and these with their age.
+
+        ``dt`` is the time from one measurement to the next, s.
+        """
+        rows = [(name, getattr(now, rate)) for name, rate in RATES.items()]
+        flags = {name: _is_new(getattr(self, name), getattr(now, name), rate) for name, rate in rows}
+        share: Scalar = 1.0
+        for name in MOTION:
+            share = mul(share, flags[name])
+        age = where(share > 0.5, 0.0, self.stale + dt)
+        believed = where(age > LONGEST, 1.0, 0.0)
+        fresh = Fresh(**{name: maximum(flag, believed) for name, flag in flags.items()})
+        return fresh, dataclasses.replace(now, stale=data(age))
 
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
