@@ -12,7 +12,7 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed, observe
 from skyarm.control.blocks.prediction import Disturbance, actuation
-from skyarm.control.blocks.stale_readings import Fresh, Readings
+from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.model import Model
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
@@ -41,7 +41,7 @@ def drawn(seed):
 
 def fresh(before, now):
     """Names of the quantities that are new."""
-    flags, _ = Readings.of(before).fresh(Readings.of(now), 0.005)
+    flags, _ = ReadingSums.of(before).fresh(ReadingSums.of(now), 0.005)
     assert {getattr(flags, name) for name in NAMES} <= {0.0, 1.0}
     return {name for name in NAMES if getattr(flags, name) == 1.0}
 
@@ -113,9 +113,9 @@ def underway(measured):
 def test_the_first_measurement_is_remembered_and_repeats_from_the_second_on():
     start = drawn(6)
     begun = underway(start)
-    assert begun.readings == Readings.of(start)
+    assert begun.readings == ReadingSums.of(start)
     assert list(begun.integrated) == list(start.velocity)
-    assert seen(begun, drawn(7))[0].readings == Readings.of(drawn(7))
+    assert seen(begun, drawn(7))[0].readings == ReadingSums.of(drawn(7))
 
 
 @pytest.mark.parametrize("gains", [GAINS, dataclasses.replace(GAINS, accelerometer=None)])
@@ -168,12 +168,12 @@ def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():
 def test_a_reading_that_repeats_for_two_seconds_is_believed():
     """A vehicle that stands still under a coarse gyro with a bias: its attitude is measured, not predicted on."""
     still = dataclasses.replace(blank_measurement(2, 4), rate=Vec3(0.02, 0.0, 0.0))
-    readings, ages = Readings.of(drawn(3)), []
+    readings, ages = ReadingSums.of(drawn(3)), []
     for _ in range(500):
-        flags, readings = readings.fresh(Readings.of(still), 0.005)
+        flags, readings = readings.fresh(ReadingSums.of(still), 0.005)
         ages.append((flags.quaternion, flags.rate))
     assert ages[0] == (1.0, 1.0)
     assert set(ages[1:400]) == {(0.0, 0.0)}
     assert set(ages[402:]) == {(1.0, 1.0)}
     moved = dataclasses.replace(drawn(5), rate=Vec3(0.03, 0.0, 0.0))
-    assert readings.fresh(Readings.of(moved), 0.005)[1].stale == 0.0
+    assert readings.fresh(ReadingSums.of(moved), 0.005)[1].stale == 0.0

@@ -52,7 +52,7 @@ from skyarm.control.blocks.prediction import (
     with_side,
 )
 from skyarm.control.blocks.select import choose_each, vector_data
-from skyarm.control.blocks.stale_readings import Fresh, Readings
+from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -117,10 +117,6 @@ has no bias, but is wrong."""
 LEFT = 2.0
 """Largest difference of measured and integrated velocity that is left after a period, over the accepted one: what a
 single false reading leaves must fade, what a wrong accelerometer adds in each period must show."""
-
-RETURN = 1.0
-"""Time (s) in which an accelerometer that disagreed is used in full again: with one false reading in a hundred it is
-left out, and errors are those of a law without one."""
 
 JUMP = 0.3
 """Largest growth (m/s) of the innovation of the velocity in one period that is believed at once. What lasts for two is
@@ -206,7 +202,8 @@ def measure_translation(
     integrated = ahead + e * (1.0 - (1.0 - fast) * minimum(1.0, LEFT * ratio))
     trust = minimum(1.0, ratio)
     square = trust * trust
-    agreed = minimum(square * square, seen.agreed + dt * (1.0 / RETURN))
+    # used in full again after a second: with one false reading in a hundred it is left out, as in a law without it
+    agreed = minimum(square * square, seen.agreed + dt)
     used, share = there * agreed, new * agreed
     for each in free:
         share = mul(share, each)
@@ -240,7 +237,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
         bias=ZERO3_DATA if accelerometer else (),
         integrated=ZERO3_DATA if accelerometer else (),
         joint_residuals=still if accelerometer else (),
-        readings=Readings(),
+        readings=ReadingSums(),
     )
 
 
@@ -274,7 +271,7 @@ def observe(
             the force shrink slowly.
         dt: s.
     """
-    fresh, readings = memory.readings.fresh(Readings.of(measurement), dt)
+    fresh, readings = memory.readings.fresh(ReadingSums.of(measurement), dt)
     place = filter_pose(gains.pose, memory, measurement, fresh, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
@@ -286,13 +283,13 @@ def observe(
     linear, angular, qdd = amid.accelerations(model, squares, acted.efforts)
     v, w = memory.velocity + linear * dt, memory.rate + angular * dt
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
-    ev, ew = (measurement.velocity - v) * fresh.velocity, (measurement.rate - w) * fresh.rate
+    ev, ew = measurement.velocity - v, measurement.rate - w
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
-    turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
+    turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
     size = sqrt(ev.dot(ev) + SMALL)
-    ev = ev * minimum(1.0, divide(JUMP + memory.innovation, size))
+    ev = ev * (fresh.velocity * minimum(1.0, divide(JUMP + memory.innovation, size)))
     base = Felt(
         velocity=v + ev * fast[0],
         bias=memory.bias,
@@ -311,13 +308,13 @@ def observe(
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     # up to where the force is least: beyond, or across, it would grow
-    shrinking = maximum(divide(-memory.force.dot(push), push.dot(push) + SMALL), 0.0)
+    shrinking = divide(-memory.force.dot(push), push.dot(push) + SMALL)
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
         joints=place.joints,
         velocity=base.velocity,
-        rate=w + ew * fast[1],
+        rate=w + ew * (fast[1] * fresh.rate),
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
         force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
@@ -495,7 +492,7 @@ class Observed:
     rotor_speeds: Annotated[Scalars, Unit("rad/s", "speeds of the modelled motors, unsigned")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
     joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
-    readings: Readings
+    readings: ReadingSums
     innovation: Annotated[Scalar, Unit("m/s", "size of the last innovation of the velocity")] = 0.0
     agreed: Annotated[Scalar, Unit("", "fraction to which the accelerometer is used, by its agreement")] = 1.0
     integrated: Annotated[Vec3 | tuple[()], Unit("m/s", "velocity by the accelerometer, world axes")] = ()

@@ -31,11 +31,12 @@ RATES = {
     "quaternion": "rate",
     "velocity": "velocity",
     "rate": "rate",
-    "specific_force": "specific_force",
+    "specific_force": "",
     "joints": "joint_rates",
     "joint_rates": "joint_rates",
 }
-"""Quantities of a measurement, each with the one that tells whether it may repeat: its rate, or for a rate itself."""
+"""Quantities of a measurement, each with the one that tells whether it may repeat: its rate, or for a rate itself. A
+specific force always changes."""
 
 MOTION = ("position", "quaternion", "velocity", "rate")
 """Quantities whose repetition is limited in time."""
@@ -62,7 +63,7 @@ class Fresh:
 
 
 @immutable
-class Readings:
+class ReadingSums:
     """Weighted sums of the last measurement's numbers, one for each quantity."""
 
     position: Annotated[Scalar, Unit("m", "weighted sum of the measured position")] = 0.0
@@ -75,16 +76,16 @@ class Readings:
     stale: Annotated[Scalar, Unit("s", "time since the motion of base and joints was all new")] = 0.0
 
     @staticmethod
-    def of(measurement: Measurement) -> Readings:
+    def of(measurement: Measurement) -> ReadingSums:
         """Weighted sums of a measurement."""
-        return Readings(**{name: _sum(getattr(measurement, name)) for name in RATES})
+        return ReadingSums(**{name: _sum(getattr(measurement, name)) for name in RATES})
 
-    def fresh(self, now: Readings, dt: Scalar) -> tuple[Fresh, Readings]:
+    def fresh(self, now: ReadingSums, dt: Scalar) -> tuple[Fresh, ReadingSums]:
         """Flags of the quantities that are new in the measurement whose sums are ``now``, and these with their age.
 
         ``dt`` is the time from one measurement to the next, s.
         """
-        rows = [(name, getattr(now, rate)) for name, rate in RATES.items()]
+        rows = [(name, getattr(now, rate) if rate else 1.0) for name, rate in RATES.items()]
         flags = {name: _is_new(getattr(self, name), getattr(now, name), rate) for name, rate in rows}
         share: Scalar = 1.0
         for name in MOTION:
