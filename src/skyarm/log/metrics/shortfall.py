@@ -159,7 +159,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float |
         if unit is None and effort > 0.0:  # a passive joint has no actuator
             yield f"joint {joint.name}", joint.units[1], sent, -effort, effort
         elif unit in ("rad", "m"):  # a rate has no limit of the joint's
-            yield f"joint {joint.name}", unit, sent, float(joint.lower), float(joint.upper)
+            yield f"joint {joint.name}", unit, sent, *joint.ends
 
 
 def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:

@@ -212,20 +212,20 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
     for i, link in enumerate(scenario.agent.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
-        beyond = (q < float(joint.lower)) | (q > float(joint.upper))
+        low, high = joint.ends
+        beyond = (q < low) | (q > high)
         if np.any(beyond):
             t = float(demand.time[np.argmax(beyond)])
-            worst = float(q[np.argmax(np.maximum(float(joint.lower) - q, q - float(joint.upper)))])
-            limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
+            worst = float(q[np.argmax(np.maximum(low - q, q - high))])
             findings.append(
                 Finding(
                     "reference within joint limits",
                     FAULT,
-                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {limits}, first at {t:.3g} s",
+                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {low:g} ... {high:g}, first at {t:.3g} s",
                     f"reference.joints[{i}]",
                     "a smaller motion, or joint limits as they are (rad, not degrees?)",
                     worst,
-                    float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
+                    high if worst > high else low,
                 )
             )
     return findings

@@ -119,7 +119,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
 def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
     """Rest position of a joint and the ends of its swing."""
     rest, _ = rest_and_size(joint, joints)
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     margin = MARGIN * (high - low) if math.isfinite(high - low) else 0.0
     return rest, max(low + margin, rest - SWING), min(high - margin, rest + SWING)
 

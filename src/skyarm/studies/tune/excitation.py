@@ -163,7 +163,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
     may do little, as a short slide, swings about its middle.
     """
-    low, high = (float(bound) for bound in (joint.lower, joint.upper))
+    low, high = joint.ends
     size = min(0.25, 0.1 * (high - low))
     return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(1.0, TOGETHER / joints)
 
