@@ -66,14 +66,11 @@ class Summary:
 def summary(plan: Plan) -> Summary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
     vehicle, task = plan.task.vehicle, plan.task
-    n, m = vehicle.n, len(vehicle.rotors)
-    most = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    speeds = plan.x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover) / most
     efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
     joints = [link.joint.name for link in vehicle.links]
     torque = rate = None
-    if n:
-        rate = _tightest(plan.t, np.abs(plan.x[:, 13 + n : 13 + 2 * n]) / task.limits.joint_rate, joints)
+    if joints:
+        rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
         torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
     gap = plan.nearest.gap if plan.nearest is not None else math.inf
@@ -82,7 +79,7 @@ def summary(plan: Plan) -> Summary:
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
         speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
         tilt=float(tilts(plan).max()),
-        rotor=_tightest(plan.t, speeds**2, [rotor.name for rotor in vehicle.rotors]),
+        rotor=_tightest(plan.t, plan.thrust_shares, [rotor.name for rotor in vehicle.rotors]),
         torque=torque,
         joint_rate=rate,
         clearance=gap if math.isfinite(gap) else None,
