@@ -96,14 +96,11 @@ def upgrade_file(path: Path) -> Upgrade:
         fault, noted = _faults(load, text)
         try:
             found = next(_edits(fault, noted, tomllib.loads(text)), None)
-        except ValueError as error:  # of a form that only a person can change
-            return Upgrade(text=text, changes=tuple(changes), fault=fault or str(error), notes=tuple(noted))
-        if found is None or len(changes) == MOST:
-            return Upgrade(text=text, changes=tuple(changes), fault=fault, notes=tuple(noted))
-        change, edit = found
-        try:
+            if found is None or len(changes) == MOST:
+                return Upgrade(text=text, changes=tuple(changes), fault=fault, notes=tuple(noted))
+            change, edit = found
             text = edit(text)
-        except ValueError as error:
+        except ValueError as error:  # of a form that only a person can change
             return Upgrade(text=text, changes=tuple(changes), fault=fault or str(error), notes=tuple(noted))
         changes.append(change)
 
