@@ -2,7 +2,7 @@
 
 from skyarm.records.files.fields import Fields, filled_list, filled_text, number, three_numbers
 from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, nearest, one_line, printable, shown
-from skyarm.records.files.names import file_name, unreadable
+from skyarm.records.files.names import file_name, require_file, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
 from skyarm.records.files.paths import PathLike
 from skyarm.records.files.toml import read_toml
@@ -36,6 +36,7 @@ __all__ = [
     "output_file",
     "printable",
     "read_toml",
+    "require_file",
     "require_no_link",
     "require_replaceable",
     "require_writable",

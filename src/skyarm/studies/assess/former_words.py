@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.controller import FormerNameWarning
-from skyarm.records.files import errors_as, one_line, read_toml, shown, unreadable
+from skyarm.records.files import errors_as, one_line, read_toml, require_file, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import kind_of
 from skyarm.records.files.toml_edits import (
@@ -80,8 +80,7 @@ def upgrade_file(path: Path) -> Upgrade:
     Raises:
         ValueError: one line: the file cannot be read, or is none of these kinds.
     """
-    if reason := unreadable(path):
-        raise ValueError(f"{path}: {reason}")
+    require_file(path, str(path))
     content = path.read_bytes()
     try:
         text = content.decode()
