@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
 
+TILTED = math.radians(80.0)
+"""Tilt (rad) above which a flight counts as lost."""
+
 LARGEST_TURN = 0.2
 """Largest mean error (rad) of the heading at the end of a flight, the shorter way round."""
 
