@@ -572,7 +572,7 @@ def _best_plan(
         if found is None:
             raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
     if found is None:
-        raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+        raise PlanError(f"{task.name}: {cause(task, stage, counts, best)}")
     return found
 
 
@@ -761,7 +761,7 @@ SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""
 
 
-def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
+def cause(task: Task, stage: CompiledStage, counts: Sequence[int], last: Solution | None) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"

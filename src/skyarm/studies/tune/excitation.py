@@ -85,7 +85,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
         x=two(0.3, 0.11, 0.29),
         y=two(0.4, 0.13, 0.23, 2.0),
         z=Sum((Constant(HEIGHT), two(0.1, 0.19, 0.37))),
-        yaw=Product(Sine(amplitude=0.5, frequency_hz=0.1, phase=0.0), EASE),
+        yaw=Product(Sine(amplitude=0.5, frequency_hz=0.1), EASE),
         joints=tuple(joints),
     )
 
