@@ -40,10 +40,6 @@ POSES_HELD = 100
 """Number of poses of the reference, while a load is held, whose static hover is examined."""
 
 
-LEFT = 1e-3
-"""Least fraction of its effort limit that a servo keeps at its speed limit."""
-
-
 @positional
 class Followed:
     """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
@@ -155,14 +151,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
     """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
     vehicle = part.scenario.agent.plant.vehicle
-    limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
-    for i, servo in servos(part.scenario):
-        low, high = (
-            np.broadcast_to(np.asarray(b, dtype=float), limits[i].shape) for b in servo.bounds(demand.rates[i])
-        )
-        most = np.where(demand.efforts[i] < 0.0, -low, high)
-        limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
-    return np.abs(demand.efforts) / limits
+    return np.abs(demand.efforts) / demand.effort_limits(effort_limits(vehicle)[:, None], servos(part.scenario))
 
 
 def _sample_times(part: FlightPart, end: float) -> list[Array]:
