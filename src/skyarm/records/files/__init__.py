@@ -5,7 +5,7 @@ from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_o
 from skyarm.records.files.names import file_name, require_file, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
 from skyarm.records.files.paths import PathLike
-from skyarm.records.files.toml import read_toml
+from skyarm.records.files.toml import read_toml, shipped_tables
 from skyarm.records.files.writing import (
     file_names,
     output_file,
@@ -40,6 +40,7 @@ __all__ = [
     "require_no_link",
     "require_replaceable",
     "require_writable",
+    "shipped_tables",
     "shown",
     "sync_folder",
     "taken_back",
