@@ -73,7 +73,7 @@ def summary(plan: Plan) -> Summary:
         rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
         torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
-    gap = plan.nearest.gap if plan.nearest is not None else math.inf
+    near = plan.nearest
     return Summary(
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
@@ -82,9 +82,9 @@ def summary(plan: Plan) -> Summary:
         rotor=_tightest(plan.t, plan.thrust_shares, [rotor.name for rotor in vehicle.rotors]),
         torque=torque,
         joint_rate=rate,
-        clearance=gap if math.isfinite(gap) else None,
-        nearest=plan.nearest.words if plan.nearest is not None else "",
-        short=f"{task.limits.clearance:g} m: {plan.nearest.short}" if plan.nearest and plan.nearest.short else "",
+        clearance=near.gap if math.isfinite(near.gap) else None,
+        nearest=near.words,
+        short=f"{task.limits.clearance:g} m: {near.short}" if near.short else "",
         rotor_lag=float(plan.lags.max()),
         fast=", ".join(name for name, lag in zip(names, plan.lags, strict=True) if lag > task.limits.rotor_lag),
         not_least=plan.not_least,

@@ -57,6 +57,25 @@ class PlanError(ValueError):
 
 
 @immutable(eq=False)
+class Nearest:
+    """Smallest distance between two bodies along a plan.
+
+    Attributes:
+        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
+        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
+        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
+    """
+
+    gap: float = math.inf
+    apart: float = math.inf
+    time: float = 0.0
+    words: str = ""
+    pairs: frozenset[tuple[str, str]] = frozenset()
+    short: str = ""
+    missing: Array | float = 0.0
+
+
+@immutable(eq=False)
 class Plan:
     """Planned motion of one vehicle.
 
@@ -78,7 +97,7 @@ class Plan:
     solution: Solution
     seeds: int
     seconds: float = 0.0
-    nearest: Nearest | None = None
+    nearest: Nearest = Nearest()
     not_least: str = ""
 
     @property
@@ -164,8 +183,7 @@ def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
     for link, places in zip(task.vehicle.links, zip(*stated_joints(task), strict=True), strict=True):
         low, high = link.joint.ends
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
-        inner = min(low + margin, *places), max(high - margin, *places)
-        found.append((max(low, inner[0]), min(high, inner[1])))
+        found.append((max(low, min(low + margin, *places)), min(high, max(high - margin, *places))))
     return tuple(found)
 
 
@@ -496,7 +514,7 @@ def _longer(task: Task, found: Plan) -> Task | None:
     A lag goes with the third power of time: thrusts with the second one, and they change in that time.
     """
     over = found.lags / task.limits.rotor_lag
-    phases, grows = [], False
+    phases, grows = [*task.phases], False
     for k, (phase, length) in enumerate(zip(task.phases, np.diff(found.t[[*found.edges]]), strict=True)):
         if phase.duration is None:
             # a phase whose duration is given is as hard as those beside it make it
@@ -504,9 +522,7 @@ def _longer(task: Task, found: Plan) -> Task | None:
             most = max(over[[k, *beside]])
             factor = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
             grows |= factor > 1.0
-            phases.append(dataclasses.replace(phase, duration=float(factor * length)))
-        else:
-            phases.append(phase)
+            phases[k] = dataclasses.replace(phase, duration=float(factor * length))
     return dataclasses.replace(task, phases=tuple(phases)) if grows else None
 
 
@@ -545,11 +561,11 @@ def _best_plan(
     stage, clearance = stage_of(task, met), np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
-    if first is None:
-        ways = [(way, sense) for way in seeds(task, shape) for sense in senses]
-        guesses = [guess_from(task, stage, counts, way, shape, sense) for way, sense in ways]
-    else:
-        guesses = [first]
+    guesses = (
+        [first]
+        if first is not None
+        else [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
+    )
     best, tried = _best_of(stage, problem, guesses, watch, penalties=penalties)
     found: Plan | None = None
     for _ in range(ROUNDS):
@@ -630,25 +646,6 @@ def _plan_of(
     )  # fmt: skip
 
 
-@immutable(eq=False)
-class Nearest:
-    """Smallest distance between two bodies along a plan.
-
-    Attributes:
-        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
-        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
-        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
-    """
-
-    gap: float
-    apart: float = math.inf
-    time: float = 0.0
-    words: str = ""
-    pairs: frozenset[tuple[str, str]] = frozenset()
-    short: str = ""
-    missing: Array | float = 0.0
-
-
 FINE = 1e-3
 """Time (s) between two instants at which the distances of a plan are looked at."""
 
@@ -657,7 +654,7 @@ def nearest_of(plan: Plan) -> Nearest:
     """Smallest distance between the vehicle's bodies and obstacles, and each other, every millisecond of a plan."""
     near = clearances(plan.task.vehicle, plan.task.obstacles)
     if not near.pairs:
-        return Nearest(gap=math.inf)
+        return Nearest()
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
     most = max(0.1, float(gaps.min()) + 0.02)

@@ -107,7 +107,7 @@ class Place:
 
 
 class Slices(NamedTuple):
-    """Where a state has joints, their rates, rotor speeds over those of hover, and joint accelerations."""
+    """Slices of a state: joints, their rates, rotor speeds over those of hover, and joint accelerations."""
 
     joints: slice
     joint_rates: slice
@@ -205,7 +205,7 @@ class Stage:
 
     @property
     def at(self) -> Slices:
-        """Where a state has what follows the thirteen numbers of the base."""
+        """Slices of a state after the thirteen numbers of the base."""
         n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
         ends = [*itertools.accumulate((13, n, n, m, n))]
         return Slices(*map(slice, ends, ends[1:]))
