@@ -122,6 +122,9 @@ JUMP = 0.3
 """Largest growth (m/s) of the innovation of the velocity in one period that is believed at once. What lasts for two is
 believed in the second."""
 
+LEAP = 1.0
+"""The same of the body rate (rad/s)."""
+
 SMALL = 1e-9
 """Added to the square of a speed, an acceleration or a force, as a divisor."""
 
@@ -287,8 +290,11 @@ def observe(
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
-    turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
-    size = sqrt(ev.dot(ev) + SMALL)
+    size, spin = sqrt(ev.dot(ev) + SMALL), sqrt(ew.dot(ew) + SMALL)
+    # a blow is over: the rate takes what it left, the torque no more than LEAP
+    blow, ew = ew * (fresh.rate * minimum(1.0, divide(LEAP + memory.spin, spin))), ew * (
+        fresh.rate * minimum(1.0, divide(LEAP, spin)))
+    turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     ev = ev * (fresh.velocity * minimum(1.0, divide(JUMP + memory.innovation, size)))
     base = Felt(
         velocity=v + ev * fast[0],
@@ -314,7 +320,7 @@ def observe(
         quaternion=place.quaternion,
         joints=place.joints,
         velocity=base.velocity,
-        rate=w + ew * (fast[1] * fresh.rate),
+        rate=w + blow - ew * (1.0 - fast[1]),
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
         force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
@@ -324,6 +330,7 @@ def observe(
         joint_residuals=residuals,
         readings=readings,
         innovation=data(size),
+        spin=data(spin),
         agreed=base.agreed,
         integrated=base.integrated,
     )
@@ -494,6 +501,7 @@ class Observed:
     joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
     readings: ReadingSums
     innovation: Annotated[Scalar, Unit("m/s", "size of the last innovation of the velocity")] = 0.0
+    spin: Annotated[Scalar, Unit("rad/s", "size of the last innovation of the body rate")] = 0.0
     agreed: Annotated[Scalar, Unit("", "fraction to which the accelerometer is used, by its agreement")] = 1.0
     integrated: Annotated[Vec3 | tuple[()], Unit("m/s", "velocity by the accelerometer, world axes")] = ()
 
