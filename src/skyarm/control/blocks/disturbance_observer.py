@@ -290,16 +290,16 @@ def observe(
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
-    size, spin = sqrt(ev.dot(ev) + SMALL), sqrt(ew.dot(ew) + SMALL)
-    # a blow is over: the rate takes what it left, the torque no more than LEAP
-    blow, ew = ew * (fresh.rate * minimum(1.0, divide(LEAP + memory.spin, spin))), ew * (
-        fresh.rate * minimum(1.0, divide(LEAP, spin)))
-    turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
-    ev = ev * (fresh.velocity * minimum(1.0, divide(JUMP + memory.innovation, size)))
+    leap = maximum(sqrt(ev.dot(ev) + SMALL) * (1.0 / JUMP), sqrt(ew.dot(ew) + SMALL) * (1.0 / LEAP))
+    # what leaps twice was a blow: velocities take what it left, disturbances no more than one leap's worth
+    slight, known = minimum(1.0, divide(1.0, leap)), minimum(1.0, divide(1.0 + memory.leap, leap))
+    share = [L1 + (1.0 - L1) * (known - slight) for L1 in fast]
+    turning, bending = ew * (slow[1] * fresh.rate * slight), [mul(e, slow[2] * slight) for e in er]
+    pulling, ev = ev * (slow[0] * fresh.velocity * slight), ev * (fresh.velocity * known)
     base = Felt(
-        velocity=v + ev * fast[0],
+        velocity=v + ev * share[0],
         bias=memory.bias,
-        change=ev * slow[0],
+        change=pulling,
         agreed=memory.agreed,
         integrated=memory.integrated,
     )
@@ -308,8 +308,8 @@ def observe(
         modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
         base = measure_translation(gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt)
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
-        quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
-        residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
+        quick = [(e - last) * (pace * slight) + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
+        residuals = tuple(data(e * (1.0 - share[2])) for e in er)
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
@@ -320,8 +320,8 @@ def observe(
         quaternion=place.quaternion,
         joints=place.joints,
         velocity=base.velocity,
-        rate=w + blow - ew * (1.0 - fast[1]),
-        joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
+        rate=w + ew * (share[1] * fresh.rate),
+        joint_rates=tuple(r + mul(e, share[2]) for r, e in zip(rates, er, strict=True)),
         force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
@@ -329,8 +329,7 @@ def observe(
         bias=base.bias,
         joint_residuals=residuals,
         readings=readings,
-        innovation=data(size),
-        spin=data(spin),
+        leap=data(leap),
         agreed=base.agreed,
         integrated=base.integrated,
     )
@@ -500,8 +499,7 @@ class Observed:
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
     joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
     readings: ReadingSums
-    innovation: Annotated[Scalar, Unit("m/s", "size of the last innovation of the velocity")] = 0.0
-    spin: Annotated[Scalar, Unit("rad/s", "size of the last innovation of the body rate")] = 0.0
+    leap: Annotated[Scalar, Unit("", "size of the last innovation of the base's velocities, in leaps")] = 0.0
     agreed: Annotated[Scalar, Unit("", "fraction to which the accelerometer is used, by its agreement")] = 1.0
     integrated: Annotated[Vec3 | tuple[()], Unit("m/s", "velocity by the accelerometer, world axes")] = ()
 
