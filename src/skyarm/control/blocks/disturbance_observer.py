@@ -288,16 +288,18 @@ def observe(
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
     ev, ew = measurement.velocity - v, measurement.rate - w
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
+    # what leaps twice was a blow: velocities take what it left, disturbances only what is slight
+    jump, twist = ev.dot(ev) * (1.0 / JUMP**2), ew.dot(ew) * (1.0 / LEAP**2)
+    leap = maximum(jump, twist)
+    slight = divide(1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0))
+    known = minimum(1.0, (1.0 + memory.leap) * slight)
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
-    fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
-    leap = maximum(sqrt(ev.dot(ev) + SMALL) * (1.0 / JUMP), sqrt(ew.dot(ew) + SMALL) * (1.0 / LEAP))
-    # what leaps twice was a blow: velocities take what it left, disturbances no more than one leap's worth
-    slight, known = minimum(1.0, divide(1.0, leap)), minimum(1.0, divide(1.0 + memory.leap, leap))
-    share = [L1 + (1.0 - L1) * (known - slight) for L1 in fast]
-    turning, bending = ew * (slow[1] * fresh.rate * slight), [mul(e, slow[2] * slight) for e in er]
-    pulling, ev = ev * (slow[0] * fresh.velocity * slight), ev * (fresh.velocity * known)
+    pace = divide(slight, dt)
+    fast, slow = [L1 + (1.0 - L1) * (known - slight) for L1, _ in shares], [L2 * pace for _, L2 in shares]
+    turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
+    pulling, ev = ev * (slow[0] * fresh.velocity), ev * (fresh.velocity * known)
     base = Felt(
-        velocity=v + ev * share[0],
+        velocity=v + ev * fast[0],
         bias=memory.bias,
         change=pulling,
         agreed=memory.agreed,
@@ -307,9 +309,9 @@ def observe(
     if gains.accelerometer is not None:
         modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
         base = measure_translation(gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt)
-        pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
-        quick = [(e - last) * (pace * slight) + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
-        residuals = tuple(data(e * (1.0 - share[2])) for e in er)
+        pace, rest = base.heard * (low_pass_share(gains.accelerometer.force, dt) * pace), 1.0 - base.heard
+        quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
+        residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
@@ -320,8 +322,8 @@ def observe(
         quaternion=place.quaternion,
         joints=place.joints,
         velocity=base.velocity,
-        rate=w + ew * (share[1] * fresh.rate),
-        joint_rates=tuple(r + mul(e, share[2]) for r, e in zip(rates, er, strict=True)),
+        rate=w + ew * (fast[1] * fresh.rate),
+        joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
         force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
