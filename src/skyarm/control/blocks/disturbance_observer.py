@@ -294,14 +294,14 @@ def observe(
     slight = divide(1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0))
     known = minimum(1.0, (1.0 + memory.leap) * slight)
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
-    pace = divide(slight, dt)
-    fast, slow = [L1 + (1.0 - L1) * (known - slight) for L1, _ in shares], [L2 * pace for _, L2 in shares]
+    blow, pace = known - slight, divide(slight, dt)
+    fast, slow = [blow + L1 * (1.0 - blow) for L1, _ in shares], [L2 * pace for _, L2 in shares]
     turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
-    pulling, ev = ev * (slow[0] * fresh.velocity), ev * (fresh.velocity * known)
+    ev = ev * (fresh.velocity * known)
     base = Felt(
         velocity=v + ev * fast[0],
         bias=memory.bias,
-        change=pulling,
+        change=ev * slow[0],
         agreed=memory.agreed,
         integrated=memory.integrated,
     )
@@ -316,7 +316,7 @@ def observe(
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     # up to where the force is least: beyond, or across, it would grow
-    shrinking = divide(-memory.force.dot(push), push.dot(push) + SMALL)
+    shrinking = divide(memory.force.dot(push), -SMALL - push.dot(push))
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
