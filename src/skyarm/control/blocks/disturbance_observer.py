@@ -349,6 +349,7 @@ def observe(
     return blend(started > 0.5, learned, begun), Told(
         amid=amid,
         innovation=ev,
+        known=known,
         beside=base.beside,
         angular_correction=turning,
         joint_corrections=tuple(bending),
@@ -417,13 +418,15 @@ class Told:
 
     Attributes:
         amid: state, and the disturbance estimated before the measurement.
-        innovation: measured less modelled velocity, world axes, m/s.
+        innovation: measured less modelled velocity, as far as it is believed, world axes, m/s.
+        known: fraction (0 to 1) to which the measured velocity is believed.
         beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
         angular_correction, joint_corrections: accelerations by which that disturbance varies with the measurement.
     """
 
     amid: Amid
     innovation: Vec3
+    known: Scalar
     beside: Vec3 | tuple[()]
     angular_correction: Vec3
     joint_corrections: Scalars
