@@ -22,15 +22,20 @@ A blow is over before a rotor answers it: the force takes r up to ``MOST``, the 
 
 An accelerometer that is stuck, late, turned round or spiked parts from the measured velocity: e is the leaky integral
 of their difference. Beyond ``agreement`` velocity and force go over to those of the measured velocity alone, with
-(agreement / |e|)^4, and return slowly. What a leap of the measured velocity gives beyond ``JUMP`` must come twice.
+(agreement / |e|)^4, and return slowly.
+
+With z the larger of |e| / ``JUMP`` of the velocity and |e| / ``LEAP`` of the body rate, no disturbance makes z > 1:
+there all disturbances learn 1 / z^2 of what they would. It is a false reading, or a blow, which has passed: where z has
+been as large before, velocity, rate and joint rates take e but for b^2 / z^2 of it. Of a velocity that leaps for the
+first time 1 / z^2 is believed. A blow that is taken for a torque holds rotors at their limits, and itself (below).
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
 predict over them.
 
 While an actuator is at its limit its disturbance is held: one that grows winds up. But a false force may be what keeps
 the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
 Sources: Brown, Hwang 2012, chapter 8 (complementary filters); Gao 2003 (both poles at one place); Smeur, Chu, de Croon
-2016 (the external force from the specific force); Huber 1981 (bounded influence of a reading); Astrom, Hagglund 2006,
-3.5 (conditional integration).
+2016 (the external force from the specific force); Huber 1981 (bounded influence of a reading; 4.8, one that
+falls again); Astrom, Hagglund 2006, 3.5 (conditional integration).
 """
 
 from __future__ import annotations
@@ -118,12 +123,9 @@ LEFT = 2.0
 """Largest difference of measured and integrated velocity that is left after a period, over the accepted one: what a
 single false reading leaves must fade, what a wrong accelerometer adds in each period must show."""
 
-JUMP = 0.3
-"""Largest growth (m/s) of the innovation of the velocity in one period that is believed at once. What lasts for two is
-believed in the second."""
-
-LEAP = 1.0
-"""The same of the body rate (rad/s)."""
+JUMP, LEAP = 0.3, 1.0
+"""Largest innovations of velocity (m/s) and body rate (rad/s) that a disturbance makes within a period: 6 g, and what
+all rotors of a small vehicle give."""
 
 SMALL = 1e-9
 """Added to the square of a speed, an acceleration or a force, as a divisor."""
@@ -487,7 +489,7 @@ class Observed:
         rotor_speeds: speeds of the modelled motors, rad/s.
         bias: bias of the accelerometer, m/s^2, base axes. joint_residuals: joint rates beyond the model, for the
             force's row. integrated: velocity by the accelerometer. All three () without an accelerometer.
-        readings: the last ones. innovation: its size at the last measurement.
+        readings: the last ones. leap: z^2 at the last measurement.
         agreed: fraction to which the accelerometer is used.
     """
 
@@ -504,7 +506,7 @@ class Observed:
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "estimated bias of the accelerometer, base axes")] = ()
     joint_residuals: Annotated[Scalars, Unit("rad/s or m/s", "measured minus estimated joint rates")] = ()
     readings: ReadingSums
-    leap: Annotated[Scalar, Unit("", "size of the last innovation of the base's velocities, in leaps")] = 0.0
+    leap: Annotated[Scalar, Unit("", "square of the last innovation of the base over that of a disturbance")] = 0.0
     agreed: Annotated[Scalar, Unit("", "fraction to which the accelerometer is used, by its agreement")] = 1.0
     integrated: Annotated[Vec3 | tuple[()], Unit("m/s", "velocity by the accelerometer, world axes")] = ()
 
