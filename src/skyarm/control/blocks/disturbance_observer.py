@@ -296,8 +296,8 @@ def observe(
     slight = divide(1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0))
     known = minimum(1.0, (1.0 + memory.leap) * slight)
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
-    blow, pace = known - slight, divide(slight, dt)
-    fast, slow = [blow + L1 * (1.0 - blow) for L1, _ in shares], [L2 * pace for _, L2 in shares]
+    blow = known - slight
+    fast, slow = [blow + L1 * (1.0 - blow) for L1, _ in shares], [L2 * slight / dt for _, L2 in shares]
     turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
     ev = ev * (fresh.velocity * known)
     base = Felt(
@@ -311,7 +311,7 @@ def observe(
     if gains.accelerometer is not None:
         modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
         base = measure_translation(gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt)
-        pace, rest = base.heard * (low_pass_share(gains.accelerometer.force, dt) * pace), 1.0 - base.heard
+        pace, rest = base.heard * (low_pass_share(gains.accelerometer.force, dt) * slight / dt), 1.0 - base.heard
         quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
         residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
