@@ -56,9 +56,8 @@ class Rows:
 def told_by(angular, joints, *corrections):
     """What the model tells: accelerations of the commands sent, and corrections of the disturbance."""
     amid = SimpleNamespace(accelerations=lambda model, squares, efforts: (None, angular, joints))
-    return Told(
-        amid=amid, innovation=None, beside=(), angular_correction=corrections[0], joint_corrections=corrections[1]
-    )
+    turned, bent = corrections
+    return Told(amid=amid, innovation=None, known=1.0, beside=(), angular_correction=turned, joint_corrections=bent)
 
 
 def learn(gains, memory, told, measurement, started, free, isolated, dt):
@@ -308,7 +307,7 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier
     gains = dataclasses.replace(GAINS, earlier=earlier)
     heard = []
     amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
-    told = Told(amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
+    told = Told(amid=amid, innovation=None, known=1.0, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
     step = SimpleNamespace(
         seen=SimpleNamespace(told=told),
         measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
