@@ -58,8 +58,8 @@ QUICK = 30.0
 FIRM = 0.18
 """Part of a vehicle's inertia about its held tip that turns it in free flight, from which the gains of leaning rise.
 
-Among 80 drawn teams that bear with 0.6 of their gains, those of 0.19 to 0.22 are placed, and with 0.8 they shake;
-below 0.12 they fall over slowly, and with 0.8 they are placed.
+In drawn teams vehicles of 0.19 and more shake with 0.8 of their gains and fly with 0.6; five teams with one of 0.12 or
+less fell over slowly with 0.6 and fly with 0.8.
 """
 
 SLOWEST = 1e-3
@@ -104,7 +104,7 @@ class CarryingGains(OptionalPart):
         Scalar,
         Unit(
             "",
-            "factor of all gains while a load is carried",
+            "factor of all gains while a load is carried; of the rotors' at least",
             low=0.0,
             strict=True,
             effect="lower values tolerate more inertia of the load and reject wind less",
