@@ -151,6 +151,25 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
     assert np.abs(list(getattr(off, of))).max() > 1e-3
 
 
+@pytest.mark.parametrize("late", [0, 1, 3, 40])
+def test_joint_rates_that_are_new_after_several_periods_are_corrected_by_the_gains_of_that_time(late):
+    """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean."""
+    now = underway(drawn(6))
+    for k in range(late):
+        # all else is new
+        now, _ = seen(now, dataclasses.replace(drawn(7 + k), joint_rates=drawn(6).joint_rates))
+        assert now.readings.missed == k + 1
+    last = dataclasses.replace(drawn(50), joint_rates=(0.3, -0.2))
+    after, told = seen(now, last)
+    _, _, bending = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
+    foretold = np.array(now.joint_rates) + np.array(bending) * DT
+    error = np.array(last.joint_rates) - foretold
+    b = np.exp(-GAINS.joints * DT) / (1 + late**2)
+    assert after.joint_rates == pytest.approx(foretold + (1 - b * b) * error)
+    assert told.joint_corrections == pytest.approx((1 - b) ** 2 * error / ((1 + late) * DT))
+    assert after.readings.missed == 0.0
+
+
 def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():
     """2 m/s^2 that the model lacks, for 0.3 s: the estimate follows them, and the force finds them."""
     start = dataclasses.replace(drawn(6), rate=ZERO3, joint_rates=(0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0))

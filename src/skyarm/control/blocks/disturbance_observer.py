@@ -24,7 +24,10 @@ An accelerometer that is stuck, late, turned round or spiked parts from the meas
 of their difference. Beyond ``agreement`` velocity and force go over to those of the measured velocity alone, with
 (agreement / |e|)^4, and return slowly. What a leap of the measured velocity gives beyond ``JUMP`` must come twice.
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
-predict over them.
+predict over them. The next one of the joint rates, n periods late, has b / (1 + n^2) for b, and L2 / (1 + n): what they
+lack has grown for 1 + n periods, and less noise is in its mean. With b alone, joint sensors of 50 Hz leave the estimate
+a quarter of its bandwidth: of 12 wrong plants of an octocopter with sliding joints 9 were lost at 100 Hz and 11 at 50
+Hz, now 0 and 2; with b^(1 + n), as quick as with all readings, 6 and 10.
 
 While an actuator is at its limit its disturbance is held: one that grows winds up. But a false force may be what keeps
 the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
@@ -285,8 +288,11 @@ def observe(
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
     ev, ew = measurement.velocity - v, measurement.rate - w
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
-    shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
-    fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
+    shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque)]
+    missed = memory.readings.missed
+    shares.append(double_pole(gains.joints, dt, 1.0 + missed * missed))
+    times = dt, dt, dt * (1.0 + missed)
+    fast, slow = [L1 for L1, _ in shares], [L2 / time for (_, L2), time in zip(shares, times, strict=True)]
     turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
     size = sqrt(ev.dot(ev) + SMALL)
     ev = ev * (fresh.velocity * minimum(1.0, divide(JUMP + memory.innovation, size)))
