@@ -11,7 +11,7 @@ import skyarm
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed, observe
-from skyarm.control.blocks.prediction import Disturbance, actuation
+from skyarm.control.blocks.prediction import Disturbance, actuation, no_disturbance
 from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.model import Model
 from skyarm.sensing.measurement import Measurement, blank_measurement
@@ -152,21 +152,35 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 40])
-def test_joint_rates_that_are_new_after_several_periods_are_corrected_by_the_gains_of_that_time(late):
-    """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean."""
-    now = underway(drawn(6))
+def test_rates_of_sliding_joints_that_are_new_after_several_periods_are_corrected_by_all_of_them(late):
+    """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean.
+
+    Turning joints keep their gains.
+    """
+    model = Model(vehicle=skyarm.load_vehicle("octo_coaxial_two_arms"), gravity=G)
+    command, draw = standing_command(model), np.random.default_rng(3)
+    done, none = actuation(model, command.rotor_speeds, command, DT), no_disturbance(5)
+
+    def step(before, rates, started=1.0):
+        now = dataclasses.replace(
+            blank_measurement(5, 8), velocity=Vec3(*draw.normal(size=3)), rate=Vec3(*draw.normal(size=3)),
+            joints=tuple(draw.normal(size=5)), joint_rates=rates,
+        )  # fmt: skip
+        return observe(model, GAINS, before, now, done, none, started, (1.0,) * 6, DT)
+
+    now, _ = step(first_observed(5, command.rotor_speeds, True), (0.1,) * 5, 0.0)
     for k in range(late):
-        # all else is new
-        now, _ = seen(now, dataclasses.replace(drawn(7 + k), joint_rates=drawn(6).joint_rates))
+        now, _ = step(now, (0.1,) * 5)
         assert now.readings.missed == k + 1
-    last = dataclasses.replace(drawn(50), joint_rates=(0.3, -0.2))
-    after, told = seen(now, last)
-    _, _, bending = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
+    rates = (0.3, -0.2, 0.2, 0.1, -0.1)
+    after, told = step(now, rates)
+    _, _, bending = told.amid.accelerations(model, done.squares, done.efforts)
     foretold = np.array(now.joint_rates) + np.array(bending) * DT
-    error = np.array(last.joint_rates) - foretold
-    b = np.exp(-GAINS.joints * DT) / (1 + late**2)
+    error = np.array(rates) - foretold
+    slides = np.array([0, 0, late, 0, late])
+    b = np.exp(-GAINS.joints * DT) / (1 + slides**2)
     assert after.joint_rates == pytest.approx(foretold + (1 - b * b) * error)
-    assert told.joint_corrections == pytest.approx((1 - b) ** 2 * error / ((1 + late) * DT))
+    assert told.joint_corrections == pytest.approx((1 - b) ** 2 * error / ((1 + slides) * DT))
     assert after.readings.missed == 0.0
 
 

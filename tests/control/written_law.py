@@ -64,7 +64,7 @@ class WrittenLaw(WrittenParts):
         self.W = W
         self.free = np.ones(1 + n)
         self.slow, self.bias, self.integrated, self.agreed = np.zeros(3), np.zeros(3), np.zeros(3), 1.0
-        self.last, self.jump, self.late = None, 0.0, 0
+        self.last, self.jump = None, 0.0
         self.trim = np.zeros(len(W))
         self.size, self.mean = 0.0, np.zeros(3)
         self.y, self.sinks = np.zeros(3), np.zeros(3)
@@ -327,10 +327,7 @@ class WrittenLaw(WrittenParts):
         if size > 0.3 + self.jump:
             errors[0] = errors[0] * (0.3 + self.jump) / size
         poles = [np.exp(-each * dt) for each in bandwidths]
-        poles[2] = poles[2] / (1 + self.late**2)
         slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
-        slow[2] = slow[2] / (1 + self.late)
-        self.late = 0 if new["joint_rates"] else self.late + 1
         translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0]
         translation, beside = self._hear(x, new, R, linear, done, heard, translation)
         still = amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1]

@@ -24,10 +24,10 @@ An accelerometer that is stuck, late, turned round or spiked parts from the meas
 of their difference. Beyond ``agreement`` velocity and force go over to those of the measured velocity alone, with
 (agreement / |e|)^4, and return slowly. What a leap of the measured velocity gives beyond ``JUMP`` must come twice.
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
-predict over them. The next one of the joint rates, n periods late, has b / (1 + n^2) for b, and L2 / (1 + n): what they
-lack has grown for 1 + n periods, and less noise is in its mean. With b alone, joint sensors of 50 Hz leave the estimate
-a quarter of its bandwidth: of 12 wrong plants of an octocopter with sliding joints 9 were lost at 100 Hz and 11 at 50
-Hz, now 0 and 2; with b^(1 + n), as quick as with all readings, 6 and 10.
+predict over them. Joint sensors of 50 Hz leave the estimate of the joints a quarter of its bandwidth. That is too slow
+for a sliding joint, on which a load acts in full, without a lever: its next rate after n periods without has
+b / (1 + n^2) for b, and L2 / (1 + n): of 36 wrong plants of an octocopter 1 is lost at 67 Hz and none at 100 and 50,
+without it 27, 18 and 31. On turning joints that would be too quick: drawn vehicles that fly at 100 Hz are lost.
 
 While an actuator is at its limit its disturbance is held: one that grows winds up. But a false force may be what keeps
 the rotors there: it shrinks, F^T (change of F) < 0, at a share of the observer's pace.
@@ -64,6 +64,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle import Joint
 
 AGREEMENT = 0.05
 """Accepted difference (m/s) of measured and integrated velocity: five deviations of the noise for which the gains were
@@ -289,11 +290,9 @@ def observe(
     ev, ew = measurement.velocity - v, measurement.rate - w
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque)]
-    missed = memory.readings.missed
-    shares.append(double_pole(gains.joints, dt, 1.0 + missed * missed))
-    times = dt, dt, dt * (1.0 + missed)
-    fast, slow = [L1 for L1, _ in shares], [L2 / time for (_, L2), time in zip(shares, times, strict=True)]
-    turning, bending = ew * (slow[1] * fresh.rate), [mul(e, slow[2]) for e in er]
+    fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
+    joint_shares = [joint_gains(link.joint, gains, memory.readings.missed, dt) for link in model.vehicle.links]
+    turning, bending = ew * (slow[1] * fresh.rate), [mul(e, L2) for e, (_, L2) in zip(er, joint_shares, strict=True)]
     size = sqrt(ev.dot(ev) + SMALL)
     ev = ev * (fresh.velocity * minimum(1.0, divide(JUMP + memory.innovation, size)))
     base = Felt(
@@ -309,7 +308,7 @@ def observe(
         base = measure_translation(gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt)
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
         quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
-        residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
+        residuals = tuple(data(e * (1.0 - L1)) for e, (L1, _) in zip(er, joint_shares, strict=True))
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
@@ -321,7 +320,7 @@ def observe(
         joints=place.joints,
         velocity=base.velocity,
         rate=w + ew * (fast[1] * fresh.rate),
-        joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
+        joint_rates=tuple(r + mul(e, L1) for r, e, (L1, _) in zip(rates, er, joint_shares, strict=True)),
         force=memory.force + push * maximum(free[0], minimum(shrinking, RELEASE)),
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
@@ -351,6 +350,15 @@ def observe(
         angular_correction=turning,
         joint_corrections=tuple(bending),
     )
+
+
+def joint_gains(joint: Joint, gains: ObserverGains, missed: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
+    """Gains of a joint's rate (1) and disturbing acceleration (1/s), ``missed`` periods after its last new reading."""
+    if joint.turns:
+        L1, L2 = double_pole(gains.joints, dt)
+        return L1, L2 / dt
+    L1, L2 = double_pole(gains.joints, dt, 1.0 + missed * missed)
+    return L1, L2 / (dt * (1.0 + missed))
 
 
 def observe_uncompensated(
