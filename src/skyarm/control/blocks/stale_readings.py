@@ -99,7 +99,7 @@ class ReadingSums:
 
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
-    return data(total(mul(GOLDEN**i, each) for i, each in enumerate(numbers)))
+    return data(total(mul(GOLDEN**i if i else 1, each) for i, each in enumerate(numbers)))
 
 
 def _is_new(last: Scalar, now: Scalar, rate: Scalar) -> Scalar:
