@@ -152,7 +152,7 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 40])
-def test_rates_of_sliding_joints_that_are_new_after_several_periods_are_corrected_by_all_of_them(late):
+def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(late):
     """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean.
 
     Turning joints keep their gains.

@@ -152,7 +152,7 @@ class WrittenLaw(WrittenParts):
         arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
         tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
         quiet = self._share(self.noise, par.velocity_noise)
-        joints = min(par.observer[2] * j, par.observer[1] * r * (1 + 4 * self.lag.obeyed))
+        joints = min(par.observer[2] * j, par.observer[1] * r * max(1.0, 8 * self.lag.obeyed))
         observer = par.observer[0] * r * quiet, par.observer[1] * r, joints * quicker
         calm, seen = self._share(self.shaking, FELT), self._share(self.noise, SEEN)
         heard = par.accelerometer[0] * r * calm, np.clip(par.accelerometer[1] * (seen / calm) ** 2, 2.0, 60.0)

@@ -79,7 +79,7 @@ LEARNING, KNOWN = 0.3, 0.05
 SMALLER, SLOW = 1.15, 1.35
 """Ratios of modelled to measured acceleration: up to the first a lag counts as delay alone, from the second as none."""
 
-OBEYING, WIDER = 2.0, 4.0
+OBEYING, WIDER = 2.0, 8.0
 """Rate (1/s) at which the share of the joints' accelerations that is measured is found; times that share, the observer
 of the joints may be wider than that of the torque. Joints that stick hardly accelerate: what their observer then finds
 sooner than that of the torque is taken for a torque on the base, and the loop swings."""
@@ -155,7 +155,7 @@ class LagGains(OptionalPart):
         base, joints = self.shares(memory, dt)
         own = [link.joint.damping for link in par.model.vehicle.links]
         par = at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
-        most = par.observer.torque * (1.0 + WIDER * memory.obeyed)
+        most = par.observer.torque * maximum(1.0, WIDER * memory.obeyed)
         observer = dataclasses.replace(par.observer, joints=minimum(par.observer.joints, most))
         return dataclasses.replace(par, observer=observer)
 
