@@ -90,6 +90,7 @@ class WrittenLaw(WrittenParts):
             low=np.zeros((2, 2)),
             A=np.full(2, 0.05),
             B=np.full(2, 0.05),
+            obeyed=1.0,
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
         self.shaking = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
@@ -151,7 +152,8 @@ class WrittenLaw(WrittenParts):
         arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
         tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
         quiet = self._share(self.noise, par.velocity_noise)
-        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * quicker
+        joints = min(par.observer[2] * j, par.observer[1] * r * max(1.0, 8 * self.lag.obeyed))
+        observer = par.observer[0] * r * quiet, par.observer[1] * r, joints * quicker
         calm, seen = self._share(self.shaking, FELT), self._share(self.noise, SEEN)
         heard = par.accelerometer[0] * r * calm, np.clip(par.accelerometer[1] * (seen / calm) ** 2, 2.0, 60.0)
         heard = *heard, 0.05 / seen**2
