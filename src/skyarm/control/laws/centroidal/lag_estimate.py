@@ -80,9 +80,9 @@ SMALLER, SLOW = 1.15, 1.35
 """Ratios of modelled to measured acceleration: up to the first a lag counts as delay alone, from the second as none."""
 
 OBEYING, WIDER = 2.0, 8.0
-"""Rate (1/s) at which the share of the joints' accelerations that is measured is found; times that share, the observer
-of the joints may be wider than that of the torque. Joints that stick hardly accelerate: what their observer then finds
-sooner than that of the torque is taken for a torque on the base, and the loop swings."""
+"""Rate (1/s) at which the share of the joints' squared accelerations that is measured is found; times that share, the
+observer of the joints may be wider than that of the torque. Joints that stick hardly accelerate: what their observer
+then finds sooner than that of the torque is taken for a torque on the base, and the loop swings."""
 
 LEAST = 1e-6
 """Least mean product of measured and modelled accelerations, as a divisor."""
@@ -231,9 +231,9 @@ class LagGains(OptionalPart):
             gain = divide(share, z * z + x * x + floor)
             agreement.append(memory.agreement[k] * (1.0 - share) + gain * (x * z))
             size.append(memory.size[k] * (1.0 - share) + gain * (x * x))
-        pairs = list(zip(band[TILTS:], here[TILTS:], strict=True))
-        asked = total(x * x for x, _ in pairs)
-        missing = total(x * z for x, z in pairs) - memory.obeyed * asked
+        asked, answered = (total(a * a for a in each[TILTS:]) for each in (band, here))
+        # what a push adds to the answer is no sign of a joint that sticks
+        missing = minimum(answered, asked) - memory.obeyed * asked
         return LagMemory(
             count=memory.count + running,
             obeyed=memory.obeyed + divide(learned * (OBEYING * dt), asked + FLOOR) * missing,
@@ -285,7 +285,7 @@ class LagMemory:
         Unit("", "mean product of measured and modelled accelerations at the estimated lag, each axis"),
     ]
     size: Annotated[Scalars, Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")]
-    obeyed: Annotated[Scalar, Unit("", "share of the joints' modelled accelerations that is measured")] = 1.0
+    obeyed: Annotated[Scalar, Unit("", "share of the joints' modelled squared accelerations that is measured")] = 1.0
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 
