@@ -204,7 +204,7 @@ class Encoders(ChannelSensor):
                 "rate: must be left out where rates = 'difference': the errors of positions make those of their "
                 "differences"
             )
-        if not absent(self.bits) and not absent(self.joints.resolution):
+        if all(not (concrete(each) and each == 0) for each in (self.bits, self.joints.resolution)):
             raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
@@ -237,7 +237,8 @@ class Encoders(ChannelSensor):
         if absent(self.bits):
             return q
         # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
-        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).quantize(q)
+        step = divide(self.span, exp(self.bits * LOG_2))
+        return Channel(resolution=where(self.bits > 0.0, step, 0.0)).quantize(q)
 
 
 @immutable
