@@ -169,8 +169,6 @@ class Session:
         self._codes = list[EpisodeCode]()
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
-        # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._sizes = {name: each.plant.vehicle.sizes for name, each in scenario.agents.items()}
         self._apply_due_changes()
 
     @property
@@ -257,10 +255,11 @@ class Session:
             True if the episode continues.
 
         Raises:
-            ScenarioError: a command with another number of rotors or joints, or of a vehicle that is not there.
+            ScenarioError: a command with another number of rotors or joints, with a rotor speed out of its range, or of
+                a vehicle that is not there.
         """
         if rotors is not None:
-            numbers = self._of_each("rotors", rotors, lambda each, *sizes: rotor_numbers(each, command, *sizes))
+            numbers = self._of_each("rotors", rotors, lambda each, vehicle: rotor_numbers(each, command, vehicle))
             going = self._engine.step(numbers, rotors_only=True)
         else:
             going = self._engine.step(() if command is None else self._of_each("command", command, numbers_of_command))
@@ -270,12 +269,13 @@ class Session:
 
     def _of_each(self, field: str, given: object, numbers: Callable[..., tuple[float, ...]]) -> list[tuple[float, ...]]:
         """Numbers of the commands that are given to the vehicles, in order; empty for one under its law."""
-        if len(self._sizes) == 1:
-            (sizes,) = self._sizes.values()
-            return [numbers(given, *sizes)]
-        if not isinstance(given, Mapping) or not given.keys() <= self._sizes.keys():
-            raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(self._sizes)}")
-        return [numbers(given[name], *sizes) if name in given else () for name, sizes in self._sizes.items()]
+        vehicles = self._course.now.vehicles
+        if len(vehicles) == 1:
+            (vehicle,) = vehicles.values()
+            return [numbers(given, vehicle)]
+        if not isinstance(given, Mapping) or not given.keys() <= vehicles.keys():
+            raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(vehicles)}")
+        return [numbers(given[name], vehicle) if name in given else () for name, vehicle in vehicles.items()]
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""
@@ -435,8 +435,9 @@ class Session:
 
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
-        if len(self._sizes) > 1:
-            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(self._sizes)}")
+        agents = self._course.begun.agents
+        if len(agents) > 1:
+            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(agents)}")
 
     def _require_running(self) -> None:
         if not self.running:

@@ -21,6 +21,7 @@ from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.load_limits import largest_load
+from skyarm.dynamics.actuators.rotor import least_raised
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
@@ -376,7 +377,10 @@ class AgentStages:
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
-        moved = (*queue[1:], command)
+        # the log has what the law computed, motors do what they can
+        rotors = self.scenario.agent.plant.vehicle.rotors
+        able = dataclasses.replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
+        moved = (*queue[1:], able)
         return where(going, 1.0, 0.0), moved, self.acting(moved)
 
     def drive(self, drives: Memories, before: Command, acting: Command, state: State) -> Memories:

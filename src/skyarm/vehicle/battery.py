@@ -7,7 +7,7 @@ from typing import Annotated, Any, Protocol
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve
-from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import absolute, add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -148,5 +148,5 @@ def rotor_power(
             continue
         square = speed * speed if rotor.table is None else rotor.table.twist(speed)
         torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
-        total = add(total, divide(mul(torque, speed), efficiency))
+        total = add(total, divide(mul(torque, absolute(speed)), efficiency))
     return total

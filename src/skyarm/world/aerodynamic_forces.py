@@ -10,6 +10,7 @@ from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import maximum, sqrt
+from skyarm.dynamics.actuators.rotor import push, speed_size
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
@@ -56,8 +57,7 @@ class GroundEffect(Force[tuple[()]]):
                     away = other.position - rotor.position
                     square = away.dot(away) + 4.0 * z * z
                     ratio = ratio + 0.5 * self.radius * self.radius * z / (square * sqrt(square))
-            push = speed * speed if rotor.table is None else rotor.table.push(speed)
-            extra = rotor.thrust_coefficient * push * (ratio / (1.0 - ratio))
+            extra = rotor.thrust_coefficient * push(rotor, speed) * (ratio / (1.0 - ratio))
             wrenches.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
         return wrenches
 
@@ -124,6 +124,6 @@ class RotorDrag(Force[tuple[()]]):
             axis = motion.rotation.apply(rotor.axis)
             along = v.dot(axis)
             across = v - axis * along
-            extra: Scalar = self.lift * across.dot(across) - self.inflow * speed * along
+            extra: Scalar = self.lift * across.dot(across) - self.inflow * speed_size(rotor, speed) * along
             wrenches.append(Wrench(force_W=axis * extra, point=rotor.position))
         return wrenches

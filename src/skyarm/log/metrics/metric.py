@@ -31,11 +31,12 @@ class ActuatorLimits:
     """Limits of a vehicle's actuators.
 
     Attributes:
-        speeds: largest speed of each rotor, rad/s. efforts: largest torque or force of each joint, N m or N; inf of a
-            joint that is passive or takes setpoints.
+        speeds: largest speed of each rotor, rad/s. least: its least one.
+        efforts: largest torque or force of each joint, N m or N; inf of a joint that is passive or takes setpoints.
     """
 
     speeds: Scalars
+    least: Scalars
     efforts: Scalars
 
     @classmethod
@@ -44,6 +45,7 @@ class ActuatorLimits:
         joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
+            least=tuple(rotor.min_speed for rotor in vehicle.rotors),
             efforts=tuple(
                 math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
                 for joint, setpoint in joints
