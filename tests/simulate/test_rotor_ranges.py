@@ -1,4 +1,4 @@
-"""Rotor speeds beyond the range of a rotor: refused where they are stated, raised and counted where a law gives them."""
+"""Rotor speeds beyond a rotor's range: refused where they are stated, raised and counted where a law gives them."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_stated_command_beyond_a_rotors_range_is_refused_at_every_door() -> No
     start = BIRD.with_initial(dataclasses.replace(session.state, rotor_speeds=tuple(drawn(1)[0])))
     with pytest.raises(ValueError, match=rf"^initial\.rotor_speeds\[\d\] {words}"):
         skyarm.run(start)
-    with pytest.raises(skyarm.ScenarioError, match="one that turns backwards states reversible = true$"):
+    with pytest.raises(skyarm.ScenarioError, match=r"one that turns backwards states reversible = true$"):
         session.step(rotors=[-1.0, 400.0, 400.0, 400.0])
     assert session.step(rotors=[0.0, TOP, 400.0, 0.0])
 

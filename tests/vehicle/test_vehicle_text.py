@@ -72,10 +72,8 @@ def test_signs_and_senses_of_rotors_come_back_and_are_no_more_than_stated(tmp_pa
     text = vehicle_text(HUMMINGBIRD)
     assert "rolling =" not in text
     assert "reversible" not in text
+    (tmp_path / "odd.toml").write_text(text.replace("[rotor_defaults]", '[rotor_defaults]\nrolling = "odd"'), "utf-8")
     with pytest.raises(ValueError, match=r"rolling = 'odd': must be one of"):
-        (tmp_path / "odd.toml").write_text(
-            text.replace("[rotor_defaults]", '[rotor_defaults]\nrolling = "odd"'), "utf-8"
-        )
         load_vehicle(tmp_path / "odd.toml")
 
 
