@@ -173,8 +173,8 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
 
 
 def default_if_equal(value: Any, usual: object) -> Any:
-    """Default of a field in place of an equal value of a file: an int 0 there is structure, unlike the file's 0.0."""
-    return usual if value == usual and type(value) is not bool else value
+    """Default of a field in place of equal numbers of a file: an int 0 there is structure, unlike the file's 0.0."""
+    return usual if isinstance(value, (float, Vec3)) and value == usual else value
 
 
 def takes_table(function: Callable[..., object]) -> bool:
