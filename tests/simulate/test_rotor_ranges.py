@@ -79,6 +79,9 @@ def test_a_stated_command_beyond_a_rotors_range_is_refused_at_every_door() -> No
     with pytest.raises(skyarm.ScenarioError, match=r"one that turns backwards states reversible = true$"):
         session.step(rotors=[-1.0, 400.0, 400.0, 400.0])
     assert session.step(rotors=[0.0, TOP, 400.0, 0.0])
+    session.change({"plant.vehicle.rotors.1.max_speed": 500.0})
+    with pytest.raises(skyarm.ScenarioError, match=r"^rotors\[1\] = 838\.0: must be from 0 to 500 rad/s"):
+        session.step(rotors=[0.0, TOP, 400.0, 0.0])
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
