@@ -99,8 +99,12 @@ def test_a_computed_command_acts_within_the_range_and_counts_as_saturation(plant
         assert log.shortfall.saturation.counts
 
 
-def test_rotors_at_rest_are_not_told_as_saturated() -> None:
+def test_a_speed_below_rest_is_told_as_saturated_and_rest_is_not() -> None:
     assert flown((0.0,) * 4).shortfall.saturation is None
+    cut = flown((400.0, -300.0, 400.0, 400.0)).shortfall.saturation
+    assert cut is not None
+    assert (cut.command, cut.limit, cut.share) == (-300.0, 0.0, 1.0)
+    assert cut.actuator.startswith("rotor ")
 
 
 def test_check_law_sees_a_first_command_out_of_range() -> None:
