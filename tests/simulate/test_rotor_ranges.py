@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -13,9 +14,11 @@ from skyarm.control.law_checks import LawError
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import push
+from skyarm.envs.action_kinds import Turn, within_limits
 from skyarm.links.ros.ros_link import command_of
 from skyarm.log.metrics.score import score
 from skyarm.log.ros.message_bytes import MessageError
+from skyarm.plant.mujoco_export import mjcf_text
 from skyarm.simulate.user_code import check_law
 
 TOP, FALL = 838.0, 9.8
@@ -136,3 +139,16 @@ def test_a_reversible_rotor_turns_backwards_and_pulls() -> None:
     assert score(flown((-TOP,) * 4, back), ("rotor_saturation",))["rotor_saturation"] == 1.0
     assert score(flown((-TOP / 2.0,) * 4, back), ("rotor_saturation",))["rotor_saturation"] == 0.0
     assert float(push(vehicle.rotors[0], -2.0)) == -4.0
+
+
+def test_actions_and_mujocos_controls_keep_the_range_of_a_rotor() -> None:
+    """A policy's speeds are clipped, and an exported thrust is limited, both ways where the rotor turns both ways."""
+    for back, least in ((False, 0.0), (True, -TOP)):
+        scenario = with_rotors(BIRD, reversible=back)
+        par = Fixed(skyarm.Model(vehicle=scenario.plant.vehicle), ())
+        turn = Turn((), None, None, None, par, (False, False))  # type: ignore[arg-type]
+        sent = within_limits(turn, (-2e3, 2e3, -1.0, 400.0), (0.0, 0.0))
+        assert sent.rotor_speeds == (least, TOP, max(least, -1.0), 400.0)
+        model = mujoco.MjModel.from_xml_string(mjcf_text(scenario.plant.vehicle, 9.8, None).text)
+        thrust = float(scenario.plant.vehicle.rotors[0].thrust_coefficient) * TOP**2
+        assert model.actuator_ctrlrange[0] == pytest.approx([-thrust if back else 0.0, thrust], rel=1e-5)
