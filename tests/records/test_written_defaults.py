@@ -68,6 +68,10 @@ def world(**own: Any) -> Tables:
     return tables(world={"surfaces": [{"name": "floor"}], **own})
 
 
+def flown_by(autopilot: str) -> Tables:
+    return tables(controller={"autopilot": autopilot}, plant={"vehicle": "hummingbird"})
+
+
 def moved(**base: Any) -> Tables:
     return tables(reference={"base": base})
 
@@ -155,6 +159,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
             ("decentralised", "Decentralised"),
         )
     ),
+    ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
+    ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
     ("path_governor", "| field | meaning | raise it when |", "reference.governor", governed()),
     ("tip_and_tasks", "| `[reference.tip]` |", "reference.tip", led()),
     ("tip_and_tasks", "| limit | unit |", "reference.base", moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]])),
