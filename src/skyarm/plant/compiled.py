@@ -93,7 +93,7 @@ def hold(
         fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
         finer = where(there.calm(motions, seconds), fewer, finer)
     touch: Scalar = 0.0
-    if any(count.stops):
+    if count.stops:
         held = count.verlet or integrator == "euler"
         touch = touch_steps(worlds, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
         finer = maximum(finer, touch)
@@ -102,7 +102,7 @@ def hold(
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)
-    if far is False and count.most == 1 and not count.calm and not any(count.stops):
+    if far is False and count.most == 1 and not count.calm and not count.stops:
         return repeat(count.near, step, now)
     if far is not False:
         far = logical_and(far, touch <= float(count.far))
@@ -110,7 +110,7 @@ def hold(
     def step_far(both: Moved) -> Moved:
         return far_step(integrator, worlds, both, commands, around, seconds / count.far, count.rounds)
 
-    most = max(count.near * count.most, MOST_STEPS if any(count.stops) else 0)
+    most = max(count.near * count.most, MOST_STEPS if count.stops else 0)
     now = repeat_while(most, where(far, 0.0, finer), step, now)
     if far is False:
         return now
@@ -158,7 +158,8 @@ class RigidBodyPlant:
         self._largest = largest_step(self.around, euler=euler)
         self._largest_far = largest_step(self.around, coupled=False, euler=euler)
         self._rate = max(joint_rate(each.vehicle) for each in self._worlds)
-        self._stops = tuple(stop_numbers(each.vehicle) for each in self._worlds)
+        stops = tuple(stop_numbers(each.vehicle) for each in self._worlds)
+        self._stops = stops if any(stops) else ()
         self._verlet = None if euler else verlet_step(self.around)
 
     @property

@@ -119,8 +119,9 @@ class CommandReplay:
         state = example_state(n, rotors)
         self._carry = state, memories
         plant = RigidBodyPlant(Truth(vehicle=usual, gravity=gravity), around(usual, self._inputs, memories), "rk4")
-        self.substeps = max(finer, plant.substeps(step).near)
-        count = Steps(self.substeps)
+        usually = plant.substeps(step)
+        self.substeps = max(finer, usually.near)
+        count = usually._replace(near=self.substeps)
 
         def fly(
             carry: tuple[State, Memories], given: Inputs, _row: Tree, _uniforms: Tree

@@ -77,7 +77,7 @@ class HangingPayload(TimedPayload):
             effect="lower values make a stiffer cord, which needs a higher control rate",
         ),
     ] = 0.02
-    damping_ratio: Annotated[Scalar, nonnegative("", "damping ratio of the cord's own stretching")] = 0.2
+    damping_ratio: Annotated[Scalar, nonnegative("", "damping ratio of the cord's own stretching", high=10.0)] = 0.2
 
     def __post_init__(self) -> None:
         # not super(): a dataclass with slots is another class than the one that is being made here
