@@ -195,7 +195,7 @@ def stop_numbers(vehicle: Vehicle) -> StopNumbers:
 def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Scalar) -> Scalar:
     """Fastest rate (1/s) at the stops that joints may meet within ``seconds``; 0 if none can be met.
 
-    Of a stop k d (1 + c v) the spring has the frequency sqrt(k / m (1 + c v)), its damping the rate k c d / m. Without a
+    At a stop k d (1 + c v) the spring has the frequency sqrt(k / m (1 + c v)), damping the rate k c d / m. Without a
     spring m v dv = -k c d v dd, so that an approach at v ends at the depth d with d^2 = d_0^2 + 2 m v / (k c): its
     damping then has the rate sqrt((k c d_0 / m)^2 + 2 k c v / m). Several joints' squares and rates add up.
     """

@@ -21,8 +21,8 @@ from skyarm.compile import Program, trace
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
-from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
 from skyarm.plant.compiled import touch_steps
+from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
 from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers
 from skyarm.plant.largest_step import (
     FRICTION_STEP,

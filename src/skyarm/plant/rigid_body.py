@@ -52,12 +52,12 @@ def accelerate(
 ) -> list[tuple[Motion, Scalars]]:
     """Proper acceleration of the base (base axes) and joint accelerations of each vehicle."""
     return [
-        _accelerate(motion, command, around.of(i))
+        accelerate_one(motion, command, around.of(i))
         for i, (motion, command) in enumerate(zip(around.motions(worlds, states), commands, strict=True))
     ]
 
 
-def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
+def accelerate_one(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
     """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
     return _solve(motion, loaded_vehicle(motion.vehicle, around), applied_force(motion, command, around))
 
@@ -80,7 +80,7 @@ def derivative(
     """Time derivatives of the vehicle states by the equations of motion, and of the coupled models' memories."""
     motions, rates = around.motions(worlds, states), list[Rate]()
     for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
-        state, (base, joint_accelerations) = motion.state, _accelerate(motion, command, around.of(i))
+        state, (base, joint_accelerations) = motion.state, accelerate_one(motion, command, around.of(i))
         linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
         rates.append(
             Rate(

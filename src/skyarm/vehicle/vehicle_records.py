@@ -196,6 +196,8 @@ class Vehicle:
         drag: drag of the airframe in moving air.
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
+        loads: link and body of each point mass that a payload has added to it, for force sensors; its mass is in that
+            link's body, too. A vehicle file does not tell them apart.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a line each.
@@ -211,6 +213,7 @@ class Vehicle:
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    loads: tuple[tuple[int, Body], ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: Annotated[
@@ -292,7 +295,8 @@ class Vehicle:
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
         at = self.frame(frame)
-        return self.with_body(at.link, Body(mass=mass, com=at.position))
+        load = (at.link, Body(mass=mass, com=at.position))
+        return self.with_body(*load).with_checked(loads=(*self.loads, load))
 
     def load_names(self) -> Names:
         """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""

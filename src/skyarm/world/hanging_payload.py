@@ -48,10 +48,12 @@ class HangingMemory(PayloadMemory):
     """Internal state of a hanging payload: grasp status, load position and velocity, mean cord force.
 
     Attributes:
-        position, velocity: position and velocity of the load, m and m/s, world axes.
+        begun: position of the load at the beginning of the period, m, world axes.
+        position, velocity: position and velocity of the load at its end, m and m/s, world axes.
         pull: mean force of the cord on the frame, N.
     """
 
+    begun: Vec3
     position: Vec3
     velocity: Vec3
     pull: Vec3
@@ -106,8 +108,8 @@ class HangingPayload(TimedPayload):
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
         return HangingMemory(
-            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, position=rest.place, velocity=still,
-            pull=still,
+            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, begun=rest.place, position=rest.place,
+            velocity=still, pull=still,
         )  # fmt: skip
 
     def act(  # type: ignore[override]
@@ -125,7 +127,7 @@ class HangingPayload(TimedPayload):
         step = dt / SUBSTEPS
         swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
         return HangingMemory(
-            held=grasped, caught=caught, gone=gone, place=place,
+            held=grasped, caught=caught, gone=gone, place=place, begun=first,
             position=select(grasped > 0.5, swing.position, memory.position),
             velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
             pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
@@ -142,7 +144,7 @@ class HangingPayload(TimedPayload):
         self, memory: HangingMemory, motion: PointMotion
     ) -> Scalars:
         """Held mass (kg) and load position (m) for the log."""
-        return (*TimedPayload.logged(self, memory, motion), *memory.position)
+        return (*TimedPayload.logged(self, memory, motion), *memory.begun)
 
     def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar) -> Swing:
         """Advance the load by one substep under cord tension and gravity, independent of its mass."""

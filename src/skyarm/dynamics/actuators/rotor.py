@@ -58,7 +58,7 @@ def rotor_forces(
         speeds: rad/s, unsigned.
         velocity: velocity of the base origin against the air, base axes, m/s.
         rate: angular velocity of the base, base axes, rad/s.
-        effectiveness: share of each rotor's force that is left; all whole if left out.
+        effectiveness: share of each rotor's forces and torques that is left; all whole if left out.
     """
     total = Force(ZERO3, ZERO3)
     left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
@@ -145,7 +145,7 @@ def _group_force(group: Sequence[Turning], positions: Sequence[Vec3], velocity: 
         square = mul(left, push(rotor, speed))
         turning = square if rotor.table is None else mul(left, rotor.table.twist(speed))
         pushing, twist, arm = add(pushing, square), sub(twist, mul(rotor.direction, turning)), arm + r * square
-        slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
+        slip = n.cross(velocity + rate.cross(r)).cross(n) * mul(left, speed)
         drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
     k, c = like.thrust_coefficient, like.drag_coefficient
     force = n * mul(k, pushing) - drag * c
