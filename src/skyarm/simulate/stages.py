@@ -128,6 +128,10 @@ class Stages:
             self._advance_models(models, loop.components, time, loop.state, numbers)
             for models, loop, numbers in zip(self.own, now.agents, draws.components, strict=True)
         ]
+        for each, loop, models, memories in zip(self.agents, now.agents, self.own, own, strict=True):
+            speeds = each.acting(loop.queue).rotor_speeds
+            pairs = zip(models, memories, strict=True)
+            memories[:] = [model.supply(memory, self.period, loop.state, speeds) for model, memory in pairs]
         shared = self._advance_models(self.shared, now.components, time, first, draws.shared)
         if self._eventful:
             motions = motions_of(self.worlds, [loop.state for loop in now.agents], tuple(self.scenario.agents))

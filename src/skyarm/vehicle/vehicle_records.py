@@ -19,7 +19,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import Names, NumberView
+from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
@@ -297,6 +297,10 @@ class Vehicle:
         at = self.frame(frame)
         load = (at.link, Body(mass=mass, com=at.position))
         return self.with_body(*load).with_checked(loads=(*self.loads, load))
+
+    def path_names(self) -> Names:
+        """Parameter paths of a vehicle: its fields, without the loads, whose masses are in its bodies, too."""
+        return {name: places for name, places in field_paths(self).items() if name != "loads"}
 
     def load_names(self) -> Names:
         """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""
