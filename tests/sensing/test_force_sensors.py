@@ -94,7 +94,7 @@ def test_every_kind_of_load_is_felt_as_its_mass_times_a_plus_g(kind, plant):
     log = skyarm.run(dataclasses.replace(scenario_from(document | HELD[kind]), kind=plant))
     at = log.component("payload_position").reshape(-1, 3) if kind == "hanging" else log.tip
     second = np.diff(at, n=2, axis=0) / 0.005**2
-    right = 0.1 * np.linalg.norm(second + [0.0, 0.0, 9.81], axis=1)
+    right = 0.1 * np.linalg.norm(second + np.array([0.0, 0.0, 9.81]), axis=1)
     felt = np.linalg.norm(log.readings["wrist"]["force"], axis=1)[1:-1]
     flown = log.time[1:-1] > 0.8
     assert np.ptp(right[flown]) > 0.3

@@ -105,8 +105,13 @@ def load_forces(
     """Force and torque that carry each load in a motion: m (a + g) at its centre of mass, and what turns it.
 
     Args:
-        vehicle: its joints. loads: link (``BASE`` for the base) and body of each, in that link's axes.
-        joints, rate, joint_rates, base, joint_accelerations: motion as of :func:`inverse_dynamics`.
+        vehicle: its joints.
+        loads: link (``BASE`` for the base) and body of each, in that link's axes.
+        joints: as of :func:`inverse_dynamics`, like all that follow.
+        rate: base angular velocity.
+        joint_rates: time derivative of ``joints``.
+        base: proper acceleration of the base.
+        joint_accelerations: second time derivative of ``joints``.
 
     Returns:
         Torque about and force at the origin of each load's link, link axes.

@@ -20,7 +20,7 @@ from skyarm.algebra.scalars import data
 from skyarm.compile import Program, trace
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.state import example_state
+from skyarm.dynamics.state import State, example_state
 from skyarm.plant.compiled import touch_steps
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
 from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers
@@ -176,21 +176,23 @@ class MujocoPlant:
         self._forward = mujoco.mj_forward
         if any(each.followers for each in vehicles):
             self._forward = Coupling(layout, self._data).forward
-        self._carried: Loads | None = None
-        if any(changes_inertia(around.of(i)) for i in range(len(vehicles))):
-            self._carried = Loads(layout, self.model, self._data, around, prefixes)
-        stops = [stop_numbers(each) for each in vehicles]
-        self._touch: Program | None = None
-        if any(stops):
-            largest = HELD_TOUCH_STEP if self._euler else TOUCH_STEP
-            states = tuple(example_state(*each.sizes) for each in vehicles)
-            self._touch = trace(
-                lambda now, seconds: touch_steps(self._worlds, stops, now, seconds, largest), states, 0.0
-            )
+        changes = any(changes_inertia(around.of(i)) for i in range(len(vehicles)))
+        self._carried = Loads(layout, self.model, self._data, around, prefixes) if changes else None
+        self._touch = self._program_of_touches(vehicles)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
             solver = self._forward, self._welds
             self._staged = StagedRungeKutta(layout, self.model, self._data, around, *solver)
+
+    def _program_of_touches(self, vehicles: Sequence[Vehicle]) -> Program | None:
+        """Program for the number of steps that joints need at their stops in an interval (s); None without stops."""
+        stops, largest = [stop_numbers(each) for each in vehicles], HELD_TOUCH_STEP if self._euler else TOUCH_STEP
+        states = tuple(example_state(*each.sizes) for each in vehicles)
+
+        def steps(now: Sequence[State], seconds: Scalar) -> Scalar:
+            return touch_steps(self._worlds, stops, now, seconds, largest)
+
+        return trace(steps, states, 0.0) if any(stops) else None
 
     def _forces_and_speeds(self, x: Scalars, commands: tuple[Command, ...], around: Together, dt: Scalar) -> Scalars:
         """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step of ``dt`` (s)."""

@@ -24,6 +24,7 @@ from skyarm.plant.loads import (
     applied_force,
     before_euler_step,
     changes_inertia,
+    felt_in_step,
     follow_commands,
     loaded_vehicle,
     rigid_loads,
@@ -111,13 +112,15 @@ def coupled_rk4(
     half, whole = (follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
-    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
-        return derivative(worlds, at, commands, around.with_coupled(memories))
+    turning, (begin, middle, end) = felt_in_step(worlds, (states, half, whole), commands, around, dt)
 
-    k1, m1 = slope(states, first)
-    k2, m2 = slope(_move(half, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
-    k3, m3 = slope(_move(half, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
-    k4, m4 = slope(_move(whole, k3, dt), moved_by(first, m3, dt))
+    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
+        return derivative(turning, at, commands, around.with_coupled(memories))
+
+    k1, m1 = slope(begin, first)
+    k2, m2 = slope(_move(middle, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
+    k3, m3 = slope(_move(middle, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
+    k4, m4 = slope(_move(end, k3, dt), moved_by(first, m3, dt))
     after, memories = whole, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
         after, memories = _move(after, k, part), moved_by(memories, m, part)
@@ -188,8 +191,9 @@ def coupled_verlet(
     last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
-    half = 0.5 * dt
-    middle = tuple(_drift(each, half) for each in follow_commands(worlds, states, commands, around, half))
+    half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
+    _, (_, felt, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
+    middle = tuple(_drift(each, half) for each in felt)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
     there = there.bend(there.slopes(motions), dt)
@@ -214,8 +218,7 @@ def coupled_verlet(
     felt = there.motions(worlds, pushed, step=dt)
     after = [_drift(each, half) for each in push(felt, beside, dt)]
     memories = there.push(beside, felt, dt).drift(half).coupled_memories()
-    whole = follow_commands(worlds, states, commands, around, dt)
-    ends = zip(after, whole, strict=True)
+    ends = zip(after, lags[1], strict=True)
     return tuple(
         replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
         for each, end in ends

@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State, example_state
-from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
+from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Truth, example_command
 from skyarm.plant.rigid_body import Moved
 from skyarm.plant.surroundings import Memories, Surroundings, Together

@@ -149,7 +149,8 @@ class Battery:
         slope of the other side, and comes near from above.
 
         Args:
-            charge: fraction of the capacity. before: voltage of the step before, V.
+            charge: fraction of the capacity.
+            before: voltage of the step before, V.
             load: power (W) at a voltage (V).
 
         Returns:

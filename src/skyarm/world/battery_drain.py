@@ -39,7 +39,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         return where(over, after, battery.discharge(charge, power, dt)), where(over, sagged, voltage)
 
     def _power_at(self, voltage: Scalar, commands: Sequence[Scalar]) -> Scalar:
-        """Power (W) of the rotors at the speeds that they keep under commands at a voltage (V), and of all other loads."""
+        """Power (W) at a voltage (V) of the rotors as fast as they turn under commands, and of all other loads."""
         speeds: Scalars = tuple(self.rotor_commands((1.0, voltage), self.rotors, commands))
         return self.battery.power(self.rotors, speeds)
 
