@@ -146,8 +146,7 @@ class Ground(Ending):
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every point of the vehicle is above the ground."""
-        planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
-        return lowest_point(scenario.agent.plant.vehicle, state) >= slack if scenario.ground and not planes else True
+        return lowest_point(scenario.agent.plant.vehicle, state) >= slack if scenario.floor == 0.0 else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message with the height of the vehicle's lowest point."""

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from skyarm.algebra import Quaternion
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
 from skyarm.scenario.readers import feasibility_of
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.check import TURN
@@ -74,7 +77,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings from a scenario's environment models, and about those that cannot affect its flight."""
+    """Warnings from a scenario's environment models, about its loads and about models that cannot affect its flight."""
     vehicle, step = scenario.agent.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:
@@ -82,7 +85,25 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
         listed = isinstance(texts, Iterable) and not isinstance(texts, str)
         require_result(part.warnings, texts, listed, "a list of texts")
         lines += [f"{where}: {line}" for line in texts]
-    return (*lines, *without_effect(scenario))
+    return (*lines, *load_warnings(scenario), *without_effect(scenario))
+
+
+def load_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warnings about loads on cords that would reach below the ground along the reference, of a level vehicle."""
+    vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
+    for i, payload in enumerate(scenario.agent.payloads):
+        looks = scenario.agent.reference.at(times)
+        level = Quaternion(1.0, 0.0, 0.0, 0.0)
+        state = replace(first_state(scenario), position=looks.position, quaternion=level, joints=looks.joints)
+        at = PointMotion(vehicle, state).position(*PointMotion(vehicle, state).frame(payload.frame or None)).z
+        heights = np.broadcast_to(np.asarray(at, dtype=float) - float(payload.hangs), times.shape)
+        held = (times >= float(payload.pick)) & (times < float(payload.drop)) & (heights < scenario.floor)
+        if payload.hangs > 0 and held.any():
+            k = int(np.argmin(np.where(held, heights, np.inf)))
+            yield (
+                f"payloads[{i}].cord = {float(payload.cord):g}: lets the load reach {-heights[k]:.3g} m below the "
+                f"ground at {times[k]:.3g} s of the reference; a shorter cord, or a higher reference?"
+            )
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
