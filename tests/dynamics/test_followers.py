@@ -266,11 +266,11 @@ def test_forces_that_carry_loads_are_what_pinocchio_adds_for_them():
     loads = [(link, random_body(rng)) for link in (BASE, 0, 2, 4)]
     R = Quaternion(*state.quaternion).rotation()
     base = proper_acceleration(R, Vec3(*acceleration[:3]), Vec3(*acceleration[3:6]), GRAVITY)
-    rates = Vec3(*state.velocity[3:6]), tuple(state.velocity[6:])
-    forces = load_forces(vehicle, loads, state.joints, *rates, base, tuple(acceleration[6:]))
-    motion = PointMotion(
-        vehicle, dataclasses.replace(example_state(3, len(vehicle.rotors)), quaternion=Quaternion(*state.quaternion),
-                                     joints=tuple(state.joints)))  # fmt: skip
+    here = dataclasses.replace(
+        example_state(3, len(vehicle.rotors)), quaternion=Quaternion(*state.quaternion), joints=tuple(state.joints),
+        rate=Vec3(*state.velocity[3:6]), joint_rates=tuple(state.velocity[6:]),
+    )  # fmt: skip
+    forces, motion = load_forces(vehicle, loads, here, base, tuple(acceleration[6:])), PointMotion(vehicle, here)
     total = np.zeros(9)
     for (link, _), each in zip(loads, forces, strict=True):
         force, torque = motion.to_world(each.force, link), motion.to_world(each.torque, link)

@@ -11,6 +11,7 @@ from skyarm.algebra import Force, Motion, Scalar, Scalars, Vec3, centripetal
 from skyarm.algebra.scalars import add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, joint_placement, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.dynamics.state import State
 from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Body, Joint, Vehicle
 
@@ -96,9 +97,7 @@ def inverse_dynamics(
 def load_forces(
     vehicle: Vehicle,
     loads: Sequence[tuple[int, Body]],
-    joints: Sequence[Scalar],
-    rate: Vec3,
-    joint_rates: Sequence[Scalar],
+    state: State,
     base: Motion,
     joint_accelerations: Sequence[Scalar],
 ) -> list[Force]:
@@ -107,27 +106,22 @@ def load_forces(
     Args:
         vehicle: its joints.
         loads: link (``BASE`` for the base) and body of each, in that link's axes.
-        joints: as of :func:`inverse_dynamics`, like all that follow.
-        rate: base angular velocity.
-        joint_rates: time derivative of ``joints``.
-        base: proper acceleration of the base.
-        joint_accelerations: second time derivative of ``joints``.
+        state: joints and rates.
+        base: proper acceleration of the base, base axes.
+        joint_accelerations: second time derivative of the joints.
 
     Returns:
         Torque about and force at the origin of each load's link, link axes.
     """
-    if vehicle.followers:
-        joints, joint_rates = every_joint(vehicle, joints), every_rate(vehicle, joint_rates)
-        joint_accelerations, vehicle = every_rate(vehicle, joint_accelerations), vehicle.with_free_followers
+    joints, joint_rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
+    joint_accelerations, vehicle = every_rate(vehicle, joint_accelerations), vehicle.with_free_followers
     places = [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
-    moving = motions(vehicle, places, rate, joint_rates)
-    accelerations = _accelerations(vehicle, places, moving, base, joint_accelerations)
-    forces = []
-    for link, load in loads:
-        a, turning = (base, rate) if link == BASE else (accelerations[link], moving[link].rate)
-        inertia = spatial_inertia(load)
-        forces.append(inertia.apply(a) + inertia.velocity_force(turning))
-    return forces
+    moving = motions(vehicle, places, state.rate, joint_rates)
+    # by their index, of which the base's is the last
+    accelerations = [*_accelerations(vehicle, places, moving, base, joint_accelerations), base]
+    rates = [*(each.rate for each in moving), state.rate]
+    inertias = ((link, spatial_inertia(load)) for link, load in loads)
+    return [inertia.apply(accelerations[link]) + inertia.velocity_force(rates[link]) for link, inertia in inertias]
 
 
 def _accelerations(

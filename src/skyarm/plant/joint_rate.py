@@ -160,36 +160,29 @@ impacts was then within 2 % of the approach (measured), at ``STOP_STEP`` within 
 HELD_TOUCH_STEP = 0.1
 """The same product of methods of first order in damping."""
 
-THRUST = 20.0
-"""Largest acceleration (m/s^2) of the base or gravity by which a joint is thought to be driven against its stop: twice
-that of gravity."""
-
 StopNumbers = tuple[tuple[float, float], ...]
-"""Largest mobility, 1/(kg m^2) or 1/kg, and largest acceleration from rest, rad/s^2 or m/s^2, of each joint."""
+"""Largest mobility, 1/(kg m^2) or 1/kg, and largest acceleration by drives, rad/s^2 or m/s^2, of each joint."""
 
 
 def stop_numbers(vehicle: Vehicle) -> StopNumbers:
     """Largest mobility and acceleration of each joint, rounded up to powers of two; () without stops.
 
     Rounded, vehicles of nearly equal masses share a program. The acceleration is that by the largest efforts of all
-    drives and by ``THRUST``. () also where the numbers are not concrete, or masses too far apart.
+    drives. () also where the numbers are not concrete, or masses too far apart.
     """
     joints = [link.joint for link in vehicle.links]
     if not any(joint.has_stops for joint in joints) or not concrete(*leaves((vehicle.base, vehicle.links))):
         return ()
-    limits = np.array([float(joint.effort_limit) for joint in joints])
+    efforts = np.array([float(joint.effort_limit) for joint in joints])
+    efforts[np.isinf(efforts)] = 0.0
     try:
         with np.errstate(all="ignore"):
-            M = _masses(vehicle)
-            mobility = np.linalg.inv(M)[:, 6:, 6:]
-            pushes = np.where(np.isfinite(limits), limits, 0.0) + THRUST * np.linalg.norm(M[:, 6:, :3], axis=2)
-            fastest = np.einsum("sij,sj->si", np.abs(mobility), pushes)
+            mobility = np.abs(np.linalg.inv(_masses(vehicle))[:, 6:, 6:])
+            rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(axis=1)
+            most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
     except np.linalg.LinAlgError:
         return ()
-    most = np.stack([np.diagonal(mobility, axis1=1, axis2=2).max(axis=0), fastest.max(axis=0)], axis=1)
-    if not (np.all(np.isfinite(most)) and np.all(most > 0.0)):
-        return ()
-    return tuple((mobility, acceleration) for mobility, acceleration in np.exp2(np.ceil(np.log2(most))).tolist())
+    return tuple((each, driven) for each, driven in most) if np.all(np.isfinite(most)) else ()
 
 
 def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Scalar) -> Scalar:

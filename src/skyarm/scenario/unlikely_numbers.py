@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Quaternion
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
-from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
 from skyarm.scenario.readers import feasibility_of
-from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.check import TURN
@@ -92,17 +90,14 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
     """Warnings about loads on cords that would reach below the ground along the reference, of a level vehicle."""
     vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
     for i, payload in enumerate(scenario.agent.payloads):
-        looks = scenario.agent.reference.at(times)
-        level = Quaternion(1.0, 0.0, 0.0, 0.0)
-        state = replace(first_state(scenario), position=looks.position, quaternion=level, joints=looks.joints)
-        at = PointMotion(vehicle, state).position(*PointMotion(vehicle, state).frame(payload.frame or None)).z
-        heights = np.broadcast_to(np.asarray(at, dtype=float) - float(payload.hangs), times.shape)
-        held = (times >= float(payload.pick)) & (times < float(payload.drop)) & (heights < scenario.floor)
-        if payload.hangs > 0 and held.any():
-            k = int(np.argmin(np.where(held, heights, np.inf)))
+        looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
+        height = looks.position.z + frame_pose(vehicle, frame, looks.joints).p.z - float(payload.hangs)
+        held = (times >= float(payload.pick)) & (times < float(payload.drop))
+        lowest = float(np.min(np.where(held, height, np.inf)))
+        if payload.hangs > 0 and lowest < scenario.floor:
             yield (
-                f"payloads[{i}].cord = {float(payload.cord):g}: lets the load reach {-heights[k]:.3g} m below the "
-                f"ground at {times[k]:.3g} s of the reference; a shorter cord, or a higher reference?"
+                f"payloads[{i}].cord = {float(payload.cord):g}: lets the load reach {-lowest:.3g} m below the ground "
+                "along the reference; a shorter cord, or a higher reference?"
             )
 
 

@@ -172,15 +172,13 @@ class Heading(ChannelSensor):
         """Heading: name, error model and true value."""
         return self.channels(heading=(euler_angles(state.quaternion.rotation())[2],))
 
-    def reading(
-        self, t: Scalar, values: Sequence[Scalars], state: State, own: Any, first: Scalar, dt: float
-    ) -> tuple[Tree, Tree]:
+    def reading(self, t: Scalar, values: Sequence[Scalars], *rest: Any) -> tuple[Tree, Tree]:
         """Make the reading, which errors do not carry beyond half a turn."""
-        ((heading,),) = values
+        heading = values[0][0]
         turned = heading - TURN * floor(heading * (1.0 / TURN) + 0.5)
         wrapped = where(absolute(heading) > 0.5 * TURN, turned, heading)
         # a subclass of slots is made anew: super() without its class would look at the first
-        return ChannelSensor.reading(self, t, ((wrapped,),), state, own, first, dt)
+        return ChannelSensor.reading(self, t, ((wrapped,),), *rest)
 
 
 RATES = ("difference", "measured")

@@ -435,13 +435,12 @@ def load_wrenches(around: Surroundings, motion: PointMotion, acting: Command) ->
 
     Loads are those of the flight and the point masses of the plant.
     """
-    vehicle, state = motion.vehicle, motion.state
-    held = [payload.body(vehicle, memory.held) for payload, memory in rigid_loads(around)]
-    loads = [*vehicle.loads, *held]
+    vehicle = motion.vehicle
+    loads = [*vehicle.loads, *(payload.body(vehicle, memory.held) for payload, memory in rigid_loads(around))]
     if not loads:
         return ()
     base, joints = accelerate_one(motion, acting, around)
-    forces = dynamics.load_forces(vehicle, loads, state.joints, state.rate, state.joint_rates, base, joints)
+    forces = dynamics.load_forces(vehicle, loads, motion.state, base, joints)
     return tuple(
         Wrench(force_W=-motion.to_world(each.force, link), torque_W=-motion.to_world(each.torque, link), body=link)
         for (link, _), each in zip(loads, forces, strict=True)
