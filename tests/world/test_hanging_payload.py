@@ -149,7 +149,7 @@ def test_check_warns_of_a_cord_that_reaches_below_the_ground():
     (line,) = load_warnings(scenario_from(document))
     tip = skyarm.load_vehicle("hummingbird_arm2_rotors")
     depth = 0.51 - (0.6 + float(frame_pose(tip, tip.frame(), (0.0, 0.0)).p.z))
-    assert line.startswith(f"payloads[0].cord = 0.5: lets the load reach {depth:.3g} m below the ground")
+    assert line.startswith(f"payloads[0].cord: lets the load hang {depth:.3g} m below the ground")
     document["reference"]["base"]["position"] = [0.0, 0.0, 1.5]
     assert not [*load_warnings(scenario_from(document))]
     document["reference"]["base"]["position"], document["environment"] = [0.0, 0.0, 0.6], {"ground": False}

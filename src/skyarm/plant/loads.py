@@ -166,7 +166,7 @@ def felt_in_step(
     """
     if not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
         return worlds, stages
-    felt, made = ([], [], []), list[Truth]()
+    felt, made = [list[State](), list[State](), list[State]()], list[Truth]()
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
         rotors = world.vehicle.rotors
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)

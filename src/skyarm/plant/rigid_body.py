@@ -192,8 +192,8 @@ def coupled_verlet(
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
-    _, (_, felt, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
-    middle = tuple(_drift(each, half) for each in felt)
+    _, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
+    middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
     there = there.bend(there.slopes(motions), dt)

@@ -93,11 +93,11 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
         height = looks.position.z + frame_pose(vehicle, frame, looks.joints).p.z - float(payload.hangs)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        lowest = float(np.min(np.where(held, height, np.inf)))
+        lowest = float(np.min(np.where(held, np.asarray(height), np.inf)))
         if payload.hangs > 0 and lowest < scenario.floor:
             yield (
-                f"payloads[{i}].cord = {float(payload.cord):g}: lets the load reach {-lowest:.3g} m below the ground "
-                "along the reference; a shorter cord, or a higher reference?"
+                f"payloads[{i}].cord: lets the load hang {-lowest:.3g} m below the ground along the reference; "
+                "a shorter cord, or a higher reference?"
             )
 
 

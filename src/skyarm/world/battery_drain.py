@@ -40,8 +40,8 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
 
     def _power_at(self, voltage: Scalar, commands: Sequence[Scalar]) -> Scalar:
         """Power (W) at a voltage (V) of the rotors as fast as they turn under commands, and of all other loads."""
-        speeds: Scalars = tuple(self.rotor_commands((1.0, voltage), self.rotors, commands))
-        return self.battery.power(self.rotors, speeds)
+        power: Scalar = self.battery.power(self.rotors, self.rotor_commands((1.0, voltage), self.rotors, commands))
+        return power
 
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
