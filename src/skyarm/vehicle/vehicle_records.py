@@ -19,7 +19,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import Names, NumberView
+from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
@@ -217,6 +217,8 @@ class Vehicle:
         drag: drag of the airframe in moving air.
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
+        loads: link and body of each point mass that a payload has added to it, for force sensors; its mass is in that
+            link's body, too. A vehicle file does not tell them apart.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a line each.
@@ -232,6 +234,7 @@ class Vehicle:
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    loads: tuple[tuple[int, Body], ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: Annotated[
@@ -313,7 +316,12 @@ class Vehicle:
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
         at = self.frame(frame)
-        return self.with_body(at.link, Body(mass=mass, com=at.position))
+        load = (at.link, Body(mass=mass, com=at.position))
+        return self.with_body(*load).with_checked(loads=(*self.loads, load))
+
+    def path_names(self) -> Names:
+        """Parameter paths of a vehicle: its fields, without the loads, whose masses are in its bodies, too."""
+        return {name: places for name, places in field_paths(self).items() if name != "loads"}
 
     def load_names(self) -> Names:
         """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""

@@ -8,10 +8,15 @@ import math
 import numpy as np
 import pytest
 from rotor_layouts import HUMMINGBIRD, K_F, K_M, hummingbird_rotor
+from scipy.integrate import quad
 
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.dynamics.actuators import rotor_force, rotor_forces, speed_after
+from skyarm.dynamics.state import example_state
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth, flat
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.battery import rotor_power
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -253,3 +258,28 @@ def test_forces_of_many_rotors_are_the_sum_of_each_ones(name):
         torque, force = (sum(parts) for parts in zip(*each, strict=True))
         assert np.allclose(array(found.torque), torque, rtol=0.0, atol=1e-13)
         assert np.allclose(array(found.force), force, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("lag", [1.3e-3, 5e-4, 1e-4])
+def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
+    """Thrust by the integral of w^2, yaw by that and by the spin that the rotors have gained, without air."""
+    bare = load_vehicle("hummingbird")
+    numbers = {"drag_coefficient": 0, "rolling_moment_coefficient": 0, "inertia": 3e-5}
+    rotors = tuple(
+        dataclasses.replace(r, time_constant_up=lag, time_constant_down=1.5 * lag, **numbers) for r in bare.rotors
+    )  # fmt: skip
+    vehicle, commands = dataclasses.replace(bare, rotors=rotors), (600.0, 350.0, 600.0, 250.0)
+    plant = RigidBodyPlant(Truth(vehicle=vehicle, gravity=0.0), Surroundings())
+    x = flat(dataclasses.replace(example_state(0, 4), rotor_speeds=(300.0,) * 4))
+    for _ in range(2):
+        x = plant.advance(x, commands, (0.0,), 0.005)
+    lift = yaw = 0.0
+    for rotor, command in zip(rotors, commands, strict=True):
+        tau = lag if command > 300.0 else 1.5 * lag
+        square = quad(lambda t, c=command, tau=tau: (c + (300.0 - c) * math.exp(-t / tau)) ** 2, 0.0, 0.01,
+                      points=[tau, 5 * tau], epsabs=1e-6)[0]  # fmt: skip
+        lift += rotor.thrust_coefficient * square
+        yaw -= rotor.direction * rotor.moment_coefficient * rotor.thrust_coefficient * square
+        yaw -= rotor.direction * 3e-5 * (command - 300.0) * (1.0 - math.exp(-0.01 / tau))
+    assert x[9] * float(vehicle.mass) == pytest.approx(lift, rel=1e-6)
+    assert x[12] * float(vehicle.base.inertia.zz) == pytest.approx(yaw, rel=2e-3)
