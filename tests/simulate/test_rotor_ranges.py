@@ -89,7 +89,7 @@ def test_a_stated_command_beyond_a_rotors_range_is_refused_at_every_door() -> No
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_a_computed_command_acts_within_the_range_and_counts_as_saturation(plant: str) -> None:
-    scenario = skyarm.load_scenario("case1", controller="paper_pd", duration=0.05, plant=plant)
+    scenario = skyarm.load_scenario("case1", controller="paper_pd", duration=0.015, plant=plant)
     for row in drawn(100)[:: 25 if plant == "rigid_body" else 50]:
         log, able = flown(row, scenario), flown(np.clip(row, 0.0, TOP), scenario)
         assert log.rotor_commands[-1].tolist() == row, "the log has what the law gave"
