@@ -397,7 +397,7 @@ def test_a_bank_of_two_periods_a_step_compares_with_every_other_period():
 
 @pytest.mark.thorough
 def test_a_faster_loop_has_its_lags_as_far_apart():
-    assert [lag_gains(1, 1, period, 0).stride for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
+    assert [lag_gains((1, 1), period, 0).stride for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
     gains = dataclasses.replace(GAINS, stride=5)
     found = lags(flown(20, dt=0.001, gains=gains, seconds=3.0), dt=0.001, gains=gains)
     assert found == pytest.approx((0.02, 0.02), abs=1e-3)
