@@ -208,7 +208,7 @@ def turning(*speeds: float) -> skyarm.Scenario:
 
 def test_rotors_start_at_speeds_that_they_can_turn_at() -> None:
     """Speeds are unsigned, the turn is the rotor's; 838 rad/s is the Hummingbird's highest."""
-    allowed = "must be from 0 to 838 rad/s, the highest speed of rotor 2"
+    allowed = "must be from 0 to 838 rad/s, the range of rotor 'back'"
     for speed in (-400.0, -1e-9, 838.1, 1e9):
         call = functools.partial(skyarm.run, turning(480.0, 480.0, speed, 480.0))
         refused("initial.rotor_speeds[2]", speed, allowed, call, skyarm.ScenarioError)

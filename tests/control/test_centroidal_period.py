@@ -64,13 +64,18 @@ def side(vehicle, speeds, velocity, rate):
         drag = -float(rotor.drag_coefficient) * speed * across
         push = float(rotor.thrust_coefficient) * speed**2 * axis * [1.0, 1.0, 0.0]
         force += drag + push
-        torque += np.cross(position, drag) - float(rotor.rolling_moment_coefficient) * speed * across
+        sense = rotor.direction if rotor.rolling == "signed" else 1
+        torque += np.cross(position, drag) - sense * float(rotor.rolling_moment_coefficient) * speed * across
     return force, torque
 
 
+@pytest.mark.parametrize("rolling", ["rotors_sim", "signed"])
 @pytest.mark.parametrize("name", ["hummingbird_arm2_rotors", "tilted_hexarotor"])
-def test_the_rotors_drag_is_that_of_their_hubs_turned_to_the_world(name):
+def test_the_rotors_drag_is_that_of_their_hubs_turned_to_the_world(name, rolling):
     vehicle = skyarm.load_vehicle(name)
+    vehicle = dataclasses.replace(
+        vehicle, rotors=tuple(dataclasses.replace(each, rolling=rolling) for each in vehicle.rotors)
+    )
     rng = np.random.default_rng(4)
     R, velocity, rate = Rotation.from_euler("ZYX", [0.9, -0.4, 0.6]), rng.normal(size=3), rng.normal(size=3)
     speeds = rng.uniform(400.0, 600.0, len(vehicle.rotors)).tolist()

@@ -5,17 +5,28 @@ import dataclasses
 import numpy as np
 import pytest
 
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import array_front as arrays
+from skyarm.dynamics import load_forces, proper_acceleration
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.scenario_record import trimmed_state
-from skyarm.vehicle import VehicleError
+from skyarm.vehicle import BASE, VehicleError
 from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
-from support.vehicles import PinocchioTwin, random_state, random_vehicle, rotation_matrix, steady_wind, with_armature
+from support.vehicles import (
+    GRAVITY,
+    PinocchioTwin,
+    random_body,
+    random_state,
+    random_vehicle,
+    rotation_matrix,
+    steady_wind,
+    with_armature,
+)
 
 HOW = {"joint3": Mimic("joint1", -1.3, 0.2), "joint4": Mimic("joint3", 0.5, 0.0), "joint5": Mimic("joint0", 0.7, -0.1)}
 """Of a random vehicle of six joints: a leader of two, one of them through the other, and a leader of one."""
@@ -246,3 +257,28 @@ def test_a_link_of_its_own_on_a_follower_is_refused(tmp_path):
     file.write_text(FILE.replace("[[frames]]", more), encoding="utf-8")
     with pytest.raises(VehicleError, match=r"joint\[more\].parent = 'right': must not follow another joint"):
         load_vehicle(file)
+
+
+def test_forces_that_carry_loads_are_what_pinocchio_adds_for_them():
+    """Loads on the base, links and followers of a tumbling tree, as generalised forces."""
+    vehicle, whole, rng = tied(5)
+    state, acceleration = random_state(rng, 3), rng.normal(size=9)
+    loads = [(link, random_body(rng)) for link in (BASE, 0, 2, 4)]
+    R = Quaternion(*state.quaternion).rotation()
+    base = proper_acceleration(R, Vec3(*acceleration[:3]), Vec3(*acceleration[3:6]), GRAVITY)
+    here = dataclasses.replace(
+        example_state(3, len(vehicle.rotors)), quaternion=Quaternion(*state.quaternion), joints=tuple(state.joints),
+        rate=Vec3(*state.velocity[3:6]), joint_rates=tuple(state.velocity[6:]),
+    )  # fmt: skip
+    forces, motion = load_forces(vehicle, loads, here, base, tuple(acceleration[6:])), PointMotion(vehicle, here)
+    total = np.zeros(9)
+    for (link, _), each in zip(loads, forces, strict=True):
+        force, torque = motion.to_world(each.force, link), motion.to_world(each.torque, link)
+        pushed, efforts = motion.generalized_force(force, torque, Vec3(0.0, 0.0, 0.0), link)
+        total += [*R.apply(pushed.force), *pushed.torque, *efforts]
+    moving = [vehicle.moving[link].name if link != BASE else "" for link, _ in loads]
+    links = [dataclasses.replace(k, body=k.body.merge(loads[moving.index(k.name)][1])) if k.name in moving else k
+             for k in whole.links]  # fmt: skip
+    heavy = dataclasses.replace(whole, base=whole.base.merge(loads[0][1]), links=tuple(links))
+    before, after = (Twin(each).inverse_dynamics(state, acceleration) for each in (whole, heavy))
+    np.testing.assert_allclose(total, after - before, atol=1e-9)

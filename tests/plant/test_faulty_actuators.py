@@ -17,6 +17,7 @@ from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
 from skyarm.world import Effectiveness, Fault
+from skyarm.world.aerodynamic_forces import GroundEffect, RotorDrag
 from support.flights import fly
 from support.one_vehicle import motion_of
 from support.vehicles import steady_wind
@@ -35,8 +36,11 @@ STATE = State(
 
 
 def loads(effectiveness=None):
+    """Loads on the vehicle without hub drag."""
     sample = steady_wind(effectiveness=effectiveness)
-    force, torques = applied_force(motion_of(Truth(vehicle=ARM2), STATE, sample), Command(efforts=(0.2, -0.1)), sample)
+    plain = tuple(dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in ARM2.rotors)
+    motion = motion_of(Truth(vehicle=dataclasses.replace(ARM2, rotors=plain)), STATE, sample)
+    force, torques = applied_force(motion, Command(efforts=(0.2, -0.1)), sample)
     return np.array([*force.force]), np.array([*force.torque]), np.array(torques)
 
 
@@ -52,12 +56,23 @@ def test_a_rotor_loses_its_share_of_thrust_and_of_drag_torque():
     np.testing.assert_allclose(whole[1] - less[1], moment, atol=1e-14)
 
 
-def test_hub_drag_does_not_ask_for_the_fault():
-    rotor, across = ARM2.rotors[0], Vec3(2.0, 0.0, 0.0)
-    whole = rotor_forces((rotor,), (400.0,), across, ZERO3)
-    half = rotor_forces((rotor,), (400.0,), across, ZERO3, (0.5,))
-    assert half.force.x == whole.force.x
-    assert half.force.z < whole.force.z
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_fault_leaves_its_share_of_all_that_the_air_does_to_a_rotor(share):
+    """Hub drag -c_d w v, rolling moment -c_r w v, inflow, translational lift, and ground effect."""
+    rotor = dataclasses.replace(ARM2.rotors[0], drag_coefficient=2e-4, rolling_moment_coefficient=1e-6)
+    left = rotor_forces((rotor,), (400.0,), Vec3(2.0, 0.0, 0.0), ZERO3, (share,))
+    assert left.force.x == pytest.approx(-share * 2e-4 * 400.0 * 2.0, rel=1e-12)
+    rolling = left.torque.x - rotor.position.y * left.force.z + rotor.position.z * left.force.y
+    assert rolling == pytest.approx(-share * 1e-6 * 400.0 * 2.0, rel=1e-9)
+    models = (RotorDrag(inflow=1e-4, lift=0.01), GroundEffect(radius=0.1))
+    wind = steady_wind(effectiveness=Effectiveness((share, 1, 1, 1), (1, 1)))
+    whole, less = (motion_of(Truth(vehicle=ARM2), STATE, each) for each in (steady_wind(), wind))
+    for model in models:
+        pairs = (model.wrenches((), 0.0, motion, STATE.rotor_speeds) for motion in (whole, less))
+        for k, (before, after) in enumerate(zip(*pairs, strict=True)):
+            expected = [(share if k == 0 else 1.0) * c for c in before.force_W]
+            assert [*after.force_W] == pytest.approx(expected, rel=1e-12)
+            assert any(before.force_W)
 
 
 def test_a_drive_loses_its_share_of_the_limited_effort_and_keeps_its_friction():

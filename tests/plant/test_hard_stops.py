@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import kinetic_energy
 from skyarm.dynamics.actuators import stop_force
 from skyarm.plant.compiled import RigidBodyPlant, example_state
@@ -17,9 +18,10 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
-from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import STIFFEST, with_stops
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.cases import sampled
 from support.vehicles import steady_wind
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
@@ -138,6 +140,50 @@ def test_a_stiff_elastic_stop_keeps_the_energy_of_a_touch(plant_of, frequency):
     left = energies_after_a_touch(plant_of, "rk4", vehicle, [0.03 + k * 0.0021 for k in range(12)])
     assert min(left) > 0.9
     assert max(left) < 1.08
+
+
+def drawn_stop(rng, made):
+    """One joint on a heavy base with a drawn mass, force, speed and stop; ``made``: the stop that a file gets."""
+    mass, effort, speed = 10.0 ** rng.uniform(-3.0, 0.5), 10.0 ** rng.uniform(-1.5, 1.0), 10.0 ** rng.uniform(-0.5, 1.3)
+    stiffness, damping = mass * 10.0 ** rng.uniform(3.5, 6.5), 10.0 ** rng.uniform(-2.0, 2.0) / speed
+    own = {} if made else {"stop_stiffness": stiffness, "stop_damping": damping}
+    kind = str(rng.choice(["prismatic", "revolute"]))
+    joint = Joint(name="j", kind=kind, axis=Vec3(0, 0, 1), lower=-0.05, upper=0.05, effort_limit=effort, **own)
+    link = Link(name="l", parent=BASE, joint=joint, body=Body(mass=mass, inertia=Sym3(mass, mass, mass)))
+    heavy = Body(mass=1e4, inertia=Sym3(1e4, 1e4, 1e4))
+    vehicle = with_stops(dataclasses.replace(TRUTH, base=heavy, links=(link,), frames=(), end_effector=""))
+    return vehicle, speed, effort * rng.uniform(-1.0, 1.0), 0.05 - speed * rng.uniform(0.001, 0.005)
+
+
+@pytest.mark.parametrize("plant_of", [RigidBodyPlant, MujocoPlant])
+@pytest.mark.parametrize("drawn", sampled(range(100), 25))
+def test_a_joint_rebounds_from_a_drawn_stop_as_solve_ivp_says(plant_of, drawn):
+    """Weak joints came back with 60 times the speed where the step did not follow the damping times speed."""
+    vehicle, speed, push, start = drawn_stop(np.random.default_rng(drawn), made=drawn % 2 == 0)
+    joint, mass = vehicle.links[0].joint, vehicle.links[0].body.mass
+
+    def slope(_t, x):
+        above, below = max(x[0] - 0.05, 0.0), max(-0.05 - x[0], 0.0)
+        c = joint.stop_damping
+        stop = above * max(1.0 + c * x[1], 0.0) - below * max(1.0 - c * x[1], 0.0)
+        return [x[1], (push - joint.stop_stiffness * stop) / mass]
+
+    def leaves_stop(_t, x):
+        return x[0] - 0.05
+
+    leaves_stop.direction = -1
+    exact = solve_ivp(
+        slope, (0.0, 0.2), [start, speed], "LSODA", rtol=1e-9, atol=1e-12, max_step=2e-4, events=leaves_stop,
+        dense_output=True,
+    )  # fmt: skip
+    periods = math.ceil(min([*exact.t_events[0], 0.195]) / 0.005)
+    plant = plant_of(Truth(vehicle=vehicle, gravity=0.0), STILL, "rk4", 0.001)
+    still = (0.0,) * len(vehicle.rotors)
+    first = dataclasses.replace(example_state(1, len(still)), joints=(start,), joint_rates=(speed,), rotor_speeds=still)
+    x = flat(first)
+    for _ in range(periods):
+        x = plant.advance(x, (*still, push), (), 0.005)
+    assert x[14] == pytest.approx(exact.sol(0.005 * periods)[1], abs=0.05 * speed)
 
 
 def test_the_step_follows_the_stiffest_stop_as_mujocos_mass_matrix_has_it():

@@ -211,7 +211,7 @@ class Beside(Force):
 def test_short_steps_are_taken_near_contact_where_runge_kutta_evaluates_more_often():
     touch = Contact(surfaces=(Surface(name="ground"),), points=UNDER)
     count = plant(BIRD, touch)[0].substeps(0.005)
-    assert count == (4, 1, 3, True, touch.hit_steps, 0)
+    assert count == (4, 1, 3, True, touch.hit_steps, 0, ())
     assert not plant(BIRD, touch, Coupled())[0].substeps(0.005).verlet
     assert plant(BIRD, touch, integrator="euler")[0].substeps(0.005).near == 5
     assert not plant(BIRD, touch, Beside())[0].substeps(0.005).verlet

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.records.coerce import RecordError
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.sensor_kinds import Encoders, Heading, Imu, Pose, Position
@@ -215,3 +216,14 @@ def test_a_resolution_rounds_and_one_of_zero_does_not(resolution, read):
     with np.errstate(all="ignore"):  # both branches are computed
         found = Channel(resolution=np.array([resolution])).quantize(np.array([0.37]))
     assert found[0] == pytest.approx(read, abs=1e-12)
+
+
+def test_a_heading_stays_within_half_a_turn_with_its_errors():
+    """Headings about pi with a bias and noise: the reading is their sum as an angle, by atan2."""
+    compass = Heading(heading=Channel(bias=(0.3,)))
+    memory = compass.start(VEHICLE)
+    for yaw in (-3.1, -2.9, 0.0, 2.9, 3.0, 3.1):
+        state = replace(STATE, quaternion=Quaternion(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+        _, reading = compass.measure(memory, 0.0, state, FORCE, (), 0.1)
+        assert reading.heading == pytest.approx(math.atan2(math.sin(yaw + 0.3), math.cos(yaw + 0.3)), abs=1e-12)
+        assert abs(reading.heading) <= math.pi

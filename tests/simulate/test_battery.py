@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
 from skyarm.dynamics.actuators import speeds_after
+from skyarm.dynamics.state import example_state
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -140,6 +142,42 @@ def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
     assert open_loop.rotor_speeds[-1].mean() < 0.97 * open_loop.rotor_commands[:-1].mean()
     assert open_loop.rotor_speeds[-1].mean() > 0.97 * ratio * open_loop.rotor_commands[:-1].mean()
     assert run(hovering(duration=0.1)).position[-1, 2] == pytest.approx(2.0, abs=0.01), "and a good one carries it"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_load(seed):
+    """Largest root of V (V_0 - V) / R = P(V) by SciPy, with rotors that turn as fast as V allows, or as commanded."""
+    rng = np.random.default_rng(seed)
+    pack = dataclasses.replace(BATTERY, resistance=rng.uniform(0.3, 1.5), reference_voltage=rng.uniform(11.0, 16.0))
+    rotors = load_vehicle(DATA / "servo_arm.toml").rotors
+    commands = tuple(rng.uniform(0.3, 1.2, len(rotors)) * 1100.0)
+    drain, memory, speeds = BatteryDrain(battery=pack, rotors=rotors), (0.8, 14.0), (0.0,) * len(rotors)
+    still = example_state(0, len(rotors))
+    for _ in range(200):
+        before = memory[0]
+        memory = drain.supply(memory, 0.005, dataclasses.replace(still, rotor_speeds=speeds), commands)
+        speeds = speeds_after(rotors, speeds, drain.rotor_commands(memory, rotors, commands), 0.005)
+    idle = float(pack.open_circuit_voltage(before))
+
+    def surplus(voltage):
+        turning = [min(each, 1100.0 * voltage / pack.reference_voltage) for each in commands]
+        load = 5.0 + sum(8e-6 * 0.016 * w**3 / 0.7 for w in turning)
+        return voltage * (idle - voltage) / pack.resistance - load
+
+    grid = np.linspace(0.05 * idle, idle, 4001)
+    signs = np.sign([surplus(v) for v in grid])
+    last = int(np.flatnonzero(signs[:-1] != signs[1:])[-1])
+    right = brentq(surplus, grid[last], grid[last + 1])
+    assert memory[1] == pytest.approx(right, rel=2e-3)
+    current = (before - memory[0]) * pack.capacity * 3600.0 / 0.005
+    assert current == pytest.approx((idle - right) / pack.resistance, rel=1e-2)
+    assert current * memory[1] <= idle**2 / 4.0 / pack.resistance * (1.0 + 1e-9)
+
+
+def test_a_load_beyond_the_peak_draws_the_limit():
+    idle = float(BATTERY.open_circuit_voltage(0.7))
+    after = BATTERY.discharge(0.7, 1e6, 1.0)
+    assert (0.7 - after) * 2.0 * 3600.0 == pytest.approx(idle / (2.0 * 0.05), rel=1e-9)
 
 
 def test_an_empty_battery_lets_it_fall_on_every_engine():

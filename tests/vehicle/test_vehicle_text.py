@@ -63,6 +63,20 @@ def test_followers_stops_and_turned_axes_come_back(rpy, tmp_path):
     assert not same(plain(back), plain(dataclasses.replace(vehicle, frames=(), end_effector="")))
 
 
+def test_signs_and_senses_of_rotors_come_back_and_are_no_more_than_stated(tmp_path):
+    rotors = [dataclasses.replace(each, rolling="signed") for each in HUMMINGBIRD.rotors]
+    rotors[1] = dataclasses.replace(rotors[1], reversible=True)
+    back = written(dataclasses.replace(HUMMINGBIRD, rotors=tuple(rotors)), tmp_path)
+    assert [(each.rolling, each.reversible) for each in back.rotors] == [("signed", k == 1) for k in range(4)]
+    assert [float(each.rolling_moment) for each in back.rotors] == [1e-6 * each.direction for each in back.rotors]
+    text = vehicle_text(HUMMINGBIRD)
+    assert "rolling =" not in text
+    assert "reversible" not in text
+    (tmp_path / "odd.toml").write_text(text.replace("[rotor_defaults]", '[rotor_defaults]\nrolling = "odd"'), "utf-8")
+    with pytest.raises(ValueError, match=r"rolling = 'odd': must be one of"):
+        load_vehicle(tmp_path / "odd.toml")
+
+
 def test_a_scaled_thrust_table_gives_the_same_thrust_and_torque(tmp_path):
     table = ThrustTable(speed=(300.0, 600.0, 800.0), thrust=(0.8, 3.0, 5.5), torque=(0.01, 0.05, 0.1))
     rotor = dataclasses.replace(

@@ -18,7 +18,7 @@ def test_a_period_takes_charge_and_leaves_the_voltage_of_the_charge_before():
     drain = BatteryDrain(battery=battery, rotors=rotors)
     state = dataclasses.replace(first_state(scenario), rotor_speeds=(500.0,) * 4)
     power = battery.power(rotors, (500.0,) * 4)
-    charge, voltage = drain.advance((0.6, 12.0), 0.0, 0.01, state, ())
+    charge, voltage = drain.supply((0.6, 12.0), 0.01, state, (500.0,) * 4)
     idle = battery.open_circuit_voltage(0.6)
     assert voltage * (idle - voltage) / 0.05 == pytest.approx(power, rel=1e-9)
     assert 0.6 - charge == pytest.approx(power / voltage * 0.01 / 3600.0, rel=1e-9)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.algebra import Vec3
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.unlikely_numbers import load_warnings
 from skyarm.world import HangingPayload, Reach, TimedPayload
 
 DT = 0.005
@@ -21,6 +25,7 @@ class Holder:
     place: Vec3
     speed: Vec3
     gravity: float
+    floor: float = -math.inf
 
     def frame(self, _name):
         return Vec3(0.0, 0.0, 0.0), 0
@@ -39,8 +44,6 @@ def swing(payload, seconds, holder, *, start=None, gravity=9.81):
         place, velocity = holder(k * DT)
         memory = payload.act(memory, k * DT, DT, Holder(place, velocity, gravity))
         if k == 0 and start is not None:
-            from dataclasses import replace
-
             memory = replace(memory, position=start, velocity=Vec3(0.0, 0.0, 0.0))
         rows.append(memory)
     return rows
@@ -108,3 +111,46 @@ def test_it_is_grasped_and_let_go_within_reach_of_places():
     held = [memory.held for memory in swing(payload, 0.06, holder)]
     assert held == [0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0]
     assert tuple(payload.start(DT, ()).place) == (0.2, 0.0, 0.0)
+
+
+def test_a_load_lies_down_on_the_floor_and_slides_with_friction():
+    """Lowered onto it the cord is slack; at 1 m/s on it, it stops after v^2 / (2 mu g)."""
+    payload = HangingPayload(mass=0.3, cord=0.5)
+    memory = payload.start(DT, ())
+    for k in range(400):
+        height = max(1.0 - 0.5 * k * DT, 0.3)
+        sinking = Vec3(0.0, 0.0, -0.5 if height > 0.3 else 0.0)
+        memory = payload.act(memory, k * DT, DT, Holder(Vec3(0.0, 0.0, height), sinking, 9.81, floor=0.0))
+        assert memory.position.z >= 0.0
+    assert memory.position.z == 0.0
+    assert tuple(memory.pull) == (0.0, 0.0, 0.0)
+    memory = replace(memory, velocity=Vec3(0.6, 0.8, 0.0))
+    for _ in range(200):
+        # above the load, whose cord stays slack
+        over = Vec3(memory.position.x, memory.position.y, 0.2)
+        memory = payload.act(memory, 5.0, DT, Holder(over, Vec3(0.0, 0.0, 0.0), 9.81, floor=0.0))
+    way = 1.0 / (2.0 * 0.3 * 9.81)
+    assert tuple(memory.position) == pytest.approx((0.6 * way, 0.8 * way, 0.0), rel=2e-3)
+    assert math.hypot(memory.velocity.x, memory.velocity.y) < 1e-9
+    # and is lifted again
+    for k in range(200):
+        over = Vec3(memory.position.x, memory.position.y, 0.2 + 0.5 * k * DT)
+        memory = payload.act(memory, 6.0, DT, Holder(over, Vec3(0.0, 0.0, 0.5), 9.81, floor=0.0))
+    assert memory.position.z == pytest.approx(0.7 - 0.51, abs=0.02)
+
+
+def test_check_warns_of_a_cord_that_reaches_below_the_ground():
+    document = {
+        "schema": 1, "name": "low", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_joint"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.6]}, "joints": [0.0, 0.0]},
+        "payloads": [{"kind": "hanging", "mass": 0.1, "pick": 0.5, "cord": 0.5}],
+    }  # fmt: skip
+    (line,) = load_warnings(scenario_from(document))
+    tip = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    depth = 0.51 - (0.6 + float(frame_pose(tip, tip.frame(), (0.0, 0.0)).p.z))
+    assert line.startswith(f"payloads[0].cord: lets the load hang {depth:.3g} m below the ground")
+    document["reference"]["base"]["position"] = [0.0, 0.0, 1.5]
+    assert not [*load_warnings(scenario_from(document))]
+    document["reference"]["base"]["position"], document["environment"] = [0.0, 0.0, 0.6], {"ground": False}
+    assert not [*load_warnings(scenario_from(document))]

@@ -11,6 +11,7 @@ import dataclasses
 import inspect
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import partial
@@ -24,6 +25,7 @@ from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_fl
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.rotor import require_speeds
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
@@ -304,13 +306,25 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
 
 
 def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]) -> None:
-    """Reject a first command that is not finite although its inputs are."""
+    """Reject a first command that is not finite although its inputs are, or turns a rotor backwards that cannot.
+
+    A speed above a rotor's largest one is a warning: a law may start far from its reference.
+    """
     if not all(map(math.isfinite, leaves(instant))):
         return
     fields = [f"{name}[{i}]" for name, count in _counts(controller).items() for i in range(count)]
     for field, value in zip(fields, command, strict=False):  # angles may be left out
         if not math.isfinite(value):
             raise wrong(controller, f"gives {field} = {value} in its first period: must be a finite number")
+    rotors = controller.par.model.vehicle.rotors
+    speeds = command[: len(rotors)]
+    try:
+        require_speeds(rotors, speeds, "rotor_speeds")
+    except ValueError as error:
+        fault = wrong(controller, f"gives {error}, in its first period")
+        if any(speed < rotor.min_speed for speed, rotor in zip(speeds, rotors, strict=True)):
+            raise fault from None
+        warnings.warn(f"{fault}; a flight clips it and counts it as saturation", stacklevel=2)
 
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:

@@ -8,7 +8,7 @@ from skyarm.dynamics.articulated_body import forward_dynamics
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.energy import Momentum, center_of_mass, kinetic_energy, momentum, potential_energy
 from skyarm.dynamics.kinematics import Pose, frame_pose, joint_placement, link_poses
-from skyarm.dynamics.newton_euler import JointMotion, inverse_dynamics
+from skyarm.dynamics.newton_euler import JointMotion, inverse_dynamics, load_forces
 from skyarm.dynamics.state import State, proper_acceleration
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "joint_placement",
     "kinetic_energy",
     "link_poses",
+    "load_forces",
     "mass_matrix",
     "momentum",
     "potential_energy",

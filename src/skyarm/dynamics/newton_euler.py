@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 from skyarm.algebra import Force, Motion, Scalar, Scalars, Vec3, centripetal
 from skyarm.algebra.scalars import add, mul
-from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
+from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, joint_placement, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.dynamics.state import State
 from skyarm.records.immutable import positional
-from skyarm.vehicle import BASE, Joint, Vehicle
+from skyarm.vehicle import BASE, Body, Joint, Vehicle
 
 
 @positional
@@ -75,13 +76,11 @@ def inverse_dynamics(
     moving = motions(vehicle, places, rate, joint_rates)
     inertia = spatial_inertia(vehicle.base)
     total = inertia.apply(base) + inertia.velocity_force(rate)
-    accelerations: list[Motion] = []
-    forces: list[Force] = []
-    for link, body, motion, qdd in zip(vehicle.links, bodies, moving, joint_accelerations, strict=True):
-        parent = base if link.parent == BASE else accelerations[link.parent]
-        a = parent.into_child(body.place.R, body.place.p) + motion.products + link.joint.motion_subspace * qdd
-        accelerations.append(a)
-        forces.append(body.inertia.apply(a) + body.inertia.velocity_force(motion.rate))
+    accelerations = _accelerations(vehicle, places, moving, base, joint_accelerations)
+    forces = [
+        body.inertia.apply(a) + body.inertia.velocity_force(motion.rate)
+        for body, motion, a in zip(bodies, moving, accelerations, strict=True)
+    ]
     torques: list[Scalar] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
@@ -93,3 +92,49 @@ def inverse_dynamics(
         else:
             forces[link.parent] = forces[link.parent] + carried
     return total, tuple(torques)
+
+
+def load_forces(
+    vehicle: Vehicle,
+    loads: Sequence[tuple[int, Body]],
+    state: State,
+    base: Motion,
+    joint_accelerations: Sequence[Scalar],
+) -> list[Force]:
+    """Force and torque that carry each load in a motion: m (a + g) at its centre of mass, and what turns it.
+
+    Args:
+        vehicle: its joints.
+        loads: link (``BASE`` for the base) and body of each, in that link's axes.
+        state: joints and rates.
+        base: proper acceleration of the base, base axes.
+        joint_accelerations: second time derivative of the joints.
+
+    Returns:
+        Torque about and force at the origin of each load's link, link axes.
+    """
+    joints, joint_rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
+    joint_accelerations, vehicle = every_rate(vehicle, joint_accelerations), vehicle.with_free_followers
+    places = [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
+    moving = motions(vehicle, places, state.rate, joint_rates)
+    # by their index, of which the base's is the last
+    accelerations = [*_accelerations(vehicle, places, moving, base, joint_accelerations), base]
+    rates = [*(each.rate for each in moving), state.rate]
+    inertias = ((link, spatial_inertia(load)) for link, load in loads)
+    return [inertia.apply(accelerations[link]) + inertia.velocity_force(rates[link]) for link, inertia in inertias]
+
+
+def _accelerations(
+    vehicle: Vehicle,
+    places: Sequence[Pose],
+    moving: Sequence[JointMotion],
+    base: Motion,
+    joint_accelerations: Sequence[Scalar],
+) -> list[Motion]:
+    """Proper acceleration of each link at its origin, in the axes of its place."""
+    accelerations: list[Motion] = []
+    for link, place, motion, qdd in zip(vehicle.links, places, moving, joint_accelerations, strict=True):
+        parent = base if link.parent == BASE else accelerations[link.parent]
+        own = link.joint.motion_subspace * qdd
+        accelerations.append(parent.into_child(place.R, place.p) + motion.products + own)
+    return accelerations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
@@ -25,9 +26,12 @@ class PointMotion:
     Attributes:
         agents: motions of all vehicles by name, that of this one among them.
         task_time: time (s) of the events of its task, at a control instant.
+        floor: height of the ground (m) at a control instant; minus infinity without one.
+        rotor_shares: share of each rotor's forces that faults leave.
     """
 
     task_time: Scalar = 0.0
+    floor: float = -math.inf
 
     def __init__(
         self,
@@ -42,6 +46,7 @@ class PointMotion:
         self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
         self.name = name
         self.agents: Mapping[str, PointMotion] = {name: self}
+        self.rotor_shares: Scalars = (1,) * len(vehicle.rotors)
 
     def of(self, agent: str) -> PointMotion:
         """Motion of a vehicle by name; this one for an empty name, or where vehicles have none."""

@@ -251,7 +251,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
 def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
     """Vehicle command clipped to the limits of rotor speeds and joint efforts."""
     vehicle = now.model.vehicle
-    turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
+    turned = tuple(clip(w, rotor.min_speed, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
     rows = zip(efforts, vehicle.links, now.told, strict=True)
     limited = tuple(
         u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)

@@ -89,6 +89,8 @@ class EnvProgram:
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.agent.controller.par.model.vehicle)
         self._plant = rigid_body_plant(task.randomised.stiffest)
+        # what more steps joints need at stops is a loop; JAX, which has none, takes those that stops need at rest
+        self._substeps = self._plant.substeps if loops else self._plant.steps_at_rest
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self.uniforms = draws_needed(scenario)
@@ -152,7 +154,7 @@ class EnvProgram:
         nothing: Any = None
         read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
         half = AgentHalf(own.components, stages.agent.acting(own.queue), nothing, read)
-        plant = RigidBodySteps(stages, self._plant.substeps)
+        plant = RigidBodySteps(stages, self._substeps)
         decided = [Decided(memory, command, own.clock)]
         flown = act(stages, plant, loop, FirstHalf(loop.components, around, (half,)), decided)
         sent = flown.alive
@@ -213,7 +215,7 @@ class EnvProgram:
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
         """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
-        measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, (row,), draws)
+        measured = measure(stages, RigidBodySteps(stages, self._substeps), now, (row,), draws)
         (half,) = measured.agents
         agent = dataclasses.replace(
             now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components

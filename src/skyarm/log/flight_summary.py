@@ -125,7 +125,7 @@ def error_norms(log: Log) -> dict[str, Array]:
 def _peak_thrust(log: Log) -> float | None:
     """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
     rotors = getattr(restored_at(log.info, "plant.vehicle"), "rotors", ())
-    pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
+    pairs = zip(rotors, np.abs(log.rotor_speeds).max(axis=0), strict=False)
     return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
 
 

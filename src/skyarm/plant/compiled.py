@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, floor, where
+from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, minimum, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -17,7 +17,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, StopNumbers, joint_rate, stop_numbers, stop_rate
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -32,6 +32,7 @@ from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impac
 from skyarm.plant.surroundings import Surroundings, Together, several
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
+from skyarm.world.component import MOST_STEPS
 
 
 class Steps(NamedTuple):
@@ -43,6 +44,7 @@ class Steps(NamedTuple):
         verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
         most: times ``near``, of the steps in an interval in which something hits.
         calm: least number of steps while grasps act and no contact does; 0 if these are always ``near``.
+        stops: of each vehicle, what more steps follow from where a joint may meet a stop; empty without stops.
     """
 
     near: int
@@ -51,6 +53,20 @@ class Steps(NamedTuple):
     verlet: bool = False
     most: int = 1
     calm: int = 0
+    stops: tuple[StopNumbers, ...] = ()
+
+
+def touch_steps(
+    worlds: Sequence[Truth], stops: Sequence[StopNumbers], states: Sequence[State], seconds: Scalar, largest: float
+) -> Scalar:
+    """Number of integration steps that joints need at the stops that they may meet within ``seconds``, or 0.
+
+    ``largest`` is the largest product of a rate and a step.
+    """
+    rate: Scalar = 0.0
+    for world, numbers, state in zip(worlds, stops, states, strict=True):
+        rate = maximum(rate, stop_rate(world.vehicle, numbers, state, seconds))
+    return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))
 
 
 def hold(
@@ -76,18 +92,26 @@ def hold(
         assert largest is not None
         fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
         finer = where(there.calm(motions, seconds), fewer, finer)
+    touch: Scalar = 0.0
+    if count.stops:
+        held = count.verlet or integrator == "euler"
+        touch = touch_steps(worlds, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
+        finer = maximum(finer, touch)
 
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)
-    if far is False and count.most == 1 and not count.calm:
+    if far is False and count.most == 1 and not count.calm and not count.stops:
         return repeat(count.near, step, now)
+    if far is not False:
+        far = logical_and(far, touch <= float(count.far))
 
     def step_far(both: Moved) -> Moved:
         return far_step(integrator, worlds, both, commands, around, seconds / count.far, count.rounds)
 
-    now = repeat_while(count.near * count.most, where(far, 0.0, finer), step, now)
+    most = max(count.near * count.most, MOST_STEPS if count.stops else 0)
+    now = repeat_while(most, where(far, 0.0, finer), step, now)
     if far is False:
         return now
     return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
@@ -134,6 +158,8 @@ class RigidBodyPlant:
         self._largest = largest_step(self.around, euler=euler)
         self._largest_far = largest_step(self.around, coupled=False, euler=euler)
         self._rate = max(joint_rate(each.vehicle) for each in self._worlds)
+        stops = tuple(stop_numbers(each.vehicle) for each in self._worlds)
+        self._stops = stops if any(stops) else ()
         self._verlet = None if euler else verlet_step(self.around)
 
     @property
@@ -152,6 +178,10 @@ class RigidBodyPlant:
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""
+        return self.steps_at_rest(seconds)._replace(stops=self._stops)
+
+    def steps_at_rest(self, seconds: float) -> Steps:
+        """Number of integration steps in an interval of ``seconds``, of which joints' speeds at stops ask no more."""
         most = 1
         if self._integrator != "euler":  # whose step is said
             most = max((component.most_hit_steps for _, component, _ in self.around.coupled), default=1)

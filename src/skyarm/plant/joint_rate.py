@@ -1,4 +1,7 @@
-"""Fastest decay rates of joint friction and fastest oscillations at joint stops, which limit integration steps.
+"""Fastest decay rates of joint friction and fastest motions at joint stops, which limit integration steps.
+
+The damping of a stop is proportional to depth and speed: how fast it moves a joint depends on the flight, and so does
+the number of steps of an interval in which a joint may meet its stop.
 
 The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long a step is, no force comes from them.
 """
@@ -9,6 +12,9 @@ import math
 
 import numpy as np
 
+from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import absolute, maximum, sqrt, where
+from skyarm.dynamics import State
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.largest_step import FRICTION_STEP
@@ -52,18 +58,22 @@ def friction_rate(vehicle: Vehicle) -> float:
 
 def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
     """Largest joint decay rate (1/s) over sampled arm configurations, and its eigenvector."""
-    still = np.array([1.0, 0.0, 0.0, 0.0])
     none = 0.0, np.zeros(vehicle.n)
     try:
         with np.errstate(all="ignore"):
-            M = mass_matrix(vehicle, np.zeros(3), still, _configurations([link.joint for link in vehicle.links]))
             # similar to the inverse times D, but symmetric
-            rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(M)[:, 6:, 6:] * root[None, :])
+            rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(_masses(vehicle))[:, 6:, 6:] * root[None, :])
     except np.linalg.LinAlgError:
         return none  # masses so far apart that rounding makes M singular: such a flight ends as diverged
     fastest = rates[:, -1]
     worst = int(np.argmax(fastest))
     return (float(fastest[worst]), modes[worst, :, -1]) if np.all(np.isfinite(fastest)) else none
+
+
+def _masses(vehicle: Vehicle) -> Array:
+    """Mass matrices (SAMPLES + 1, 6 + n, 6 + n) of a vehicle at the sampled joint positions."""
+    still = np.array([1.0, 0.0, 0.0, 0.0])
+    return mass_matrix(vehicle, np.zeros(3), still, _configurations([link.joint for link in vehicle.links]))
 
 
 def _steepest(joint: Joint) -> float:
@@ -141,3 +151,57 @@ def _damping(joint: Joint) -> float:
     """Damping (N m s/rad or N s/m) of a joint's end stop under the full effort of the drive."""
     effort = float(joint.effort_limit)
     return effort * float(joint.stop_damping) if joint.has_stops and math.isfinite(effort) else 0.0
+
+
+TOUCH_STEP = 0.7
+"""Largest product of the fastest rate at a stop that a joint may meet and a Runge-Kutta step: the speed after 300 drawn
+impacts was then within 2 % of the approach (measured), at ``STOP_STEP`` within 6 %."""
+
+HELD_TOUCH_STEP = 0.1
+"""The same product of methods of first order in damping."""
+
+StopNumbers = tuple[tuple[float, float], ...]
+"""Largest mobility, 1/(kg m^2) or 1/kg, and largest acceleration by drives, rad/s^2 or m/s^2, of each joint."""
+
+
+def stop_numbers(vehicle: Vehicle) -> StopNumbers:
+    """Largest mobility and acceleration of each joint, rounded up to powers of two; () without stops.
+
+    Rounded, vehicles of nearly equal masses share a program. The acceleration is that by the largest efforts of all
+    drives. () also where the numbers are not concrete, or masses too far apart.
+    """
+    joints = [link.joint for link in vehicle.links]
+    if not any(joint.has_stops for joint in joints) or not concrete(*leaves((vehicle.base, vehicle.links))):
+        return ()
+    efforts = np.array([float(joint.effort_limit) for joint in joints])
+    efforts[np.isinf(efforts)] = 0.0
+    try:
+        with np.errstate(all="ignore"):
+            mobility = np.abs(np.linalg.inv(_masses(vehicle))[:, 6:, 6:])
+            rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(axis=1)
+            most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
+    except np.linalg.LinAlgError:
+        return ()
+    return tuple((each, driven) for each, driven in most) if np.all(np.isfinite(most)) else ()
+
+
+def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Scalar) -> Scalar:
+    """Fastest rate (1/s) at the stops that joints may meet within ``seconds``; 0 if none can be met.
+
+    At a stop k d (1 + c v) the spring has the frequency sqrt(k / m (1 + c v)), damping the rate k c d / m. Without a
+    spring m v dv = -k c d v dd, so that an approach at v ends at the depth d with d^2 = d_0^2 + 2 m v / (k c): its
+    damping then has the rate sqrt((k c d_0 / m)^2 + 2 k c v / m). Several joints' squares and rates add up.
+    """
+    square: Scalar = 0.0
+    decay: Scalar = 0.0
+    for link, (mobility, acceleration), q, qd in zip(
+        vehicle.links, numbers, state.joints, state.joint_rates, strict=False
+    ):
+        joint = link.joint
+        if joint.has_stops:
+            speed = absolute(qd) + acceleration * seconds
+            depth = maximum(q - joint.upper, joint.lower - q)
+            stiffness, damping = mobility * joint.stop_stiffness, joint.stop_damping
+            square = square + where(depth + speed * seconds > 0.0, stiffness * (1.0 + 2.0 * damping * speed), 0.0)
+            decay = decay + stiffness * damping * maximum(depth, 0.0)
+    return sqrt(square + decay * decay)

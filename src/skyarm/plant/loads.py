@@ -9,7 +9,7 @@ from typing import TypeGuard
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
-from skyarm.dynamics.actuators.rotor import spin_torque
+from skyarm.dynamics.actuators.rotor import has_short_lag, lag_of, speeds_within, spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
@@ -151,6 +151,33 @@ def follow_commands(
     """States of the vehicles, whose rotor speeds and tilt angles have followed constant commands for ``dt`` (s)."""
     rows = enumerate(zip(worlds, states, commands, strict=True))
     return tuple(with_lag(world.vehicle, state, command, dt, around.of(i)) for i, (world, state, command) in rows)
+
+
+def felt_in_step(
+    worlds: Sequence[Truth],
+    stages: Sequence[Sequence[State]],
+    commands: Sequence[Command],
+    around: Together,
+    dt: Scalar,
+) -> tuple[Sequence[Truth], Sequence[Sequence[State]]]:
+    """Vehicles, and states at begin, middle and end of a step of ``dt`` (s), whose rotors' forces have their impulse.
+
+    Rotors with short lags have speeds that may pass the target, hence one lag for both ways.
+    """
+    if not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
+        return worlds, stages
+    felt, made = [list[State](), list[State](), list[State]()], list[Truth]()
+    for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
+        rotors = world.vehicle.rotors
+        heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
+        rows = list(zip(rotors, stages[0][i].rotor_speeds, heard, strict=True))
+        lags = [lag_of(*row) for row in rows]
+        pairs = zip(rotors, lags, strict=True)
+        turned = tuple(dataclasses.replace(r, time_constant_up=lag, time_constant_down=lag) for r, lag in pairs)
+        made.append(dataclasses.replace(world, vehicle=world.vehicle.with_checked(rotors=turned)))
+        for k, speeds in enumerate(zip(*(speeds_within(*row, dt) for row in rows), strict=True)):
+            felt[k].append(dataclasses.replace(stages[k][i], rotor_speeds=speeds))
+    return made, felt
 
 
 def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:

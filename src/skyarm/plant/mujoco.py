@@ -15,12 +15,15 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Scalars
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import data
+from skyarm.compile import Program, trace
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.state import State, example_state
+from skyarm.plant.compiled import touch_steps
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import joint_rate
+from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -159,31 +162,41 @@ class MujocoPlant:
             for at, body in zip(layout.bases, bodies, strict=True)
         ]
         zeros, commands = (0.0,) * layout.end, tuple(example_command(*each.sizes) for each in vehicles)
-        self._loads = Quick(self._forces_and_speeds, zeros, commands, around)
+        self._loads = Quick(self._forces_and_speeds, zeros, commands, around, physics_step)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
         ends = (0, len(self._force), len(self._force) + layout.driven, len(self._loads.outputs))
         self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*coupled_places(around)]
         commanded = len(leaves(commands))
-        self._around = self._loads.inputs[layout.end + commanded :]
+        self._around = self._loads.inputs[layout.end + commanded : -1]
         self._commanded = self._loads.inputs[layout.end :][:commanded]
         self._written = NOTHING
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
         if any(each.followers for each in vehicles):
             self._forward = Coupling(layout, self._data).forward
-        self._carried: Loads | None = None
-        if any(changes_inertia(around.of(i)) for i in range(len(vehicles))):
-            self._carried = Loads(layout, self.model, self._data, around, prefixes)
+        changes = any(changes_inertia(around.of(i)) for i in range(len(vehicles)))
+        self._carried = Loads(layout, self.model, self._data, around, prefixes) if changes else None
+        self._touch = self._program_of_touches(vehicles)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
             solver = self._forward, self._welds
-            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, *solver)
+            self._staged = StagedRungeKutta(layout, self.model, self._data, around, *solver)
 
-    def _forces_and_speeds(self, x: Scalars, commands: tuple[Command, ...], around: Together) -> Scalars:
-        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step."""
-        states, dt = self._layout.states(x), self._physics_step
+    def _program_of_touches(self, vehicles: Sequence[Vehicle]) -> Program | None:
+        """Program for the number of steps that joints need at their stops in an interval (s); None without stops."""
+        stops, largest = [stop_numbers(each) for each in vehicles], HELD_TOUCH_STEP if self._euler else TOUCH_STEP
+        states = tuple(example_state(*each.sizes) for each in vehicles)
+
+        def steps(now: Sequence[State], seconds: Scalar) -> Scalar:
+            return touch_steps(self._worlds, stops, now, seconds, largest)
+
+        return trace(steps, states, 0.0) if any(stops) else None
+
+    def _forces_and_speeds(self, x: Scalars, commands: tuple[Command, ...], around: Together, dt: Scalar) -> Scalars:
+        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step of ``dt`` (s)."""
+        states = self._layout.states(x)
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         forces = self._layout.generalized_forces(states, commands, around)
@@ -199,9 +212,13 @@ class MujocoPlant:
         """
         self._set(state, command, around)
         self._written = NOTHING
-        count = whole_steps(seconds, self._physics_step)
+        count, dt = whole_steps(seconds, self._physics_step), self._physics_step
+        if self._touch is not None:
+            (touch,) = self._touch.flat((*state, seconds))
+            count, dt = (count, dt) if touch <= count else (int(touch), seconds / touch)
+        self._loads.inputs[-1] = self.model.opt.timestep = dt
         if self._staged is not None:
-            return self._in_stages(self._staged, state, command, around, count)
+            return self._in_stages(self._staged, state, command, around, count, dt)
         model, data, step, rk4 = self.model, self._data, self._loads.step, self._rk4
         qpos, qvel, speeds = self._parts
         force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
@@ -223,14 +240,14 @@ class MujocoPlant:
         return (*ours, *given[coupled].tolist()) if coupled else ours
 
     def _in_stages(
-        self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int
+        self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int, dt: float
     ) -> tuple[float, ...]:
         """Vehicle and contact state after several Runge-Kutta steps with forces evaluated at each stage."""
         self._loads.step()
         with QUIET:
             memory = self._around[self._coupled]
             start, given = self._layout.to_mujoco(state), (*command, *around)
-            x, coupled = staged.advance(start, memory.tolist(), self._pushed, given, count)
+            x, coupled = staged.advance(start, memory.tolist(), self._pushed, given, count, dt)
         return (*self._layout.to_ours(x), *coupled)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
@@ -246,7 +263,7 @@ class MujocoPlant:
         self._written = (state, around) if type(state) is tuple and type(around) is tuple else NOTHING
         x, nq = self._layout.to_mujoco(state), self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
-        self._loads.inputs[:] = (*x, *command, *around)
+        self._loads.inputs[:-1] = (*x, *command, *around)
         for each in self._welds:
             each.begin(self._around)
 

@@ -118,7 +118,7 @@ def _add_actuators(spec: mujoco.MjSpec, vehicle: Vehicle) -> tuple[str, ...]:
         actuator = spec.add_actuator(name=rotor.name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=site)
         # drag torque acts against the rotation, along the axis
         actuator.gear = [0.0, 0.0, 1.0, 0.0, 0.0, -float(rotor.direction) * float(rotor.moment_coefficient)]
-        _bound(actuator, 0.0, _thrust(rotor, float(rotor.max_speed)))
+        _bound(actuator, _thrust(rotor, float(rotor.min_speed)), _thrust(rotor, float(rotor.max_speed)))
         names.append(rotor.name)
     for link in vehicle.links:
         effort = float(link.joint.effort_limit)

@@ -70,7 +70,7 @@ class StagedRungeKutta:
 
     Args:
         layout: layout of the vehicles. model, data: MuJoCo's; a step works in ``data``.
-        around: surroundings as an example. dt: length of a step, s.
+        around: surroundings as an example.
         forward: MuJoCo's forward dynamics, or with the forces that hold followers.
         welds: constraints of grasps in ``model``, with the objects that they hold.
     """
@@ -81,7 +81,6 @@ class StagedRungeKutta:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         around: Together,
-        dt: float,
         forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
         welds: Sequence[Welds] = (),
     ) -> None:
@@ -111,9 +110,6 @@ class StagedRungeKutta:
         self._moving, self._move_state = self._program.inputs[before:][:width], self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
-        self._tableau = dt * np.array(STAGES)
-        # a share of a sum of slopes that hold a step's length already
-        self._tableau[:, 2] = [row[2] for row in STAGES]
 
     def _stage(self, inputs: RungeKuttaInputs, commands: tuple[Command, ...], around: Together) -> Numbers:
         """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums of slopes and forces."""
@@ -145,7 +141,7 @@ class StagedRungeKutta:
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
     def advance(
-        self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int
+        self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int, dt: float
     ) -> tuple[list[float], list[float]]:
         """Vehicle state in MuJoCo's order and contact states after several Runge-Kutta steps.
 
@@ -155,13 +151,17 @@ class StagedRungeKutta:
             forces: generalised forces on the state.
             given: rotor commands, setpoints, angles and numbers of the surroundings.
             steps: count of the steps.
+            dt: length of a step, s.
         """
+        tableau = dt * np.array(STAGES)
+        # a share of a sum of slopes that hold a step's length already
+        tableau[:, 2] = [row[2] for row in STAGES]
         program = self._program.step
         self._now[:], self._memory[:], self._given[:], self._loads[:] = x, memory, given, forces
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
-            for row in self._tableau:
+            for row in tableau:
                 self._solve()
                 self._acceleration[:], self._weights[:] = self._qacc, row
                 program()

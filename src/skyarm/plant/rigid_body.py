@@ -24,6 +24,7 @@ from skyarm.plant.loads import (
     applied_force,
     before_euler_step,
     changes_inertia,
+    felt_in_step,
     follow_commands,
     loaded_vehicle,
     rigid_loads,
@@ -52,12 +53,12 @@ def accelerate(
 ) -> list[tuple[Motion, Scalars]]:
     """Proper acceleration of the base (base axes) and joint accelerations of each vehicle."""
     return [
-        _accelerate(motion, command, around.of(i))
+        accelerate_one(motion, command, around.of(i))
         for i, (motion, command) in enumerate(zip(around.motions(worlds, states), commands, strict=True))
     ]
 
 
-def _accelerate(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
+def accelerate_one(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
     """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
     return _solve(motion, loaded_vehicle(motion.vehicle, around), applied_force(motion, command, around))
 
@@ -80,7 +81,7 @@ def derivative(
     """Time derivatives of the vehicle states by the equations of motion, and of the coupled models' memories."""
     motions, rates = around.motions(worlds, states), list[Rate]()
     for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
-        state, (base, joint_accelerations) = motion.state, _accelerate(motion, command, around.of(i))
+        state, (base, joint_accelerations) = motion.state, accelerate_one(motion, command, around.of(i))
         linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
         rates.append(
             Rate(
@@ -111,13 +112,15 @@ def coupled_rk4(
     half, whole = (follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
-    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
-        return derivative(worlds, at, commands, around.with_coupled(memories))
+    turning, (begin, middle, end) = felt_in_step(worlds, (states, half, whole), commands, around, dt)
 
-    k1, m1 = slope(states, first)
-    k2, m2 = slope(_move(half, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
-    k3, m3 = slope(_move(half, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
-    k4, m4 = slope(_move(whole, k3, dt), moved_by(first, m3, dt))
+    def slope(at: Sequence[State], memories: Memories) -> tuple[tuple[Rate, ...], Memories]:
+        return derivative(turning, at, commands, around.with_coupled(memories))
+
+    k1, m1 = slope(begin, first)
+    k2, m2 = slope(_move(middle, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
+    k3, m3 = slope(_move(middle, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
+    k4, m4 = slope(_move(end, k3, dt), moved_by(first, m3, dt))
     after, memories = whole, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
         after, memories = _move(after, k, part), moved_by(memories, m, part)
@@ -188,8 +191,9 @@ def coupled_verlet(
     last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
-    half = 0.5 * dt
-    middle = tuple(_drift(each, half) for each in follow_commands(worlds, states, commands, around, half))
+    half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
+    _, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
+    middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
     there = there.bend(there.slopes(motions), dt)
@@ -214,8 +218,7 @@ def coupled_verlet(
     felt = there.motions(worlds, pushed, step=dt)
     after = [_drift(each, half) for each in push(felt, beside, dt)]
     memories = there.push(beside, felt, dt).drift(half).coupled_memories()
-    whole = follow_commands(worlds, states, commands, around, dt)
-    ends = zip(after, whole, strict=True)
+    ends = zip(after, lags[1], strict=True)
     return tuple(
         replace(each, quaternion=each.quaternion.renormalized(), rotor_speeds=end.rotor_speeds, tilts=end.tilts)
         for each, end in ends

@@ -107,7 +107,11 @@ class Together:
     ) -> tuple[PointMotion, ...]:
         """Motion of each vehicle, with those of the others; ``step`` (s) as of :class:`PointMotion`."""
         air = [self.of(i).air_velocity for i in range(len(self.each))]
-        return motions_of(worlds, states, self.names, air, step)
+        motions = motions_of(worlds, states, self.names, air, step)
+        for motion, own in zip(motions, self.each, strict=True):
+            if own.effectiveness is not None:
+                motion.rotor_shares = own.effectiveness.rotors
+        return motions
 
     @property
     def components_of_all(self) -> tuple[AnyComponent, ...]:

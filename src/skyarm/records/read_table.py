@@ -61,7 +61,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in declared:
-            values[name] = value_from(*declared[name], fields, word, folds)
+            values[name] = default_if_equal(value_from(*declared[name], fields, word, folds), field.default)
         else:
             at = fields.at(unresolved_field(kind) or word)  # one of them hides the types of all
             raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
@@ -168,8 +168,13 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
         except ValueError as error:
             raise ValueError(f"{error}, {unit.unit}" if unit.unit and name in fields.table else str(error)) from None
-        numbers[name] = 0 if unit.folds and value == 0.0 else value
+        numbers[name] = 0 if unit.folds and value == 0.0 else default_if_equal(value, usual[name])
     return numbers
+
+
+def default_if_equal(value: Any, usual: object) -> Any:
+    """Default of a field in place of equal numbers of a file: an int 0 there is structure, unlike the file's 0.0."""
+    return usual if isinstance(value, (float, Vec3)) and value == usual else value
 
 
 def takes_table(function: Callable[..., object]) -> bool:
@@ -190,7 +195,8 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
     fields.expect(parameters)
     for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
-            values[name] = value_from(*declared.get(name, (float, NUMBER)), fields, name)
+            value = value_from(*declared.get(name, (float, NUMBER)), fields, name)
+            values[name] = default_if_equal(value, parameter.default)
         else:
             fields.take(name, None)
     return values

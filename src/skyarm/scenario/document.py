@@ -21,7 +21,7 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS
-from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
+from skyarm.records.read_table import default_if_equal, registered_from, registered_value, registered_values, value_from
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario import readers
@@ -78,7 +78,7 @@ def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords, at: str
     if slot.type in (str, int):
         return entry  # the record says what it must be
     within, _, name = path.rpartition(".")
-    return value_from(slot.type, slot.unit, Fields({name: entry}, within), name)
+    return default_if_equal(value_from(slot.type, slot.unit, Fields({name: entry}, within), name), slot.default)
 
 
 def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:

@@ -178,8 +178,7 @@ class Ground(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Height of the vehicle's lowest point above the ground, if there is one."""
-        planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
-        return [(lowest_point(scenario.agent.plant.vehicle, state),)] if scenario.ground and not planes else []
+        return [(lowest_point(scenario.agent.plant.vehicle, state),)] if scenario.floor == 0.0 else []
 
 
 @immutable

@@ -148,16 +148,16 @@ def default_in_words(value: object) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, float | int):
-        return "no limit" if math.isinf(value) else _few_digits(value)
+        return "no limit" if math.isinf(value) else _exact(value)
     if isinstance(value, Vec3 | Quaternion | tuple) and all(isinstance(each, float | int) for each in value):
-        return "[" + ", ".join(f"{float(each):.10g}" for each in value) + "]"
+        return "[" + ", ".join(map(_exact, value)) + "]"
     return ""
 
 
-def _few_digits(value: float) -> str:
-    """Number with as many digits as its source states; four where it was computed."""
+def _exact(value: float) -> str:
+    """Number with the digits that a file needs for the same one."""
     text = f"{value:.10g}"
-    return text if len(text) <= 7 or float(f"{value:.6g}") == value else f"{value:.4g}"
+    return text if float(text) == value else repr(float(value))
 
 
 def _of_numbers() -> Iterator[GrammarRow]:

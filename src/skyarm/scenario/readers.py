@@ -434,7 +434,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         quaternion=Quaternion(*(c / length for c in quaternion)),
         joints=joints,
         joint_rates=fields.numbers("joint_rates", trim.joint_rates),
-        rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),
+        rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds),
         tilts=fields.numbers("tilts", trim.tilts),
         **vectors,
     )

@@ -19,6 +19,7 @@ from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
+from skyarm.dynamics.actuators.rotor import require_speeds
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
@@ -433,13 +434,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
     for name, count in counts:
         if len(getattr(state, name)) != count:
             raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
-    for i, (speed, rotor) in enumerate(zip(state.rotor_speeds, vehicle.rotors, strict=True)):
-        # unsigned: the rotor's own turn says the way round; its thrust and its lag hold up to its highest speed
-        if concrete(speed, rotor.max_speed) and not 0.0 <= speed <= rotor.max_speed:
-            raise ValueError(
-                f"initial.rotor_speeds[{i}] = {speed!r}: must be from 0 to {rotor.max_speed:g} rad/s, the highest "
-                f"speed of rotor {i}"
-            )
+    require_speeds(vehicle.rotors, state.rotor_speeds, "initial.rotor_speeds")
     for i, (angle, tilt) in enumerate(zip(state.tilts, vehicle.tilts, strict=True)):
         if concrete(angle, tilt.lower, tilt.upper) and not tilt.lower <= angle <= tilt.upper:
             allowed = f"must be from {tilt.lower:g} to {tilt.upper:g} rad, the range of its servo"

@@ -724,6 +724,12 @@ class Scenario:
         return self.environment.forces
 
     @property
+    def floor(self) -> float:
+        """Height (m) of the ground: 0, or minus infinity without one, or where planes of the world take its place."""
+        planes = any(surface.shape == "plane" for each in self.worlds for surface in each.surfaces)
+        return 0.0 if self.ground and not planes else -math.inf
+
+    @property
     def ground(self) -> bool:
         """True if the episode ends when the vehicle reaches the ground at z = 0."""
         return self.environment.ground

@@ -14,6 +14,7 @@ import numpy as np
 
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
@@ -74,7 +75,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings from a scenario's environment models, and about those that cannot affect its flight."""
+    """Warnings from a scenario's environment models, about its loads and about models that cannot affect its flight."""
     vehicle, step = scenario.agent.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:
@@ -82,7 +83,22 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
         listed = isinstance(texts, Iterable) and not isinstance(texts, str)
         require_result(part.warnings, texts, listed, "a list of texts")
         lines += [f"{where}: {line}" for line in texts]
-    return (*lines, *without_effect(scenario))
+    return (*lines, *load_warnings(scenario), *without_effect(scenario))
+
+
+def load_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warnings about loads on cords that would reach below the ground along the reference, of a level vehicle."""
+    vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
+    for i, payload in enumerate(scenario.agent.payloads):
+        looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
+        height = looks.position.z + frame_pose(vehicle, frame, looks.joints).p.z - float(payload.hangs)
+        held = (times >= float(payload.pick)) & (times < float(payload.drop))
+        lowest = float(np.min(np.where(held, np.asarray(height), np.inf)))
+        if payload.hangs > 0 and lowest < scenario.floor:
+            yield (
+                f"payloads[{i}].cord: lets the load hang {-lowest:.3g} m below the ground along the reference; "
+                "a shorter cord, or a higher reference?"
+            )
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:

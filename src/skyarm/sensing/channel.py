@@ -346,7 +346,7 @@ class ChannelSensor(Sensor):
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
                 f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, "
-                "by giving it in the file or by with_numbers"
+                "by with_numbers or a small number in the file"
             )
         loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
         numbers = iter(normals(last))

@@ -13,11 +13,9 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.coerce import absent
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree, leaves, parts
+from skyarm.records.leaves import Tree, leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, nonnegative
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -120,12 +118,6 @@ class SensorNoise(Sensor):
     rotor_speeds: Annotated[
         Scalar, nonnegative("rad/s", "standard deviation of the rotor speed noise", usual=200.0, effect=_NOISIER)
     ] = 0
-
-    @classmethod
-    def from_table(cls, entry: object, where: str) -> SensorNoise:
-        """Read sensor noise from a TOML table; zeros become constants of compiled code, like omitted values."""
-        noise = record_from(cls, Fields(entry, where))
-        return cls(**{name: sigma or 0 for name, sigma in parts(noise).items()})
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""

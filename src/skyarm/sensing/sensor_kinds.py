@@ -12,12 +12,13 @@ and load takes: a sensor on a light hand. A free object that is held counts whol
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import data, divide, exp, mul, sqrt, sub, where
+from skyarm.algebra.scalars import absolute, data, divide, exp, floor, mul, sqrt, sub, where
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
@@ -63,7 +64,7 @@ class PositionReading(Reading):
 class HeadingReading(Reading):
     """Reading of a heading sensor: yaw of the base's x axis about the vertical."""
 
-    heading: Annotated[Scalar, Unit("rad", "yaw, continuous over full turns")]
+    heading: Annotated[Scalar, Unit("rad", "yaw, from -pi to pi")]
 
 
 @immutable
@@ -154,6 +155,10 @@ class Position(ChannelSensor):
         return self.channels(position=state.position)
 
 
+TURN = 2.0 * math.pi
+"""One turn, rad."""
+
+
 @immutable
 class Heading(ChannelSensor):
     """Heading sensor, a compass or two satellite antennas: yaw of the base's x axis, rad."""
@@ -166,6 +171,14 @@ class Heading(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Heading: name, error model and true value."""
         return self.channels(heading=(euler_angles(state.quaternion.rotation())[2],))
+
+    def reading(self, t: Scalar, values: Sequence[Scalars], *rest: Any) -> tuple[Tree, Tree]:
+        """Make the reading, which errors do not carry beyond half a turn."""
+        heading = values[0][0]
+        turned = heading - TURN * floor(heading * (1.0 / TURN) + 0.5)
+        wrapped = where(absolute(heading) > 0.5 * TURN, turned, heading)
+        # a subclass of slots is made anew: super() without its class would look at the first
+        return ChannelSensor.reading(self, t, ((wrapped,),), *rest)
 
 
 RATES = ("difference", "measured")
@@ -204,7 +217,7 @@ class Encoders(ChannelSensor):
                 "rate: must be left out where rates = 'difference': the errors of positions make those of their "
                 "differences"
             )
-        if not absent(self.bits) and not absent(self.joints.resolution):
+        if all(not (concrete(each) and each == 0) for each in (self.bits, self.joints.resolution)):
             raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
@@ -237,7 +250,8 @@ class Encoders(ChannelSensor):
         if absent(self.bits):
             return q
         # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
-        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).quantize(q)
+        step = divide(self.span, exp(self.bits * LOG_2))
+        return Channel(resolution=where(self.bits > 0.0, step, 0.0)).quantize(q)
 
 
 @immutable

@@ -5,15 +5,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
+from operator import le
+from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import add, floor, maximum, minimum, same
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.rotor import require_speeds
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import blend
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle import Rotor, Vehicle
 
 
 def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
@@ -137,12 +141,42 @@ def joined_parts(rotors: Command, joints: Command) -> Command:
     return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)
 
 
-def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
+class CommandRange(NamedTuple):
+    """Numbers that a vehicle takes in a command: counts of joints, rotors and tilts, and range of rotor speeds (rad/s).
+
+    The range is compared in every period of a session; only a speed out of it, or NaN, takes the time of a message.
+    """
+
+    rotors: tuple[Rotor, ...]
+    sizes: tuple[int, int, int]
+    least: Scalars
+    most: Scalars
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> CommandRange:
+        """Numbers that a vehicle takes in a command."""
+        least, most = (tuple(getattr(r, name) for r in vehicle.rotors) for name in ("min_speed", "max_speed"))
+        return cls(vehicle.rotors, vehicle.sizes, least, most)
+
+    def require(self, speeds: Sequence[float], field: str) -> None:
+        """Refuse rotor speeds, which may be followed by other numbers, out of the range of their rotors.
+
+        Raises:
+            ScenarioError: one line with the rotor and its range.
+        """
+        if not (all(map(le, self.least, speeds)) and all(map(le, speeds, self.most))):
+            with errors_as(ScenarioError):
+                require_speeds(self.rotors, speeds[: len(self.rotors)], field)
+
+
+def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ...]:
     """Flatten a user's command: rotor speeds, joint setpoints, rotor tilt angles (zero if left out).
 
     Raises:
-        ScenarioError: no command, one with another number of rotors or joints, or one that is not of numbers.
+        ScenarioError: no command, one with another number of rotors or joints, one that is not of numbers, or a rotor
+            speed out of range.
     """
+    joints, rotors, tilts = taken.sizes
     if not isinstance(command, Command):
         raise ScenarioError(f"command = {shown(command)}: must be a Command")
     if len(command.rotor_speeds) != rotors or len(command.efforts) != joints:
@@ -156,15 +190,18 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
     numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
     floats = tuple(number for number in numbers if type(number) is float)
-    return floats if len(floats) == len(numbers) else _plain_numbers(command)
+    floats = floats if len(floats) == len(numbers) else _plain_numbers(command)
+    taken.require(floats, "command.rotor_speeds")
+    return floats
 
 
-def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
+def rotor_numbers(speeds: Sequence[float], command: object, taken: CommandRange) -> tuple[float, ...]:
     """Flatten a command of rotor speeds (rad/s) alone; joint setpoints and tilt angles become zero.
 
     Raises:
-        ScenarioError: a command beside them, another number of rotors, or what are not numbers.
+        ScenarioError: a command beside them, another number of rotors, what are not numbers, or a speed out of range.
     """
+    joints, rotors, tilts = taken.sizes
     if command is not None:
         raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
     if not coerce.is_sequence(speeds):
@@ -172,9 +209,10 @@ def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors:
     numbers, others = tuple(speeds), (0.0,) * (joints + tilts)
     plain = set(map(type, numbers)) == {float}  # as every period under an autopilot
     if plain and len(numbers) == rotors:
+        taken.require(numbers, "rotors")
         return numbers + others
     given = Command(rotor_speeds=numbers, efforts=others[:joints], tilts=others[joints:])
-    return numbers_of_command(given, joints, rotors, tilts)
+    return numbers_of_command(given, taken)
 
 
 def _plain_numbers(command: Command) -> tuple[float, ...]:

@@ -86,7 +86,7 @@ def measure(stages: Stages, plant: PlantSteps[State], now: LoopState, rows: Rows
         zip(stages.agents, now.agents, stages.draws.shares(uniforms).sensors, strict=True)
     ):
         beside, motion = around.of(i), motions[i]
-        wind, pushes = wind_at(beside, motion), each.pushes(beside, motion)
+        wind, pushes = wind_at(beside, motion), each.pushes(beside, motion, acting[i])
         read = each.sense(loop, now.ticks, forces[i], acting[i], rows[i].time, draws, pushes)
         read = each.with_grasp(read, (*own[i], *shared))
         measured.append(AgentHalf(own[i], acting[i], wind, read))

@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State, example_state
-from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
+from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Truth, example_command
 from skyarm.plant.rigid_body import Moved
 from skyarm.plant.surroundings import Memories, Surroundings, Together
@@ -119,8 +119,9 @@ class CommandReplay:
         state = example_state(n, rotors)
         self._carry = state, memories
         plant = RigidBodyPlant(Truth(vehicle=usual, gravity=gravity), around(usual, self._inputs, memories), "rk4")
-        self.substeps = max(finer, plant.substeps(step).near)
-        count = Steps(self.substeps)
+        usually = plant.substeps(step)
+        self.substeps = max(finer, usually.near)
+        count = usually._replace(near=self.substeps)
 
         def fly(
             carry: tuple[State, Memories], given: Inputs, _row: Tree, _uniforms: Tree

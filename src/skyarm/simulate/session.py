@@ -27,7 +27,7 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
-from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
+from skyarm.simulate.command_delay import CommandRange, numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
@@ -165,12 +165,11 @@ class Session:
         require_changes(scenario)
         self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
+        self._taken = {name: CommandRange.of(each) for name, each in scenario.vehicles.items()}
         self._compiles, self.slow = machine_code, ""
         self._codes = list[EpisodeCode]()
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
-        # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._sizes = {name: each.plant.vehicle.sizes for name, each in scenario.agents.items()}
         self._apply_due_changes()
 
     @property
@@ -257,10 +256,11 @@ class Session:
             True if the episode continues.
 
         Raises:
-            ScenarioError: a command with another number of rotors or joints, or of a vehicle that is not there.
+            ScenarioError: a command with another number of rotors or joints, with a rotor speed out of its range, or of
+                a vehicle that is not there.
         """
         if rotors is not None:
-            numbers = self._of_each("rotors", rotors, lambda each, *sizes: rotor_numbers(each, command, *sizes))
+            numbers = self._of_each("rotors", rotors, lambda each, taken: rotor_numbers(each, command, taken))
             going = self._engine.step(numbers, rotors_only=True)
         else:
             going = self._engine.step(() if command is None else self._of_each("command", command, numbers_of_command))
@@ -270,12 +270,12 @@ class Session:
 
     def _of_each(self, field: str, given: object, numbers: Callable[..., tuple[float, ...]]) -> list[tuple[float, ...]]:
         """Numbers of the commands that are given to the vehicles, in order; empty for one under its law."""
-        if len(self._sizes) == 1:
-            (sizes,) = self._sizes.values()
-            return [numbers(given, *sizes)]
-        if not isinstance(given, Mapping) or not given.keys() <= self._sizes.keys():
-            raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(self._sizes)}")
-        return [numbers(given[name], *sizes) if name in given else () for name, sizes in self._sizes.items()]
+        if len(self._taken) == 1:
+            (taken,) = self._taken.values()
+            return [numbers(given, taken)]
+        if not isinstance(given, Mapping) or not given.keys() <= self._taken.keys():
+            raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(self._taken)}")
+        return [numbers(given[name], taken) if name in given else () for name, taken in self._taken.items()]
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""
@@ -432,11 +432,12 @@ class Session:
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course = course
+        self._taken = {name: CommandRange.of(each) for name, each in course.now.vehicles.items()}
 
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
-        if len(self._sizes) > 1:
-            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(self._sizes)}")
+        if len(self._taken) > 1:
+            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(self._taken)}")
 
     def _require_running(self) -> None:
         if not self.running:

@@ -13,17 +13,20 @@ from dataclasses import replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, cast
 
+from skyarm import dynamics
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, data, logical_and, maximum, mul, same, where
+from skyarm.algebra.scalars import absolute, data, logical_and, maximum, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load, part_of
 from skyarm.control.law_checks import bound_by, checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.load_limits import largest_load
+from skyarm.dynamics.actuators.rotor import least_raised
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
+from skyarm.plant.rigid_body import accelerate_one
 from skyarm.plant.surroundings import Memories, Surroundings, Together, motions_of
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, is_leaf, is_record, leaves, parts, rebuild
@@ -47,7 +50,7 @@ from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle import BASE, Frame, Vehicle
-from skyarm.world import Component, effectiveness_at
+from skyarm.world import Component, Wrench, effectiveness_at
 
 if TYPE_CHECKING:
     from skyarm.world.contact import Contact, ContactMemory
@@ -126,11 +129,15 @@ class Stages:
             self._advance_models(models, loop.components, time, loop.state, numbers)
             for models, loop, numbers in zip(self.own, now.agents, draws.components, strict=True)
         ]
+        for each, loop, models, memories in zip(self.agents, now.agents, self.own, own, strict=True):
+            speeds = each.acting(loop.queue).rotor_speeds
+            pairs = zip(models, memories, strict=True)
+            memories[:] = [model.supply(memory, self.period, loop.state, speeds) for model, memory in pairs]
         shared = self._advance_models(self.shared, now.components, time, first, draws.shared)
         if self._eventful:
             motions = motions_of(self.worlds, [loop.state for loop in now.agents], tuple(self.scenario.agents))
             for each, motion, row in zip(self.agents, motions, rows, strict=True):
-                motion.task_time = each.waits.task_time(row)
+                motion.task_time, motion.floor = each.waits.task_time(row), self.scenario.floor
             for each, motion, models, memories in zip(self.agents, motions, self.own, own, strict=True):
                 self._act(models, memories, time, motion, each.waits.loads)
             self._act(self.shared, shared, time, motions[0], self.agents[0].waits.loads)
@@ -273,10 +280,11 @@ class AgentStages:
         """Time (s) in the period at which commands take effect, of all actuators or of rotors and joints."""
         return (self.late,) if self.apart is None else (self.apart[0][1], self.apart[1][1])
 
-    def pushes(self, around: Surroundings, motion: PointMotion) -> tuple[Push, ...]:
+    def pushes(self, around: Surroundings, motion: PointMotion, acting: Command) -> tuple[Push, ...]:
         """External wrench at each force sensor, in the order of the sensors; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
-        return tuple(push_at(motion.vehicle.frame(frame or None), around, motion) for frame in frames)
+        loads = load_wrenches(around, motion, acting) if frames else ()
+        return tuple(push_at(motion.vehicle.frame(frame or None), around, motion, loads) for frame in frames)
 
     def acting(self, queue: Sequence[Command]) -> Command:
         """Delayed command from a queue of past commands; rotors and joints may have different delays."""
@@ -376,7 +384,10 @@ class AgentStages:
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
-        moved = (*queue[1:], command)
+        # the log has what the law computed, motors do what they can
+        rotors = self.scenario.agent.plant.vehicle.rotors
+        able = dataclasses.replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
+        moved = (*queue[1:], able)
         return where(going, 1.0, 0.0), moved, self.acting(moved)
 
     def drive(self, drives: Memories, before: Command, acting: Command, state: State) -> Memories:
@@ -423,30 +434,41 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     return rebuild(going, iter(values))
 
 
-def push_at(frame: Frame, around: Surroundings, motion: PointMotion) -> Push:
+def load_wrenches(around: Surroundings, motion: PointMotion, acting: Command) -> tuple[Wrench, ...]:
+    """Wrench of each rigid load on its link: that of its weight and of its inertia, in a motion under a command.
+
+    Loads are those of the flight and the point masses of the plant.
+    """
+    vehicle = motion.vehicle
+    loads = [*vehicle.loads, *(payload.body(vehicle, memory.held) for payload, memory in rigid_loads(around))]
+    if not loads:
+        return ()
+    base, joints = accelerate_one(motion, acting, around)
+    forces = dynamics.load_forces(vehicle, loads, motion.state, base, joints)
+    return tuple(
+        Wrench(force_W=-motion.to_world(each.force, link), torque_W=-motion.to_world(each.torque, link), body=link)
+        for (link, _), each in zip(loads, forces, strict=True)
+    )
+
+
+def push_at(frame: Frame, around: Surroundings, motion: PointMotion, loads: Sequence[Wrench] = ()) -> Push:
     """External wrench at a sensor's frame, in the sensor's axes, by all loads on the sensor's link and links beyond.
 
-    Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
-    nothing can push, because sensors keep them in their memories.
+    All components are data, also where nothing can push, because sensors keep them in their memories.
 
     Args:
         frame: frame of the vehicle.
         around: surroundings of the period.
         motion: motion of the vehicle.
+        loads: wrenches of the rigid loads.
     """
-    vehicle, gravity, carried = motion.vehicle, motion.gravity, beyond(motion.vehicle, frame.link)
+    carried = beyond(motion.vehicle, frame.link)
     force, torque = ZERO3, ZERO3
     at = motion.position(frame.position, frame.link)
-    for wrench in around.wrenches(motion):
+    for wrench in (*around.wrenches(motion), *loads):
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
-    for payload, memory in rigid_loads(around):
-        link, load = payload.body(vehicle, memory.held)
-        if link in carried:
-            weight = Vec3(0, 0, mul(-gravity, load.mass))
-            force = force + weight
-            torque = torque + (motion.position(load.com, link) - at).cross(weight)
     axes = [motion.to_world(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
     return Push(
         force=Vec3(*(data(axis.dot(force)) for axis in axes)),

@@ -473,7 +473,10 @@ def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
-    """Refuse a law that cannot be traced, has hidden state, or returns a first command that is not finite.
+    """Refuse a law that cannot be traced, has hidden state, or returns a first command that cannot be.
+
+    It must be finite, and turn no rotor backwards that is not reversible. A speed above a rotor's largest one is a
+    warning.
 
     The law steps over its first periods twice, as floats and as a traced program, and both must agree to the bit: a law
     that keeps something outside its memory, or freezes a number into the program, differs. A law that is called

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.monotone_curve import curve
-from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import absolute, add, divide, maximum, minimum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -16,6 +16,12 @@ from skyarm.vehicle.check import VehicleError, refuse, rising
 from skyarm.vehicle.thrust_table import ThrustTable
 
 ESC = ("governed", "open")
+
+NO_RESISTANCE = 1e-12
+"""Small resistance (ohm) or sag (V^2) in a denominator."""
+
+LEAST = 1e-3
+"""Least voltage of an overloaded pack, as a fraction of the voltage without a load."""
 
 HOUR = 3600.0
 """Seconds of an hour."""
@@ -122,11 +128,41 @@ class Battery:
         return where(charge > 0.0, under_load, 0.0)
 
     def discharge(self, charge: Scalar, power: Scalar, seconds: Scalar) -> Scalar:
-        """State of charge after supplying a load (W) for a time (s)."""
+        """State of charge after supplying a load (W), or the most that the pack gives, for a time (s)."""
         voltage = self.voltage(charge, power)
-        current = divide(power, where(voltage > 0.0, voltage, 1.0))
+        most = divide(0.5 * self.open_circuit_voltage(charge), maximum(self.resistance, NO_RESISTANCE))
+        current = minimum(divide(power, where(voltage > 0.0, voltage, 1.0)), most)
+        return self.drain(charge, voltage, current, seconds)
+
+    def drain(self, charge: Scalar, voltage: Scalar, current: Scalar, seconds: Scalar) -> Scalar:
+        """State of charge after a current (A) has flowed for a time (s); empty at a voltage (V) of 0."""
         spent = divide(current * seconds, HOUR * self.capacity)
         return maximum(where(voltage > 0.0, charge - spent, 0.0), 0.0)
+
+    def overload(
+        self, charge: Scalar, before: Scalar, load: Callable[[Scalar], Scalar]
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """Voltage (V) and current (A) of a pack whose load is more than V_0^2 / 4 R at half of V_0.
+
+        The load P(V) of rotors at full throttle falls with the voltage: the pack then holds V (V_0 - V) = R P(V) below
+        half of V_0. One step of V <- V + V (V (V_0 - V) - R P) / (3 R P), which is Newton's for P as V^3 but for the
+        slope of the other side, and comes near from above.
+
+        Args:
+            charge: fraction of the capacity.
+            before: voltage of the step before, V.
+            load: power (W) at a voltage (V).
+
+        Returns:
+            True where the load is too much, then voltage and current.
+        """
+        idle = self.open_circuit_voltage(charge)
+        half = 0.5 * idle
+        now = minimum(before, half)
+        asked = maximum(self.resistance * load(now), NO_RESISTANCE)
+        voltage = maximum(now + now * divide(now * (idle - now) - asked, 3.0 * asked), LEAST * idle)
+        over: Scalar = self.resistance * load(half) > half * half
+        return over, voltage, divide(idle - voltage, maximum(self.resistance, NO_RESISTANCE))
 
 
 def rotor_power(
@@ -148,5 +184,5 @@ def rotor_power(
             continue
         square = speed * speed if rotor.table is None else rotor.table.twist(speed)
         torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
-        total = add(total, divide(mul(torque, speed), efficiency))
+        total = add(total, divide(mul(torque, absolute(speed)), efficiency))
     return total

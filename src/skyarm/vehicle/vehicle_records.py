@@ -10,17 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
-from skyarm.algebra.scalars import add
+from skyarm.algebra.scalars import add, mul, neg
 from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import Names, NumberView
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.path_names import Names, NumberView, field_paths
+from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
@@ -53,8 +53,11 @@ class Rotor:
         moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of rotation.
         drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
+        rolling: "signed": that torque times the direction, so that rotors which turn against each other cancel, as the
+            moment of the advancing blade does (Leishman 2006, section 4.1); "rotors_sim": as RotorS, the same for both.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
-        max_speed: largest speed, rad/s.
+        max_speed: largest speed, rad/s. reversible: it also turns backwards, at -max_speed or more, where its thrust
+            and drag torque change their sign; else its speed is never negative.
         inertia: inertia of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the
             base. It is part of the base's inertia too. An int of 0 is structure: no such effect.
         table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
@@ -102,6 +105,13 @@ class Rotor:
         ),
     ] = 0.025
     max_speed: Annotated[Scalar, positive("rad/s", "largest speed of the rotor", infinite=True, rule=number)] = math.inf
+    rolling: Annotated[
+        Literal["rotors_sim", "signed"],
+        Unit("", "sign of the rolling moment: of every rotor against the velocity, or by its direction of rotation"),
+    ] = field(default="rotors_sim", metadata={UNWRITTEN: "rotors_sim"})
+    reversible: Annotated[bool, Unit("", "true: the rotor also turns backwards, up to `max_speed`")] = field(
+        default=False, metadata={UNWRITTEN: False}
+    )
     inertia: Annotated[
         Scalar,
         Unit(
@@ -116,6 +126,17 @@ class Rotor:
 
     def __post_init__(self) -> None:
         accept_named(self, "rotor")
+
+    @property
+    def min_speed(self) -> Scalar:
+        """Least speed, rad/s: 0, or that of a reversible rotor which turns backwards."""
+        return neg(self.max_speed) if self.reversible else 0
+
+    @property
+    def rolling_moment(self) -> Scalar:
+        """Rolling moment against the velocity in the rotor's plane, per speed of both, N s^2/rad."""
+        of_sense = self.direction if self.rolling == "signed" else 1
+        return mul(of_sense, self.rolling_moment_coefficient)
 
 
 @immutable
@@ -196,6 +217,8 @@ class Vehicle:
         drag: drag of the airframe in moving air.
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
+        loads: link and body of each point mass that a payload has added to it, for force sensors; its mass is in that
+            link's body, too. A vehicle file does not tell them apart.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a line each.
@@ -211,6 +234,7 @@ class Vehicle:
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    loads: tuple[tuple[int, Body], ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: Annotated[
@@ -292,7 +316,12 @@ class Vehicle:
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
         at = self.frame(frame)
-        return self.with_body(at.link, Body(mass=mass, com=at.position))
+        load = (at.link, Body(mass=mass, com=at.position))
+        return self.with_body(*load).with_checked(loads=(*self.loads, load))
+
+    def path_names(self) -> Names:
+        """Parameter paths of a vehicle: its fields, without the loads, whose masses are in its bodies, too."""
+        return {name: places for name, places in field_paths(self).items() if name != "loads"}
 
     def load_names(self) -> Names:
         """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
@@ -263,11 +264,17 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
 
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
+ROLLING = ("rotors_sim", "signed")
+"""Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
+
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
+    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=ROLLING))):
+        if fields.take(name, None) is not None:
+            values[name] = read(name)
     if fields.take("thrust_table", None) is not None:
         values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
     if fields.take("tilt", None) is not None:

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import maximum, sqrt
+from skyarm.algebra.scalars import maximum, mul, sqrt
+from skyarm.dynamics.actuators.rotor import push, speed_size
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
@@ -48,7 +49,7 @@ class GroundEffect(Force[tuple[()]]):
     ) -> Sequence[Wrench]:
         """Additional upward force at each rotor due to the ground effect, as wrenches on the base."""
         wrenches, rotors = [], motion.vehicle.rotors
-        for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
+        for i, (rotor, speed, left) in enumerate(zip(rotors, rotor_speeds, motion.rotor_shares, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
             ratio: Scalar = self.radius * self.radius / (16.0 * z * z)
             for j, other in enumerate(rotors):
@@ -56,9 +57,9 @@ class GroundEffect(Force[tuple[()]]):
                     away = other.position - rotor.position
                     square = away.dot(away) + 4.0 * z * z
                     ratio = ratio + 0.5 * self.radius * self.radius * z / (square * sqrt(square))
-            push = speed * speed if rotor.table is None else rotor.table.push(speed)
-            extra = rotor.thrust_coefficient * push * (ratio / (1.0 - ratio))
-            wrenches.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
+            extra = rotor.thrust_coefficient * push(rotor, speed) * (ratio / (1.0 - ratio))
+            force_W = motion.rotation.apply(rotor.axis * mul(left, extra))
+            wrenches.append(Wrench(force_W=force_W, point=rotor.position))
         return wrenches
 
 
@@ -119,11 +120,11 @@ class RotorDrag(Force[tuple[()]]):
     ) -> Sequence[Wrench]:
         """Additional thrust force at each rotor hub, as wrenches on the base."""
         wrenches = []
-        for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
+        for rotor, speed, left in zip(motion.vehicle.rotors, rotor_speeds, motion.rotor_shares, strict=True):
             v = motion.velocity(rotor.position) - motion.air_velocity(rotor.position)
             axis = motion.rotation.apply(rotor.axis)
             along = v.dot(axis)
             across = v - axis * along
-            extra: Scalar = self.lift * across.dot(across) - self.inflow * speed * along
-            wrenches.append(Wrench(force_W=axis * extra, point=rotor.position))
+            extra: Scalar = self.lift * across.dot(across) - self.inflow * speed_size(rotor, speed) * along
+            wrenches.append(Wrench(force_W=axis * mul(left, extra), point=rotor.position))
         return wrenches

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import data, minimum
+from skyarm.algebra.scalars import data, logical_and, minimum, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
@@ -26,12 +26,22 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         charge = data(self.battery.charge)
         return charge, self.battery.voltage(charge, 0.0)
 
-    def advance(
-        self, memory: tuple[Scalar, Scalar], t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+    def supply(
+        self, memory: tuple[Scalar, Scalar], dt: float, state: State, commands: Sequence[Scalar]
     ) -> tuple[Scalar, Scalar]:
         """Battery charge after the control period, and its voltage under the rotors' load."""
-        power = self.battery.power(self.rotors, state.rotor_speeds)
-        return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
+        battery, (charge, before) = self.battery, memory
+        power = battery.power(self.rotors, state.rotor_speeds)
+        voltage = battery.voltage(charge, power)
+        over, sagged, current = battery.overload(charge, before, lambda at: self._power_at(at, commands))
+        over = logical_and(over, charge > 0.0)
+        after = battery.drain(charge, sagged, current, dt)
+        return where(over, after, battery.discharge(charge, power, dt)), where(over, sagged, voltage)
+
+    def _power_at(self, voltage: Scalar, commands: Sequence[Scalar]) -> Scalar:
+        """Power (W) at a voltage (V) of the rotors as fast as they turn under commands, and of all other loads."""
+        power: Scalar = self.battery.power(self.rotors, self.rotor_commands((1.0, voltage), self.rotors, commands))
+        return power
 
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]

@@ -182,6 +182,17 @@ class Component(Generic[Memory]):
         """Internal state of the environment model for the control period from ``t`` to ``t + dt`` (s)."""
         return memory
 
+    def supply(self, memory: Memory, dt: float, state: State, commands: Sequence[Scalar]) -> Memory:
+        """Internal state of a model that depends on the rotor speed commands in force (rad/s), such as a battery.
+
+        Args:
+            memory: internal state after ``advance``.
+            dt: control period, s.
+            state: state of the vehicle at its beginning.
+            commands: those that were in force before the period's own arrive.
+        """
+        return memory
+
     def settle(self, memory: Memory, motion: PointMotion, vehicle: bool) -> Memory:
         """Internal state of the model with its objects, and optionally the vehicle, in static equilibrium."""
         return memory

@@ -6,16 +6,19 @@ velocity that it had at the beginning; the mean tension of these steps pulls the
 vehicle gets exactly the momentum that the load loses, and the coupling is of first order in the period. It holds while
 the cord's own swing sqrt(k / m) is slow against the control rate (``FASTEST``): a cord is not stiffer than that here.
 
+Where the ground ends a flight the load lies down on it: it does not bounce, and slides with friction.
+
 Source: spherical pendulum on an elastic cord; staggered coupling as in Felippa, Park, Farhat 2001.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import maximum, mul, sqrt, where
+from skyarm.algebra.scalars import divide, maximum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
@@ -33,6 +36,10 @@ FASTEST = 0.5
 """Largest product of the loaded cord's angular frequency and the control period."""
 
 
+FRICTION = 0.3
+"""Coefficient of friction of a load on the floor: that of a contact's material by default."""
+
+
 @immutable
 class Swing:
     """Substep state of a hanging payload: load position and velocity, frame position, and sum of cord forces."""
@@ -48,10 +55,12 @@ class HangingMemory(PayloadMemory):
     """Internal state of a hanging payload: grasp status, load position and velocity, mean cord force.
 
     Attributes:
-        position, velocity: position and velocity of the load, m and m/s, world axes.
+        begun: position of the load at the beginning of the period, m, world axes.
+        position, velocity: position and velocity of the load at its end, m and m/s, world axes.
         pull: mean force of the cord on the frame, N.
     """
 
+    begun: Vec3
     position: Vec3
     velocity: Vec3
     pull: Vec3
@@ -77,7 +86,7 @@ class HangingPayload(TimedPayload):
             effect="lower values make a stiffer cord, which needs a higher control rate",
         ),
     ] = 0.02
-    damping_ratio: Annotated[Scalar, nonnegative("", "damping ratio of the cord's own stretching")] = 0.2
+    damping_ratio: Annotated[Scalar, nonnegative("", "damping ratio of the cord's own stretching", high=10.0)] = 0.2
 
     def __post_init__(self) -> None:
         # not super(): a dataclass with slots is another class than the one that is being made here
@@ -101,13 +110,18 @@ class HangingPayload(TimedPayload):
         if self.stretch < least:
             raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
 
+    @property
+    def hangs(self) -> Scalar:  # type: ignore[override]
+        """Length (m) of the cord at rest under the load's weight."""
+        return self.cord * (1.0 + self.stretch)
+
     def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
         return HangingMemory(
-            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, position=rest.place, velocity=still,
-            pull=still,
+            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, begun=rest.place, position=rest.place,
+            velocity=still, pull=still,
         )  # fmt: skip
 
     def act(  # type: ignore[override]
@@ -117,15 +131,18 @@ class HangingPayload(TimedPayload):
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         grasped, caught, gone, place = self.next_status(memory, t, holder)
-        below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
+        below = holder + Vec3(0.0, 0.0, -1.0) * self.hangs
         nothing = Vec3(0.0, 0.0, 0.0)
         first = select(caught > 0.5, below, memory.position)
+        floor = motion.floor
+        if floor > -math.inf:
+            first = Vec3(first.x, first.y, maximum(first.z, floor))
         still = select(caught > 0.5, nothing, memory.velocity)
         swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
         step = dt / SUBSTEPS
-        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
+        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step, floor), swing)
         return HangingMemory(
-            held=grasped, caught=caught, gone=gone, place=place,
+            held=grasped, caught=caught, gone=gone, place=place, begun=first,
             position=select(grasped > 0.5, swing.position, memory.position),
             velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
             pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
@@ -142,10 +159,14 @@ class HangingPayload(TimedPayload):
         self, memory: HangingMemory, motion: PointMotion
     ) -> Scalars:
         """Held mass (kg) and load position (m) for the log."""
-        return (*TimedPayload.logged(self, memory, motion), *memory.position)
+        return (*TimedPayload.logged(self, memory, motion), *memory.begun)
 
-    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar) -> Swing:
-        """Advance the load by one substep under cord tension and gravity, independent of its mass."""
+    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar, floor: float) -> Swing:
+        """Advance the load by one substep under cord tension and gravity, independent of its mass.
+
+        On a floor at a height (m) it comes to rest, and friction takes ``FRICTION`` times what it loses of its fall.
+        Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics (impulses of a time step).
+        """
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
@@ -154,8 +175,14 @@ class HangingPayload(TimedPayload):
         tension = square * (length - self.cord) + damping * along.dot(speed - now.velocity)
         tension = where(length > self.cord, maximum(tension, 0.0), 0.0)
         velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * gravity) * dt
+        position = now.position + velocity * dt
+        if floor > -math.inf:
+            lands, along_floor = position.z < floor, sqrt(velocity.x * velocity.x + velocity.y * velocity.y + 1e-24)
+            left = maximum(1.0 + FRICTION * divide(velocity.z, along_floor), 0.0)
+            velocity = select(lands, Vec3(velocity.x * left, velocity.y * left, 0.0), velocity)
+            position = select(lands, Vec3(position.x, position.y, floor), position)
         return Swing(
-            position=now.position + velocity * dt, velocity=velocity, holder=now.holder + speed * dt,
+            position=position, velocity=velocity, holder=now.holder + speed * dt,
             pull=now.pull - along * mul(tension, self.mass),
         )  # fmt: skip
 

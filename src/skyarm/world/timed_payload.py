@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Sym3, Vec3
 from skyarm.algebra.scalars import logical_and, mul, where
@@ -99,6 +99,9 @@ class TimedPayload(Component[PayloadMemory]):
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
     registered_as = "payload"
+
+    hangs: ClassVar[Scalar] = 0
+    """Length (m) by which the load hangs below its frame; 0 for a rigid one. A property of one on a cord."""
 
     def to_entry(self) -> dict[str, Entry]:
         """Scenario-file table of the payload; a pick-up or set-down at a position also states its earliest time."""

@@ -205,3 +205,17 @@ def test_a_rotor_that_rounding_put_past_its_limit_cannot_turn_the_yaw_around():
 
 def test_tilted_rings_reach_full_rank():
     assert make_mixer(layout("x", ring(6, tilt=0.2)), "priority").policy == "priority"
+
+
+def test_a_mirrored_demand_beyond_all_limits_is_mirrored_speeds():
+    """Two pairs beside each other, arms of their own: no rounding decides where bounds of two rotors are parallel."""
+    rows = [(0.2, 1), (0.15, -1)]
+    places = [
+        (turns * a * math.cos(0.7), side * a * math.sin(0.7), side * turns) for a, turns in rows for side in (1, -1)
+    ]
+    quad = layout("pairs", [(x, y, 0.0, turns, 0.0, 0.0) for x, y, turns in places])
+    mixer, rng = make_mixer(quad, "thrust_before_yaw", yaw_slack=0.02), np.random.default_rng(12)
+    for tx, ty, tz, thrust in (rng.normal(size=(300, 4)) * [3.0, 3.0, 0.5, 5.0] + [0.0, 0.0, 0.0, 12.0]).tolist():
+        here, _ = mix(mixer, Vec3(tx, ty, tz), thrust)
+        there, _ = mix(mixer, Vec3(-tx, ty, -tz), thrust)
+        np.testing.assert_allclose(np.square(here), np.square(there)[[1, 0, 3, 2]], atol=TOLERANCE * TOP)

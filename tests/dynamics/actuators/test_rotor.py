@@ -8,10 +8,17 @@ import math
 import numpy as np
 import pytest
 from rotor_layouts import HUMMINGBIRD, K_F, K_M, hummingbird_rotor
+from scipy.integrate import quad
 
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.dynamics.actuators import rotor_force, rotor_forces, speed_after
+from skyarm.dynamics.state import example_state
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth, flat
+from skyarm.plant.surroundings import Surroundings
+from skyarm.vehicle.battery import rotor_power
+from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 ROTOR = hummingbird_rotor()
@@ -107,6 +114,59 @@ def test_the_rolling_moment_is_against_the_motion_in_the_plane_of_the_rotor():
     np.testing.assert_allclose(array(torque)[:2], [-3.0 * 5e-4, 2.0 * 5e-4], rtol=1e-14)
 
 
+def blades(direction, speed, forward, count=720):
+    """Mean thrust (N) and torque (N m) of a rotor with blades of one pitch in a flow along its plane.
+
+    Blade element theory without inflow (Leishman 2006, chapter 3): lift along the axis of thrust by the squared speed
+    of the element across its span, at the places of one turn. Backwards the same blade pushes the other way.
+    """
+    azimuth = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
+    radius = np.linspace(0.02, 0.12, 51)[None, :]
+    place = np.stack([np.cos(azimuth) * radius, np.sin(azimuth) * radius, 0.0 * azimuth * radius], axis=-1)
+    along = np.cross([0.0, 0.0, direction * np.sign(speed)], place / radius[..., None])
+    across = abs(speed) * radius + along @ np.array([*forward, 0.0])
+    lift = np.sign(speed) * 1e-3 * across**2 * (0.1 / 50)
+    force = np.stack([0.0 * lift, 0.0 * lift, lift], axis=-1)
+    return force.sum(axis=1).mean(axis=0), np.cross(place, force).sum(axis=1).mean(axis=0)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("speed", [500.0, -500.0])
+def test_a_signed_rolling_moment_is_that_of_the_advancing_blade(direction, speed):
+    """One coefficient for both senses of rotation, forwards and backwards, and for every flow along the plane."""
+    _, unit = blades(1, 1.0, (1.0, 0.0))
+    coefficient = -unit[0]
+    rotor = hummingbird_rotor(
+        direction=direction, reversible=True, rolling="signed", rolling_moment_coefficient=float(coefficient)
+    )
+    assert coefficient > 0.0
+    for forward in ((3.0, -2.0), (-1.0, 4.0)):
+        found = rotor_force(rotor, speed, Vec3(*forward, 0.5)).torque
+        _, expected = blades(direction, speed, forward)
+        np.testing.assert_allclose(array(found)[:2], expected[:2], rtol=1e-9)
+
+
+def test_a_rotor_backwards_is_the_turned_rotor_forwards():
+    """Thrust, drag torque, hub drag and rolling moment at -W: those of the axis turned round at W."""
+    fields = {"reversible": True, "rolling": "signed", "position": Vec3(0.1, -0.2, 0.03), "direction": -1}
+    here, there = hummingbird_rotor(**fields), hummingbird_rotor(**fields, axis=Vec3(0, 0, -1))
+    velocity, rate = Vec3(3.0, -2.0, 1.0), Vec3(0.3, 0.2, -0.4)
+    back, ahead = rotor_forces([here], [-400.0], velocity, rate), rotor_forces([there], [400.0], velocity, rate)
+    np.testing.assert_allclose(array(back.force), array(ahead.force), rtol=1e-14)
+    np.testing.assert_allclose(array(back.torque), array(ahead.torque), rtol=1e-14)
+    table = ThrustTable(speed=(200.0, 400.0, 800.0), thrust=(0.3, 1.3, 5.2), torque=(0.006, 0.02, 0.08))
+    tabled = [dataclasses.replace(each, table=table) for each in (here, there)]
+    back = rotor_forces(tabled[:1], [-500.0], STILL, STILL)
+    ahead = rotor_forces(tabled[1:], [500.0], STILL, STILL)
+    np.testing.assert_allclose(array(back.force), array(ahead.force), rtol=1e-14)
+    np.testing.assert_allclose(array(back.torque), array(ahead.torque), rtol=1e-14)
+
+
+def test_power_of_a_rotor_backwards_is_that_forwards():
+    rotor = hummingbird_rotor(reversible=True)
+    assert rotor_power([rotor], [-400.0], 0.7, 11.1) == rotor_power([rotor], [400.0], 0.7, 11.1) > 0.0
+
+
 def test_hub_drag_at_a_raised_hub_pitches_the_vehicle():
     """Drag 0.01 m above the origin: r x F = (0, 0.01 F_x, 0), beside the rolling moment."""
     rotor = hummingbird_rotor(position=Vec3(0.0, 0.0, 0.01))
@@ -198,3 +258,28 @@ def test_forces_of_many_rotors_are_the_sum_of_each_ones(name):
         torque, force = (sum(parts) for parts in zip(*each, strict=True))
         assert np.allclose(array(found.torque), torque, rtol=0.0, atol=1e-13)
         assert np.allclose(array(found.force), force, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("lag", [1.3e-3, 5e-4, 1e-4])
+def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
+    """Thrust by the integral of w^2, yaw by that and by the spin that the rotors have gained, without air."""
+    bare = load_vehicle("hummingbird")
+    numbers = {"drag_coefficient": 0, "rolling_moment_coefficient": 0, "inertia": 3e-5}
+    rotors = tuple(
+        dataclasses.replace(r, time_constant_up=lag, time_constant_down=1.5 * lag, **numbers) for r in bare.rotors
+    )  # fmt: skip
+    vehicle, commands = dataclasses.replace(bare, rotors=rotors), (600.0, 350.0, 600.0, 250.0)
+    plant = RigidBodyPlant(Truth(vehicle=vehicle, gravity=0.0), Surroundings())
+    x = flat(dataclasses.replace(example_state(0, 4), rotor_speeds=(300.0,) * 4))
+    for _ in range(2):
+        x = plant.advance(x, commands, (0.0,), 0.005)
+    lift = yaw = 0.0
+    for rotor, command in zip(rotors, commands, strict=True):
+        tau = lag if command > 300.0 else 1.5 * lag
+        square = quad(lambda t, c=command, tau=tau: (c + (300.0 - c) * math.exp(-t / tau)) ** 2, 0.0, 0.01,
+                      points=[tau, 5 * tau], epsabs=1e-6)[0]  # fmt: skip
+        lift += rotor.thrust_coefficient * square
+        yaw -= rotor.direction * rotor.moment_coefficient * rotor.thrust_coefficient * square
+        yaw -= rotor.direction * 3e-5 * (command - 300.0) * (1.0 - math.exp(-0.01 / tau))
+    assert x[9] * float(vehicle.mass) == pytest.approx(lift, rel=1e-6)
+    assert x[12] * float(vehicle.base.inertia.zz) == pytest.approx(yaw, rel=2e-3)

@@ -148,6 +148,7 @@ REFUSED = {
     "nan": [400.0, np.nan, 400.0, 400.0, 0.0, 0.0],
     "infinite": [400.0, 400.0, 400.0, 400.0, 0.0, np.inf],
     "negative": [-1.0, 400.0, 400.0, 400.0, 0.0, 0.0],
+    "too fast": [400.0, 400.0, 400.0, 838.1, 0.0, 0.0],
     "none": [],
 }
 
@@ -168,11 +169,14 @@ def test_a_command_that_cannot_be_is_refused_in_one_line_and_the_law_flies(value
 
 
 def test_a_command_of_tilting_rotors_may_leave_their_angles_out():
-    assert command_of([1.0, 2.0, 3.0], 1, 2, 2) == Command(rotor_speeds=(1.0, 2.0), efforts=(3.0,))
-    found = command_of([1.0, 2.0, 3.0, 0.1, 0.2], 1, 2, 2)
-    assert found == Command(rotor_speeds=(1.0, 2.0), efforts=(3.0,), tilts=(0.1, 0.2))
-    with pytest.raises(MessageError, match="2 tilts"):
-        command_of([1.0, 2.0, 3.0, 0.1], 1, 2, 2)
+    vehicle = skyarm.load_vehicle("voliro_like")
+    turning, angles = [1.0 + k for k in range(6)], [0.1 * k for k in range(6)]
+    speeds, arm = tuple(turning), tuple(0.5 for _ in range(vehicle.n))
+    assert command_of([*turning, *arm], vehicle) == Command(rotor_speeds=speeds, efforts=arm)
+    found = command_of([*turning, *arm, *angles], vehicle)
+    assert found == Command(rotor_speeds=speeds, efforts=arm, tilts=tuple(angles))
+    with pytest.raises(MessageError, match="6 tilts"):
+        command_of([*turning, *arm, 0.1], vehicle)
 
 
 def test_a_goal_moves_the_base_there_and_the_joints_go_on():

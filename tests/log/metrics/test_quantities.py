@@ -49,7 +49,7 @@ def instant():
         continuous=goal(SMOOTH),
         lag=0.35,
         phase=2.0,
-        limits=ActuatorLimits(speeds=(838.0, 838.0, 455.0, 838.0), efforts=(0.08, math.inf)),
+        limits=ActuatorLimits(speeds=(838.0, 838.0, 455.0, 838.0), least=(0.0,) * 4, efforts=(0.08, math.inf)),
     )
 
 
@@ -91,7 +91,7 @@ def test_an_effort_is_that_of_its_joint():
     assert [quantity(f"effort{i}", instant()) for i in range(2)] == EFFORTS
 
 
-LIMITS = ActuatorLimits(speeds=(838.0,) * 4, efforts=(0.5, 0.5))
+LIMITS = ActuatorLimits(speeds=(838.0,) * 4, least=(0.0,) * 4, efforts=(0.5, 0.5))
 
 
 def limited(speeds=(470.0,) * 4, efforts=(0.0, 0.0), limits=LIMITS):

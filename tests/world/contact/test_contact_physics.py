@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -17,6 +18,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
+from skyarm.vehicle.linkage import Body
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 from support.worlds import GRAVITY, SKIDS, around, at_rest, fall, ground, limp, states
@@ -32,6 +34,22 @@ def test_a_vehicle_that_was_dropped_rests_as_deep_as_its_weight_presses_it():
     assert rows[-1, 2] == pytest.approx(0.12 - REST, abs=2e-6)
     assert rows[:, 2].min() < 0.12 - 1.3 * REST, "it was dropped"
     assert np.abs(rows[-1, 7:13]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", [RigidBodyPlant, MujocoPlant])
+def test_feet_that_damp_hard_come_off_the_floor_as_solve_ivp_says(kind):
+    """Dissipation 900 s/m at 1 m/s makes the floor 900 times as stiff: steps for a floor at rest gave energy."""
+    light = dataclasses.replace(BIRD, base=Body(mass=0.1, inertia=Sym3(1e-3, 1e-3, 1e-3)))
+    start = at_rest(light, (0.0, 0.0, 0.13), velocity=Vec3(0.0, 0.0, -1.0))
+    rows = fall(light, start, around(ground(dissipation=900.0)), 0.05, kind=kind)
+
+    def slope(_t, x):
+        push = 4.0 * 5000.0 * max(0.12 - x[0], 0.0) * max(1.0 - 900.0 * x[1], 0.0)
+        return [x[1], push / 0.1 - GRAVITY]
+
+    exact = solve_ivp(slope, (0.0, 0.05), [0.13, -1.0], "LSODA", rtol=1e-9, atol=1e-12, max_step=1e-4).y
+    assert rows[-1, 9] == pytest.approx(exact[1, -1], abs=0.05)
+    assert rows[-1, 2] == pytest.approx(exact[0, -1], abs=2e-4)
 
 
 @pytest.mark.parametrize("friction", [0.3, pytest.param(0.15, marks=pytest.mark.thorough)])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.world.contact import Contact, Surface
 from skyarm.world.contact.static_equilibrium import stand_vehicle
 from support.worlds import GRAVITY, SKIDS, at_rest, limp
@@ -53,3 +56,51 @@ def test_it_stands_on_a_slope_with_neither_force_nor_moment_left():
 def test_on_two_skids_it_tips_over():
     with pytest.raises(ValueError, match="tips over"):
         set_down(0.2, points=SKIDS[:2])
+
+
+def on_slope(angles, friction, **world):
+    """A scenario that begins at rest on a slope, with the rotors off."""
+    points = [{"name": f"p{i}", "body": "base", "position": [x, y, -0.12]}
+              for i, (x, y) in enumerate(((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)))]  # fmt: skip
+    ground = {"name": "ground", "angles": list(angles), "material": {"friction": friction}}
+    return scenario_from({
+        "schema": 1, "name": "slope", "duration": 0.5, "plant": {"vehicle": "hummingbird"},
+        "controller": {"law": "decoupled_pd"}, "environment": {"ground": False},
+        "world": {"surfaces": [ground], "points": points, **world},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.4]}},
+        "initial": {"standing": True, "position": [0.0, 0.0, 0.4]},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("degrees", [5.0, 20.0, 37.0])
+@pytest.mark.parametrize("about", [(1.0, 0.0), (0.0, -1.0)])
+def test_it_stands_on_a_slope_up_to_the_angles_of_friction_and_tipping(degrees, about):
+    """Feet 0.1 m from the middle and 0.12 m below it: it tips over beyond atan(0.1 / 0.12), 39.8 degrees."""
+    angles = [*(math.radians(degrees) * each for each in about), 0.0]
+    session = skyarm.Session(on_slope(angles, 1.1 * math.tan(math.radians(degrees))))
+    first = session.state
+    still = skyarm.Command(rotor_speeds=(0.0,) * 4, efforts=())
+    while session.running:
+        session.step(still)
+    moved = np.abs(session.log.position - [*first.position]).max()
+    assert moved < 1e-6
+    up = first.quaternion.rotation().column(2)
+    assert math.degrees(math.acos(up.z)) == pytest.approx(degrees, abs=1.0)
+    assert up.y == pytest.approx(-math.sin(angles[0]), abs=0.02)
+    with pytest.raises(ValueError, match=r"'ground' has .*, needs .*: it slides"):
+        on_slope(angles, 0.97 * math.tan(math.radians(degrees)))
+
+
+def test_beyond_the_tipping_angle_it_is_refused():
+    with pytest.raises(ValueError, match="tips over"):
+        on_slope((math.radians(41.0), 0.0, 0.0), 3.0)
+
+
+@pytest.mark.parametrize("degrees", [3.0, 25.0])
+def test_a_level_box_is_set_down_on_a_slope(degrees):
+    box = {"name": "box", "shape": "box", "size": [0.2, 0.2, 0.2], "mass": 0.5, "position": [1.0, 0.0, 1.0]}
+    slope = math.radians(degrees)
+    made = on_slope((slope, 0.0, 0.0), 0.8, objects=[{**box, "standing": True}]).world.objects[0]
+    assert made.angles.x == pytest.approx(slope, abs=0.01)
+    above = float(made.position.z) * math.cos(slope)
+    assert above == pytest.approx(0.1, abs=1e-3)

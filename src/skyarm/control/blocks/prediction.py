@@ -90,7 +90,7 @@ def drag_wrench(vehicle: Vehicle, speeds: Sequence[Scalar], velocity_B: Vec3, ra
         across = rotor.axis.cross(velocity_B + rate.cross(rotor.position)).cross(rotor.axis)
         drag = across * mul(neg(rotor.drag_coefficient), speed)
         force = force + drag
-        torque = torque + rotor.position.cross(drag) + across * mul(neg(rotor.rolling_moment_coefficient), speed)
+        torque = torque + rotor.position.cross(drag) + across * mul(neg(rotor.rolling_moment), speed)
     return Force(torque, force)
 
 

@@ -15,14 +15,13 @@ from skyarm.records.units import Unit
 
 @immutable
 class Command:
-    """Command to the actuators: rotor speeds (rad/s, unsigned), joint setpoints, angles of tilting rotors.
+    """Command to the actuators: rotor speeds (rad/s), joint setpoints, angles of tilting rotors.
 
-    ``tilts`` may be left out: then every rotor stays in the middle, at angle 0.
+    A rotor speed is negative only of a reversible rotor. ``tilts`` may be left out: then every rotor stays in the
+    middle, at angle 0.
     """
 
-    rotor_speeds: Annotated[
-        Scalars, Unit("rad/s", "commanded rotor speeds, unsigned, in the order of the vehicle's rotors")
-    ] = ()
+    rotor_speeds: Annotated[Scalars, Unit("rad/s", "commanded rotor speeds, in the order of the vehicle's rotors")] = ()
     efforts: Annotated[Scalars, Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")] = ()
     tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = field(
         default=(), metadata=WRITTEN_IF_ANY

@@ -25,7 +25,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
 SMALL = 1e-9
-"""Least squared speed per N m of yaw in the bounds, relative to the largest."""
+"""Least squared speed per N m of yaw in the bounds, relative to the largest, and least difference of two slopes."""
 
 ENDLESS = 1e100
 """Thrust (N) larger than any bound."""
@@ -81,9 +81,11 @@ def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
                 continue
             # under.low + under.slope f <= over.high + over.slope f
             steeper, room = sub(under.slope, over.slope), sub(over.high, under.low)
-            edge = divide(room, where(absolute(steeper) > 0.0, steeper, 1.0))
-            high = minimum(high, where(steeper > 0.0, edge, high))
-            low = maximum(low, where(steeper < 0.0, edge, low))
+            # alike but for rounding: the edge of parallel bounds would be any thrust
+            alike = mul(SMALL, absolute(under.slope))
+            edge = divide(room, where(absolute(steeper) > alike, steeper, 1.0))
+            high = minimum(high, where(steeper > alike, edge, high))
+            low = maximum(low, where(steeper < 0.0 - alike, edge, low))
     return minimum(maximum(thrust, low), high)
 
 

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.algebra.scalars import absolute, add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.records.coerce import concrete
 from skyarm.vehicle import Rotor
 
 
@@ -18,7 +19,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Sca
     """Rotor speed (rad/s) after ``dt`` seconds of a constant command, by the exact first-order lag.
 
     The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
-    limited to the rotor's highest speed.
+    limited to the rotor's highest speed; the loop has raised it to the least one (:func:`least_raised`).
     """
     target = minimum(command, rotor.max_speed)
     rising, falling = (exp(divide(-dt, tau)) for tau in (rotor.time_constant_up, rotor.time_constant_down))
@@ -31,16 +32,56 @@ def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Se
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
 
+SHORT_LAG = 2e-3
+"""Time constant (s) below which Simpson's rule over a step of 5 ms errs by more than 1 % of a change of thrust."""
+
+
+def has_short_lag(rotor: Rotor) -> bool:
+    """True if a time constant of a rotor is below ``SHORT_LAG``, or may be."""
+    lags = rotor.time_constant_up, rotor.time_constant_down
+    return not concrete(*lags) or min(lags) < SHORT_LAG
+
+
+def lag_of(rotor: Rotor, speed: Scalar, command: Scalar) -> Scalar:
+    """Time constant (s) by which a rotor follows a command (rad/s) from a speed (rad/s)."""
+    target = minimum(command, rotor.max_speed)
+    return where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
+
+
+def speeds_within(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalars:
+    """Speeds (rad/s) of a rotor at begin, middle and end of a Runge-Kutta step that give its forces their impulse.
+
+    Of a lag below ``SHORT_LAG`` the three by which Simpson's rule has the mean of the speed and of its square exactly:
+    with a = tau / dt, the mean W = target + (speed - target) a (1 - e^(-1/a)), and W +- sqrt(3 (mean square - W^2)).
+
+    Args:
+        rotor: its lags.
+        speed: at the begin, rad/s.
+        command: rad/s.
+        dt: length of the step, s.
+    """
+    plain = speed, speed_after(rotor, speed, command, 0.5 * dt), speed_after(rotor, speed, command, dt)
+    if not has_short_lag(rotor):
+        return plain
+    target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
+    share, left = divide(lag, dt), exp(divide(-dt, lag))
+    mean = share * (1.0 - left)
+    spread = sqrt(maximum(3.0 * (0.5 * share * (1.0 - left * left) - mean * mean), 0.0))
+    within = (target + (speed - target) * each for each in (mean + spread, mean, mean - spread))
+    return tuple(where(lag < SHORT_LAG, a, b) for a, b in zip(within, plain, strict=True))
+
+
 def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
     """Force of a rotor on the base: torque about and force at the base origin, base axes.
 
     Args:
         rotor: pose and coefficients.
-        speed: rad/s, unsigned.
+        speed: rad/s, negative of a reversible rotor that turns backwards.
         velocity: velocity of the hub against the air, base axes, m/s.
 
-    thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
-    rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
+    thrust k_f W |W| along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
+    rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane, times the direction of rotation where
+    it is signed: backwards both the advancing side and the lift change, and it stays.
     """
     return _group_force([(rotor, speed, 1)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
 
@@ -55,10 +96,10 @@ def rotor_forces(
 
     Args:
         rotors: poses and coefficients.
-        speeds: rad/s, unsigned.
+        speeds: rad/s, negative only of a reversible rotor.
         velocity: velocity of the base origin against the air, base axes, m/s.
         rate: angular velocity of the base, base axes, rad/s.
-        effectiveness: share of each rotor's force that is left; all whole if left out.
+        effectiveness: share of each rotor's forces and torques that is left; all whole if left out.
     """
     total = Force(ZERO3, ZERO3)
     left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
@@ -87,7 +128,7 @@ def _similar(a: Rotor, b: Rotor) -> bool:
     """True if two rotors have the same axis and the same coefficients."""
 
     def numbers(rotor: Rotor) -> Scalars:
-        drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
+        drags = (rotor.drag_coefficient, rotor.rolling_moment)
         return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
 
     # each rotor's own table is evaluated for it, whose sums are alike by the coefficients
@@ -95,8 +136,36 @@ def _similar(a: Rotor, b: Rotor) -> bool:
 
 
 def push(rotor: Rotor, speed: Scalar) -> Any:
-    """Effective squared rotor speed, (rad/s)^2: thrust over thrust coefficient."""
-    return speed * speed if rotor.table is None else rotor.table.push(speed)
+    """Effective squared rotor speed, (rad/s)^2: thrust over thrust coefficient, negative backwards."""
+    return _with_sign(rotor, speed, speed * speed if rotor.table is None else rotor.table.push(speed))
+
+
+def _with_sign(rotor: Rotor, speed: Scalar, value: Scalar) -> Scalar:
+    """Value with the sign of the speed of a reversible rotor; of any other as it is."""
+    return where(speed < 0.0, -value, value) if rotor.reversible else value
+
+
+def speed_size(rotor: Rotor, speed: Scalar) -> Scalar:
+    """Size |W| of a rotor's speed, rad/s; only a reversible rotor has a negative one."""
+    return absolute(speed) if rotor.reversible else speed
+
+
+def require_speeds(rotors: Sequence[Rotor], speeds: Sequence[Scalar], field: str) -> None:
+    """Refuse stated rotor speeds (rad/s) out of the range of their rotors; NaN passes, and ends a flight.
+
+    Raises:
+        ValueError: one line with the rotor and its range.
+    """
+    for i, (rotor, speed) in enumerate(zip(rotors, speeds, strict=True)):
+        if concrete(speed, rotor.max_speed) and (speed < rotor.min_speed or speed > rotor.max_speed):
+            allowed = f"must be from {rotor.min_speed:g} to {rotor.max_speed:g} rad/s, the range of rotor"
+            cure = "" if speed > 0.0 or rotor.reversible else "; one that turns backwards states reversible = true"
+            raise ValueError(f"{field}[{i}] = {speed!r}: {allowed} {rotor.name!r}{cure}")
+
+
+def least_raised(rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Scalars:
+    """Speed commands (rad/s) raised to the least speed of each rotor: a motor that is not reversible stops there."""
+    return tuple(maximum(command, rotor.min_speed) for rotor, command in zip(rotors, commands, strict=True))
 
 
 def speed_of_push(rotor: Rotor, value: Scalar) -> Scalar:
@@ -121,8 +190,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
     if all(same(rotor.inertia, 0) for rotor in rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
-        target = minimum(command, rotor.max_speed)
-        lag = where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
+        target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
         spin = mul(rotor.inertia, rotor.direction)
         turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(target - speed, lag)
         total = total - turned * spin
@@ -143,11 +211,11 @@ def _group_force(group: Sequence[Turning], positions: Sequence[Vec3], velocity: 
     drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
     for (rotor, speed, left), r in zip(group, positions, strict=True):
         square = mul(left, push(rotor, speed))
-        turning = square if rotor.table is None else mul(left, rotor.table.twist(speed))
+        turning = square if rotor.table is None else mul(left, _with_sign(rotor, speed, rotor.table.twist(speed)))
         pushing, twist, arm = add(pushing, square), sub(twist, mul(rotor.direction, turning)), arm + r * square
-        slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
+        slip = n.cross(velocity + rate.cross(r)).cross(n) * mul(left, speed_size(rotor, speed))
         drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
     k, c = like.thrust_coefficient, like.drag_coefficient
     force = n * mul(k, pushing) - drag * c
     torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)
-    return Force(torque - drag_arm * c - drag * like.rolling_moment_coefficient, force)
+    return Force(torque - drag_arm * c - drag * like.rolling_moment, force)

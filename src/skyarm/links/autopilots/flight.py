@@ -299,10 +299,10 @@ class PilotedSession(Session):
         """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
-        self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.agent.plant.vehicle.rotors)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
-        self._signals: Sequence[float] = (0.0,) * len(self._most) if self._link is None else self._signals
+        stopped = (0.0,) * len(self.scenario.agent.plant.vehicle.rotors)
+        self._signals: Sequence[float] = stopped if self._link is None else self._signals
         (self._inputs,) = engine.inputs.each
         self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
@@ -360,7 +360,8 @@ class PilotedSession(Session):
             raise ScenarioError(f"command: must be left out, {self._autopilot.title} commands the rotors")
         if not self.running or self._link is None:
             return False
-        speeds = [signal * most for signal, most in zip(self._signals, self._most, strict=True)]
+        rotors = self.scenario.agent.plant.vehicle.rotors
+        speeds = [signal * float(rotor.max_speed) for signal, rotor in zip(self._signals, rotors, strict=True)]
         going = super().step(rotors=speeds) if self._joint_server is None else self._step_with_port(speeds)
         if not going:
             self.close()
@@ -382,8 +383,8 @@ class PilotedSession(Session):
         try:
             self._signals = self._link.exchange(SensedInstant(self._seconds, readings, self._state), self._goal)
             within = [each for each in self._signals if 0.0 <= each <= 1.0]
-            if not len(within) == len(self._signals) == len(self._most):
-                raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(self._most)} from 0 to 1")
+            if not len(within) == len(self._signals) == len(rotors):
+                raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(rotors)} from 0 to 1")
         except (LinkError, TranscriptError) as error:
             self._end(str(error))
             return False

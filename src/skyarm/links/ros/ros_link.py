@@ -21,6 +21,7 @@ from types import TracebackType
 import numpy as np
 
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.rotor import require_speeds
 from skyarm.links.ros.goals import base_goal, changes_to, check_reach, goal_paths, joint_goal, takes_goals, with_goals
 from skyarm.links.ros.node import Content, Node
 from skyarm.log.flight_log import Log
@@ -32,6 +33,7 @@ from skyarm.log.ros.topics import FlightTopics, Topic, every_of, namespace_of, t
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.log.team_log import WITHIN
 from skyarm.records.arrays import Array
+from skyarm.records.files import errors_as
 from skyarm.reference import Trajectory
 from skyarm.scenario.paths import prefix_of
 from skyarm.scenario.scenario_record import Scenario
@@ -223,7 +225,7 @@ class _AgentInputs:
         return self._command if self._session.time - self._received < self._timeout - 1e-9 else None
 
     def _use_command(self, message: Content) -> None:
-        self._command, self._received = command_of(message["data"], *self._vehicle.sizes), self._session.time
+        self._command, self._received = command_of(message["data"], self._vehicle), self._session.time
 
     def take_goals(self) -> bool:
         """Redirect the reference to the newest received goals, at most five times a second; True if it did."""
@@ -280,19 +282,20 @@ def open_live(
     return open_session(live, goal_paths(live), preparing=preparing), reasons
 
 
-def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
+def command_of(numbers: list[float], vehicle: Vehicle) -> Command:
     """Vehicle command from a message's list of numbers: rotor speeds, joint efforts or setpoints, rotor tilt angles.
 
     Raises:
-        MessageError: another count, a number that is not finite, or a negative rotor speed.
+        MessageError: another count, a number that is not finite, or a rotor speed out of its range.
     """
+    joints, rotors, tilts = vehicle.sizes
     if len(numbers) not in (rotors + joints, rotors + joints + tilts):
         more = f" and {tilts} tilts" if tilts else ""
         raise MessageError(f"{len(numbers)} numbers: must be {rotors} rotor speeds, {joints} efforts{more}")
     if not all(map(math.isfinite, numbers)):
         raise MessageError("must be of finite numbers")
-    if min(numbers[:rotors], default=0.0) < 0.0:
-        raise MessageError("a rotor speed is negative; must be unsigned")
+    with errors_as(MessageError):
+        require_speeds(vehicle.rotors, numbers[:rotors], "rotor speeds")
     return Command(
         rotor_speeds=tuple(numbers[:rotors]),
         efforts=tuple(numbers[rotors : rotors + joints]),

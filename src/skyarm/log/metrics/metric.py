@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import where
+from skyarm.algebra.scalars import data, where
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
@@ -31,11 +31,12 @@ class ActuatorLimits:
     """Limits of a vehicle's actuators.
 
     Attributes:
-        speeds: largest speed of each rotor, rad/s. efforts: largest torque or force of each joint, N m or N; inf of a
-            joint that is passive or takes setpoints.
+        speeds: largest speed of each rotor, rad/s. least: its least one.
+        efforts: largest torque or force of each joint, N m or N; inf of a joint that is passive or takes setpoints.
     """
 
     speeds: Scalars
+    least: Scalars
     efforts: Scalars
 
     @classmethod
@@ -44,6 +45,7 @@ class ActuatorLimits:
         joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
+            least=tuple(data(rotor.min_speed) for rotor in vehicle.rotors),
             efforts=tuple(
                 math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
                 for joint, setpoint in joints

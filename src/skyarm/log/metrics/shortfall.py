@@ -122,20 +122,29 @@ def _saturation(log: Log) -> Saturation | None:
     """Saturation of the actuators; None if no command reached a limit or the log has no vehicle."""
     beyond, limited = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
+        at_limit = _cut(sent - high, high, unit) | _cut(low - sent, low, unit)
+        beyond |= at_limit
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
-        worst = int(np.argmax(over))
+        worst = int(np.argmax(np.where(at_limit, over, -np.inf)))
         highest = float(np.broadcast_to(high, sent.shape)[worst])
         limit = low if low - sent[worst] > sent[worst] - highest else highest
-        # an angle or a place at the end of its range is carried out as it is; a speed or an effort there was cut
-        least = ROUNDING if unit in PLACES else -ROUNDING
-        at_limit = (over >= least * (abs(limit) or 1.0)) & math.isfinite(limit)
-        beyond |= at_limit
         if at_limit.any():
             limited.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
     if not limited:
         return None
     _, actuator, command, limit, unit = max(limited, key=lambda each: each[0])
     return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
+
+
+def _cut(over: Array, limit: float | Array, unit: str) -> Array:
+    """True where a command is by ``over`` beyond a limit, or at it, and is therefore cut; NaN counts.
+
+    An angle or a place at the end of its range is carried out as it is, and so is a rotor at rest; a speed or an effort
+    at its limit was cut.
+    """
+    size = np.abs(limit)
+    least = np.where((size == 0.0) | (unit in PLACES), ROUNDING, -ROUNDING) * np.where(size == 0.0, 1.0, size)
+    return np.isfinite(limit) & ~(over < least)
 
 
 def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float | Array]]:
@@ -148,7 +157,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float |
     if voltage.size and battery is not None and battery.esc != "open":  # an open loop scales speeds and cuts none
         supply = voltage.reshape(log.time.size) / float(battery.reference_voltage)
     for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
-        yield f"rotor {rotor.name}", "rad/s", sent, -math.inf, float(rotor.max_speed) * supply
+        yield f"rotor {rotor.name}", "rad/s", sent, float(rotor.min_speed), float(rotor.max_speed) * supply
     tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
     for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
         yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)

@@ -144,7 +144,8 @@ def on_clock(
         middles = edges[:-1] + 0.5 * step
         speeds = Channel(time=edges[:-1], values=smooth_commands(speeds, middles), source=speeds.source)
     limits = highest_speeds(start.rotors)
-    speeds = Channel(time=speeds.time, values=np.clip(speeds.values, 0.0, limits), source=speeds.source)
+    least = [float(rotor.min_speed) for rotor in start.rotors]
+    speeds = Channel(time=speeds.time, values=np.clip(speeds.values, least, limits), source=speeds.source)
     aloft = flying_spans(speeds, start) or list(sections)
     usable = np.zeros(size, dtype=bool)
     for first, last in sections or aloft:

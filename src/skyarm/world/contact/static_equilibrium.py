@@ -43,6 +43,9 @@ DEEPER = 0.1
 OTHER = 0.2
 """Distance (m or rad) from the first contact beyond which the object has tipped over into another equilibrium."""
 
+UP = np.array([1.0, 0.0, 0.0])
+"""Displacement upwards: of a height and two tilts."""
+
 NEAR = 1e-7
 """Step (m and rad) of the finite difference for the stiffness."""
 
@@ -69,12 +72,17 @@ def _root(
             left = residual(x)
             if np.abs(left).max() < small:
                 return x
-            columns = [(residual(x + step) - left) / NEAR for step in NEAR * np.eye(len(x))]
             try:
-                x = x - solve(np.stack(columns, axis=1), left)
+                x = x - solve(_stiffness(residual, x), left)
             except np.linalg.LinAlgError:
                 return None
     return None
+
+
+def _stiffness(residual: Residual, x: Array) -> Array:
+    """Derivatives of a residual by its argument, by differences."""
+    left = residual(x)
+    return np.stack([(residual(x + step) - left) / NEAR for step in NEAR * np.eye(len(x))], axis=1)
 
 
 def _turn(about_x: float, about_y: float) -> Quaternion:
@@ -101,31 +109,72 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         position = state.position + Vec3(0.0, 0.0, up)
         return replace(state, position=position, quaternion=_turn(about_x, about_y) * state.quaternion)
 
-    def residual(x: Array) -> Array:
-        """Residual of vertical force and level moments about the centre of mass (1 m arm), divided by the weight."""
+    def pushes(x: Array) -> list[tuple[Meeting, Vec3, Vec3]]:
+        """Contacts of the vehicle, each with its arm from the centre of mass (m) and its force (N)."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
         ours = (each for each in contact.meetings(memory, motion) if each.by == NOBODY)
-        pushes = [(each.place - middle, each.touch.axis * each.touch.normal) for each in ours]
-        up_left, moment = balance(pushes, weight)
+        return [(each, each.place - middle, each.touch.axis * each.touch.normal) for each in ours]
+
+    def residual(x: Array) -> Array:
+        """Residual of vertical force and level moments about the centre of mass (1 m arm), divided by the weight."""
+        up_left, moment = balance([(arm, push) for _, arm, push in pushes(x)], weight)
         return np.array([up_left, float(moment.x), float(moment.y)]) / weight
 
     if not weight > 0.0:
         raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
     if residual(np.array([ABOVE, 0.0, 0.0]))[0] > -1.0:
         raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
-    lowered = -ABOVE
-    while residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
-        lowered += STEP
-        if lowered > LOWEST:
-            raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
-    lowered -= STEP
-    while residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
-        lowered += FINEST
-    equilibrium = _root(residual, np.array([-lowered, 0.0, 0.0]), 30, 1e-12, solve=_exact)
-    if equilibrium is None:
+
+    def set_down(x: Array) -> Array:
+        """Lower the vehicle from a pose until the surfaces carry its weight."""
+        while residual(x)[0] < 0.0:
+            x = x - STEP * UP
+            if x[0] < -LOWEST:
+                raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
+        x = x + STEP * UP
+        while residual(x)[0] < 0.0:
+            x = x - FINEST * UP
+        return x
+
+    level = set_down(np.array([ABOVE, 0.0, 0.0]))
+    equilibrium = _root(residual, level, 30, 1e-12, solve=_exact)
+    if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
+        slope = _slope([push for _, _, push in pushes(level)])
+        equilibrium = _root(residual, set_down(np.array([ABOVE, *slope])), 30, 1e-12, solve=_exact)
+    # on two points it may be balanced, and falls
+    if equilibrium is None or np.linalg.eigvals(_stiffness(residual, equilibrium)).real.max() >= 0.0:
         raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
+    _require_friction(pushes(equilibrium), contact, weight)
     return at(equilibrium)
+
+
+def _slope(pushes: Sequence[Vec3]) -> tuple[float, float]:
+    """Tilts about the level x and y axes (rad) that turn the vertical to the sum of some forces."""
+    x, y, z = (float(sum(column)) for column in zip(*pushes, strict=True))
+    across = math.hypot(x, y)
+    share = math.atan2(across, z) / across if across > 0.0 else 0.0
+    return -y * share, x * share
+
+
+def _require_friction(pushes: Sequence[tuple[Meeting, Vec3, Vec3]], contact: Contact, weight: float) -> None:
+    """Refuse a vehicle that would slide: the weight across the surfaces is beyond their friction.
+
+    Raises:
+        ValueError: one line: the surface, its friction, what it takes.
+    """
+    materials = {each.name: each.material for _, each in contact.every_surface}
+    force = sum((push for _, _, push in pushes), ZERO3)
+    size = [float(each.touch.normal) for each, _, _ in pushes]
+    most = sum(float(materials[each.surface].friction) * n for (each, _, _), n in zip(pushes, size, strict=True))
+    across = Vec3(0.0, 0.0, weight) - force
+    needed = math.sqrt(float(across.dot(across)))
+    if needed > most:
+        name = pushes[size.index(max(size))][0].surface
+        raise ValueError(
+            f"initial.standing = true: must stand on a slope that friction holds; surface {name!r} has "
+            f"{float(materials[name].friction):g}, needs {needed / sum(size):.3g}: it slides"
+        )
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
@@ -183,28 +232,45 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
         x[0] = LIFT
     if supports.gap(x) < 0.0:
         raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
+    level = _descend(body, supports, x, index)
+    equilibrium = _equilibrium(supports, level)
+    if equilibrium is None:  # on a slope a level body stands on its upper edge alone
+        x = np.array([level[0], *_slope([push for _, push in supports.pushes(level)])])
+        while supports.gap(x) < 0.0:
+            x = x + max(LIFT, -supports.gap(x)) * UP
+        equilibrium = _equilibrium(supports, _descend(body, supports, x, index))
+    if equilibrium is None:
+        raise ValueError(
+            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
+        )
+    return supports.contact_at(equilibrium)
+
+
+def _equilibrium(supports: _Supports, x: Array) -> Array | None:
+    """Height and tilts of an object in equilibrium near those at which it is carried; None if it tips over."""
+    found = _root(supports.residual, x, 20, 1e-9)
+    return None if found is None or not np.abs(found - x).max() < OTHER else found
+
+
+def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Array:
+    """Height and tilts of an object that is lowered until it is carried."""
     carried = 0.0
     while supports.residual(x)[0] < 0.0:
         gap = supports.gap(x)
         force = supports.force(x) if gap < 0.0 else 0.0
         if force < carried or (force > 0.0 and -gap > _half_of(body)):
             # what is below carries so much at most, until the object is half inside or through
-            most = max(force, carried) * (float(body.mass) / (float(body.mass) * gravity))
+            most = max(force, carried) / supports.gravity
             raise ValueError(
                 f"world.objects[{index}].mass = {shown(float(body.mass))}: must be about {most:.2g} kg or less, or the "
                 f"stiffness larger; its weight presses object {body.name!r} through what it stands on"
             )
         carried = force
-        x[0] -= max(gap, FINEST, DEEPER * -gap)
+        x = x - max(gap, FINEST, DEEPER * -gap) * UP
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
-            raise ValueError(f"{where}: must be above a surface; {below}")
-    equilibrium = _root(supports.residual, x, 20, 1e-9)
-    if equilibrium is None or not np.abs(equilibrium - x).max() < OTHER:
-        raise ValueError(
-            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
-        )
-    return supports.contact_at(equilibrium)
+            raise ValueError(f"world.objects[{index}].standing = true: must be above a surface; {below}")
+    return x
 
 
 def _half_of(body: FreeObject) -> float:
@@ -226,7 +292,7 @@ class _Supports:
     def __init__(self, contact: Contact, index: int, gravity: float, away: Collection[int]) -> None:
         self._contact, self._index, self._away = contact, index, frozenset(away)
         self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
-        self._weight = float(contact.objects[index].mass) * gravity
+        self._weight, self.gravity = float(contact.objects[index].mass) * gravity, gravity
 
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
@@ -243,13 +309,17 @@ class _Supports:
         mine = [each for each, pair in pairs if i in pair and not pair & self._away]
         return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
 
+    def pushes(self, x: Array) -> list[tuple[Meeting, Vec3]]:
+        """Contact pairs of the displaced object, each with the normal force (N) on the object."""
+        return self._pushes(self._displace(x))
+
     def gap(self, x: Array) -> float:
         """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""
-        return -max((float(each.touch.depth) for each, _ in self._pushes(self._displace(x))), default=-LOWEST)
+        return -max((float(each.touch.depth) for each, _ in self.pushes(x)), default=-LOWEST)
 
     def force(self, x: Array) -> float:
         """Vertical contact force on the object, N."""
-        return float(sum(push.z for _, push in self._pushes(self._displace(x))))
+        return float(sum(push.z for _, push in self.pushes(x)))
 
     def residual(self, x: Array) -> Array:
         """Residual of the vertical force and of the horizontal moments on the object, relative to its weight."""
