@@ -156,7 +156,7 @@ def drawn_stop(rng, made):
 
 
 @pytest.mark.parametrize("plant_of", [RigidBodyPlant, MujocoPlant])
-@pytest.mark.parametrize("drawn", sampled(range(100), 25))
+@pytest.mark.parametrize("drawn", sampled(range(100), 34, keep=[72]))
 def test_a_joint_rebounds_from_a_drawn_stop_as_solve_ivp_says(plant_of, drawn):
     """Weak joints came back with 60 times the speed where the step did not follow the damping times speed."""
     vehicle, speed, push, start = drawn_stop(np.random.default_rng(drawn), made=drawn % 2 == 0)

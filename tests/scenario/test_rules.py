@@ -166,7 +166,7 @@ TOUCHED = {
     "initial.roll": ("initial_state_is_possible",),
     "plant.payload.mass": (
         *("initial_state_is_possible", "reference_fits", "sensors_suffice", "drives_fit", "plant_can_fly"),
-        *("surroundings_fit", "shared_surroundings_fit"),
+        *("surroundings_fit", "shared_surroundings_fit", "times_are_whole", "fields of plant.drives"),
     ),
 }
 """Path of a number -> rules that read it."""

@@ -148,7 +148,9 @@ def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
 def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_load(seed):
     """Largest root of V (V_0 - V) / R = P(V) by SciPy, with rotors that turn as fast as V allows, or as commanded."""
     rng = np.random.default_rng(seed)
-    pack = dataclasses.replace(BATTERY, resistance=rng.uniform(0.3, 1.5), reference_voltage=rng.uniform(11.0, 16.0))
+    esc = ("governed", "open")[seed % 2]
+    numbers = {"resistance": rng.uniform(0.3, 1.5), "reference_voltage": rng.uniform(11.0, 16.0), "esc": esc}
+    pack = dataclasses.replace(BATTERY, **numbers)
     rotors = load_vehicle(DATA / "servo_arm.toml").rotors
     commands = tuple(rng.uniform(0.3, 1.2, len(rotors)) * 1100.0)
     drain, memory, speeds = BatteryDrain(battery=pack, rotors=rotors), (0.8, 14.0), (0.0,) * len(rotors)
@@ -160,7 +162,8 @@ def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_l
     idle = float(pack.open_circuit_voltage(before))
 
     def surplus(voltage):
-        turning = [min(each, 1100.0 * voltage / pack.reference_voltage) for each in commands]
+        supply = voltage / pack.reference_voltage
+        turning = [min(each, 1100.0) * supply if seed % 2 else min(each, 1100.0 * supply) for each in commands]
         load = 5.0 + sum(8e-6 * 0.016 * w**3 / 0.7 for w in turning)
         return voltage * (idle - voltage) / pack.resistance - load
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import skyarm
 from skyarm.algebra import Vec3
@@ -70,6 +71,26 @@ def test_it_swings_with_the_period_of_a_pendulum():
     period = 2.0 * np.diff(crossings).mean() * DT
     assert period == pytest.approx(2.0 * math.pi * math.sqrt(length / 9.81) * (1.0 + 0.1**2 / 16.0), rel=5e-3)
     assert 0.095 < x[-400:].max() / length < 0.101  # a cord damps its length, not the swing
+
+
+def test_a_row_of_the_log_has_the_load_where_it_is_at_the_rows_time():
+    """A swing of 0.5 rad against SciPy: one period later it is up to 7 mm away."""
+    payload, length = HangingPayload(mass=0.3, cord=0.8), 0.8 * 1.02
+    start = Vec3(length * math.sin(0.5), 0.0, 2.0 - length * math.cos(0.5))
+    rows = swing(payload, 1.0, still, start=start)[1:]
+    found = np.array([payload.logged(memory, None)[1:] for memory in rows])
+    square = 9.81 / (0.02 * 0.8)
+
+    def slope(_t, y):
+        line = np.array([0.0, 2.0]) - y[:2]
+        size = np.linalg.norm(line)
+        along = line / size
+        pull = square * (size - 0.8) - 2.0 * 0.2 * math.sqrt(square) * (along @ y[2:])
+        return [*y[2:], *(along * max(pull, 0.0) - [0.0, 9.81])]
+
+    times = DT * np.arange(len(rows))
+    exact = solve_ivp(slope, (0.0, 1.0), [start.x, start.z, 0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12).y
+    np.testing.assert_allclose(found[:, [0, 2]], exact[:2].T, atol=1e-3)
 
 
 def test_the_vehicle_gets_the_momentum_that_the_load_loses():

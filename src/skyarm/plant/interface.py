@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra import Scalar
@@ -13,10 +14,11 @@ from skyarm.records.field_rules import checked, rules
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.path_names import Names, field_paths
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry import find
 from skyarm.records.units import nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.vehicle.linkage import JOINT_NUMBERS
+from skyarm.vehicle.linkage import JOINT_NUMBERS, Body
 
 Flat = Sequence[float]
 """Leaves of a record (:func:`skyarm.records.leaves.leaves`): State, Command or Surroundings."""
@@ -25,17 +27,32 @@ Flat = Sequence[float]
 @immutable
 @checked("plant", VehicleError)
 class Truth:
-    """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model."""
+    """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model.
+
+    Attributes:
+        loads: link and body of each payload of the plant, for force sensors; its mass is in the vehicle's body, too.
+    """
 
     vehicle: Vehicle
     gravity: Annotated[
         Scalar, nonnegative("m/s^2", "true gravitational acceleration, downwards", rule=coerce.number, usual=25.0)
     ] = 9.81
+    loads: tuple[tuple[int, Body], ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+
+    def number_of_view(self, name: str) -> float:
+        """Current value (kg) of the point mass that a parameter path adds at a frame: always zero."""
+        return 0.0
+
+    def with_views(self, values: Mapping[str, Scalar]) -> Truth:
+        """Plant with payloads (kg) added at the frames of given names."""
+        added = [self.vehicle.point_mass(mass, frame) for frame, mass in values.items()]
+        return replace(self, vehicle=self.vehicle.with_views(values), loads=(*self.loads, *added))
 
     def path_names(self) -> Names:
         """Parameter paths of the true vehicle and gravity, added loads, all joints at once, and joint drives."""
         vehicle = self.vehicle
-        paths = field_paths(self) | {"payload": vehicle.load_names()}
+        paths = field_paths(self) | {"payload": vehicle.load_names(())}
+        del paths["loads"]
         paths["joints"] = {
             name: tuple(("vehicle", "links", str(i), "joint", name) for i in range(vehicle.n))
             for name in JOINT_NUMBERS

@@ -104,7 +104,9 @@ def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     fields, beside = Fields(entry, path), ["kind", "integrator", "closure", "drives"]
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
-    return Truth(vehicle=carrier, gravity=gravity)
+    held = fields.table.get("payload")
+    loads = () if held is None else (carrier.point_mass(held["mass"], held.get("frame")),)
+    return Truth(vehicle=carrier, gravity=gravity, loads=loads)
 
 
 def model(entry: object, path: str, reading: ScenarioWords) -> Model:

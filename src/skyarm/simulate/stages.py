@@ -49,7 +49,7 @@ from skyarm.simulate.command_delay import (
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.loop_state import AgentLoop, GivenRows, InputRow, LoopState, SensorState
 from skyarm.simulate.reference_clock import Waits, due
-from skyarm.vehicle import BASE, Frame, Vehicle
+from skyarm.vehicle import BASE, Body, Frame, Vehicle
 from skyarm.world import Component, Wrench, effectiveness_at
 
 if TYPE_CHECKING:
@@ -283,7 +283,7 @@ class AgentStages:
     def pushes(self, around: Surroundings, motion: PointMotion, acting: Command) -> tuple[Push, ...]:
         """External wrench at each force sensor, in the order of the sensors; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
-        loads = load_wrenches(around, motion, acting) if frames else ()
+        loads = load_wrenches(self.scenario.agent.plant.loads, around, motion, acting) if frames else ()
         return tuple(push_at(motion.vehicle.frame(frame or None), around, motion, loads) for frame in frames)
 
     def acting(self, queue: Sequence[Command]) -> Command:
@@ -434,13 +434,15 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     return rebuild(going, iter(values))
 
 
-def load_wrenches(around: Surroundings, motion: PointMotion, acting: Command) -> tuple[Wrench, ...]:
+def load_wrenches(
+    fixed: Sequence[tuple[int, Body]], around: Surroundings, motion: PointMotion, acting: Command
+) -> tuple[Wrench, ...]:
     """Wrench of each rigid load on its link: that of its weight and of its inertia, in a motion under a command.
 
-    Loads are those of the flight and the point masses of the plant.
+    Loads are those of the flight and the ``fixed`` ones of the plant, by link.
     """
     vehicle = motion.vehicle
-    loads = [*vehicle.loads, *(payload.body(vehicle, memory.held) for payload, memory in rigid_loads(around))]
+    loads = [*fixed, *(payload.body(vehicle, memory.held) for payload, memory in rigid_loads(around))]
     if not loads:
         return ()
     base, joints = accelerate_one(motion, acting, around)

@@ -17,7 +17,7 @@ from skyarm.algebra.scalars import add, mul, neg
 from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
@@ -217,8 +217,6 @@ class Vehicle:
         drag: drag of the airframe in moving air.
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
-        loads: link and body of each point mass that a payload has added to it, for force sensors; its mass is in that
-            link's body, too. A vehicle file does not tell them apart.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a line each.
@@ -234,7 +232,6 @@ class Vehicle:
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
-    loads: tuple[tuple[int, Body], ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: Annotated[
@@ -315,17 +312,16 @@ class Vehicle:
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
+        return self.with_body(*self.point_mass(mass, frame))
+
+    def point_mass(self, mass: Scalar, frame: str | None = None) -> tuple[int, Body]:
+        """Link and body, in that link's axes, of a point mass (kg) at a frame (by default the end effector)."""
         at = self.frame(frame)
-        load = (at.link, Body(mass=mass, com=at.position))
-        return self.with_body(*load).with_checked(loads=(*self.loads, load))
+        return at.link, Body(mass=mass, com=at.position)
 
-    def path_names(self) -> Names:
-        """Parameter paths of a vehicle: its fields, without the loads, whose masses are in its bodies, too."""
-        return {name: places for name, places in field_paths(self).items() if name != "loads"}
-
-    def load_names(self) -> Names:
+    def load_names(self, inside: Place = ("vehicle",)) -> Names:
         """Parameter paths of point masses added to the vehicle: at the end effector, and at each named frame."""
-        masses = {frame.name: {"mass": NumberView(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
+        masses = {frame.name: {"mass": NumberView(frame.name, LOAD, inside, adds=True)} for frame in self.frames}
         return {**masses[self.end_effector], **masses} if self.end_effector else dict(masses)
 
     def number_of_view(self, name: str) -> float:

@@ -199,7 +199,7 @@ class Differentiator:
         scenario = with_held_lag(with_lag(own, lag))
         stages = Stages(scenario)
         power = tuple(
-            each.advance(charge, row.time, self._period, point.state, ())
+            each.supply(charge, self._period, point.state, point.old.rotor_speeds)
             for each, charge in zip(scenario.agent.power, point.power, strict=True)
         )
         own_models = self._first.agent.components

@@ -158,23 +158,18 @@ def _slope(pushes: Sequence[Vec3]) -> tuple[float, float]:
 
 
 def _require_friction(pushes: Sequence[tuple[Meeting, Vec3, Vec3]], contact: Contact, weight: float) -> None:
-    """Refuse a vehicle that would slide: the weight across the surfaces is beyond their friction.
+    """Refuse a vehicle that would slide: its weight across the surfaces is beyond their friction.
 
     Raises:
-        ValueError: one line: the surface, its friction, what it takes.
+        ValueError: one line with the force and the largest friction.
     """
-    materials = {each.name: each.material for _, each in contact.every_surface}
-    force = sum((push for _, _, push in pushes), ZERO3)
-    size = [float(each.touch.normal) for each, _, _ in pushes]
-    most = sum(float(materials[each.surface].friction) * n for (each, _, _), n in zip(pushes, size, strict=True))
-    across = Vec3(0.0, 0.0, weight) - force
+    frictions = {each.name: each.material.friction for _, each in contact.every_surface}
+    most = sum(float(frictions[each.surface] * each.touch.normal) for each, *_ in pushes)
+    across = Vec3(0.0, 0.0, weight) - sum((push for *_, push in pushes), ZERO3)
     needed = math.sqrt(float(across.dot(across)))
     if needed > most:
-        name = pushes[size.index(max(size))][0].surface
-        raise ValueError(
-            f"initial.standing = true: must stand on a slope that friction holds; surface {name!r} has "
-            f"{float(materials[name].friction):g}, needs {needed / sum(size):.3g}: it slides"
-        )
+        words = f"must stand where friction holds it, by {needed:.3g} N; it is {most:.3g} N at most, and it slides"
+        raise ValueError(f"initial.standing = true: {words}")
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
