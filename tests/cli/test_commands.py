@@ -13,7 +13,7 @@ import pytest
 from command_files import succeeded
 
 import skyarm
-from skyarm.cli.run_command import earlier_kept
+from skyarm.records.files.earlier_files import earlier_kept
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate import Log
@@ -186,7 +186,7 @@ def test_the_log_of_an_earlier_flight_keeps_a_number(tmp_path: Path, monkeypatch
     words = ("run", "case1", "--duration", "0.1", "--out", ".")
     for seed, more in ((1, ()), (2, ()), (3, ()), (4, ("--force",))):
         text = succeeded(typed(*words, "--seed", str(seed), *more))
-        assert ("the flight before it is kept" in text) == (seed in (2, 3)), text
+        assert ("what was there is kept" in text) == (seed in (2, 3)), text
     seeds = {p.name: Log.load_npz(p).info["seed"] for p in tmp_path.glob("*.npz")}
     assert seeds == {"case1.npz": 4, "case1_1.npz": 1, "case1_2.npz": 2}
     assert sorted(p.name for p in tmp_path.glob("*.csv")) == ["case1.csv", "case1_1.csv", "case1_2.csv"]

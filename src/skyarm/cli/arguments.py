@@ -71,6 +71,8 @@ def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
 
 Out = Annotated[str, out_option("folder for the results, made if missing")]
 
+Force = Annotated[bool, typer.Option("--force", help="replace a file that is there and that people edit")]
+
 Plugins = Annotated[
     list[str] | None, typer.Option("--plugin", metavar="FILE.py", help="a .py file that registers names; repeat")
 ]

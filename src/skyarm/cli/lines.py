@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from skyarm.records.files import printable
+from skyarm.records.files import one_line
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
@@ -23,7 +23,7 @@ MOST_WARNINGS = 8
 def say(message: str, code: int = 0) -> int:
     """Print one line to standard error; returns the given exit code."""
     with contextlib.suppress(OSError):  # the terminal may be gone
-        print(f"skyarm: {printable(' '.join(message.split()))}", file=sys.stderr, flush=True)
+        print(one_line(f"skyarm: {message}"), file=sys.stderr, flush=True)
     return code
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option
+from skyarm.cli.arguments import Force, out_option
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -25,6 +25,7 @@ def plan(
         str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
     ] = None,
     seconds: Annotated[float, typer.Option(help="emergency end: without a plan by then there is none, s")] = 600.0,
+    force: Force = False,
 ) -> None:
     """Plan a flight of base and arm from a task.
 
@@ -45,7 +46,9 @@ def plan(
         require_grippers(loaded)
     files = [(out, "--out", ".npz"), (scenario, "--scenario", ".toml"), (report, "--report", ".html")]
     with taken_back(*(Path(each).parent for each, _, _ in files if each)):
-        written = [output_file(each, name, suffix) if each else None for each, name, suffix in files]
+        file, flight, page = (
+            None if each is None else output_file(each, name, suffix, force=force) for each, name, suffix in files
+        )
         try:
             with bar(f"{loaded.name}: planning") as advance:
                 found = solve(loaded, seconds=seconds, on_progress=lambda line: advance(0, 0, line))
@@ -54,7 +57,6 @@ def plan(
             say_cause(str(error))
             give(solved=False, cause=str(error))
             raise typer.Exit(NOT_COMPLETED) from None
-        file, flight, page = written
         assert file is not None
         write_atomically(file, plan_bytes(found))
         numbers = summary(found)

@@ -34,6 +34,7 @@ from skyarm.records.files import (
     taken_back,
     write_inside,
 )
+from skyarm.records.files.earlier_files import edits_kept
 
 if TYPE_CHECKING:
     from skyarm.studies.sweep.maps import RobustnessMap
@@ -136,9 +137,11 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
                 raise absent[0]
             for each in absent:
                 say(f"note: --save = {each}")
-    files = [
-        save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode) for label, episode in meant
-    ]
+    files = []
+    for label, episode in meant:
+        file = folder / f"episode_{episode}_{names[label]}"
+        with edits_kept(file):
+            files.append(save_episode(file, loaded, label, episode))
     tell(*(f"skyarm run {file}" for file in files))
     give(study=loaded.name, folder=folder, files=files)
 

@@ -183,7 +183,7 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     """
     file, at = Path(path), f"flight = {shown(os.fspath(path))}"
     reason = unreadable(file)
-    if reason and not file.is_dir():
+    if reason and not os.path.isdir(file):
         raise ValueError(f"{at}: {reason}")
     named = kind or format_name(path)
     form = _checked(named, find("flight_format", named, "kind" if kind else ""))

@@ -1,0 +1,102 @@
+"""One rule for files that are there: what people edit is kept, what a command makes again is replaced."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from every_command import NEEDS, REPLACES
+from test_own_inputs import SCENARIO
+
+import skyarm as package
+from skyarm.cli.commands import COMMANDS as SHIPPED
+from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from support.commands import refused, skyarm
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
+OLD = "# written by hand\n"
+UP = """schema = 1
+vehicle = "hummingbird"
+phases = [{ to = { base = [0.0, 0.0, 1.0], rest = true } }]
+"""
+STUDY = """schema = 1
+name = "tiny"
+scenario = "short.toml"
+episodes = 2
+[vary]
+"plant.vehicle.base.mass" = { uniform = [0.7, 0.9] }
+"""
+
+
+@pytest.fixture(scope="module")
+def flight() -> package.Log:
+    """A short flight that excites its vehicle."""
+    return package.run(package.load_scenario("case3", duration=4.0))
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flight: package.Log) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "up.toml").write_text(UP)
+    (tmp_path / "ours.toml").write_bytes((VEHICLES / "hummingbird.toml").read_bytes())
+    package.save_log(flight, tmp_path / "flight.npz")
+    return tmp_path
+
+
+def test_every_command_is_tried_here() -> None:
+    assert set(REPLACES) == set(SHIPPED), "enter it in tests/cli/every_command.py"
+
+
+CASES = [
+    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in ("tune", "film", "plot") else [])
+    for command, cases in REPLACES.items()
+    if not isinstance(cases, str)
+    for case in cases
+]
+
+
+@pytest.mark.parametrize(("command", "words", "file", "rule"), CASES)
+def test_a_file_that_is_there(folder: Path, command: str, words: tuple[str, ...], file: str, rule: str) -> None:
+    if command in NEEDS:
+        pytest.importorskip(NEEDS[command])
+    path = folder / file
+    path.parent.mkdir(exist_ok=True, parents=True)
+    path.write_text(OLD)
+    ended = skyarm(command, *words)
+    numbered = path.with_name(f"{path.stem}_1{path.suffix}")
+    if rule in ("kept", "refused"):
+        refused(ended, path.name, "must not be there yet; --force replaces it")
+        assert path.read_text() == OLD
+        if rule == "refused":  # whose second run takes long
+            return
+        ended = skyarm(command, *words, "--force")
+    assert ended.code in (0, 3), ended
+    assert path.read_bytes() != OLD.encode(), ended
+    assert numbered.exists() == (rule == "numbered"), ended
+    if rule == "numbered":
+        assert numbered.read_text() == OLD
+
+
+def test_what_is_written_anew_byte_for_byte_leaves_no_copy(folder: Path) -> None:
+    pytest.importorskip("pyarrow")
+    for _ in range(2):
+        assert skyarm("sweep", "study.toml", "--save", "1", "--out", "rows").code == 0
+    assert [each.name for each in (folder / "rows").iterdir()] == ["episode_1_decoupled_pd.toml"]
+
+
+def test_the_page_says_the_rule_of_each_command() -> None:
+    (rule,) = re.findall(r"### Files that are there\n(.*?)\n#", PAGE.read_text("utf-8"), re.S)
+    for command, cases in REPLACES.items():
+        if not isinstance(cases, str):
+            assert f"`{command}" in rule, command
+
+
+def test_no_line_is_longer_than_a_message(folder: Path) -> None:
+    (folder / "long.toml").write_text(SCENARIO + "\n".join(f"{'k' * 90}{k} = 1" for k in range(40)))
+    for words in (("run", "long.toml"), ("run", "/".join(["a" * 250] * 15) + ".toml"), ("show", "x" * 2000)):
+        ended = skyarm(*words)
+        assert ended.code == 2
+        assert len(ended.err) <= 1001, ended.err
