@@ -1,4 +1,4 @@
-"""One rule for files that are there: what people edit is kept, what a command makes again is replaced."""
+"""Every option that writes a file does so for a vehicle with joints; what is there is kept or replaced by one rule."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from pathlib import Path
 import pytest
 from every_command import NEEDS, REPLACES
 from test_own_inputs import SCENARIO
+from typer.main import get_command
 
 import skyarm as package
 from skyarm.cli.commands import COMMANDS as SHIPPED
-from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from skyarm.cli.commands import program
 from support.commands import refused, skyarm
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 OLD = "# written by hand\n"
 UP = """schema = 1
-vehicle = "hummingbird"
+vehicle = "hummingbird_arm2_rotors"
 phases = [{ to = { base = [0.0, 0.0, 1.0], rest = true } }]
 """
 STUDY = """schema = 1
@@ -41,7 +42,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flight: package.Log)
     (tmp_path / "short.toml").write_text(SCENARIO)
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "up.toml").write_text(UP)
-    (tmp_path / "ours.toml").write_bytes((VEHICLES / "hummingbird.toml").read_bytes())
     package.save_log(flight, tmp_path / "flight.npz")
     return tmp_path
 
@@ -50,8 +50,32 @@ def test_every_command_is_tried_here() -> None:
     assert set(REPLACES) == set(SHIPPED), "enter it in tests/cli/every_command.py"
 
 
+READ = ("--columns", "--join")
+"""Options with a file that is read."""
+
+ELSEWHERE = {
+    ("fly", "--out"): "needs an autopilot (tests/links/outside)",
+    ("identify", "--out"): "takes long (tests/studies/identify)",
+    ("reproduce", "--out"): "takes long (tests/studies/paper)",
+    ("studio", "--out"): "is written on the page (tests/view/studio)",
+}
+
+
+def test_every_option_that_writes_a_file_is_tried_here_on_a_vehicle_with_joints() -> None:
+    for name, command in get_command(program(list(SHIPPED))).commands.items():  # type: ignore[attr-defined]
+        tried = REPLACES.get(name.split()[0], "")
+        for each in command.params:
+            option = each.opts[0]
+            if option in READ or (each.metavar not in ("FILE", "PAGE") and option not in ("--out", "--save")):
+                continue
+            if (name.split()[0], option) not in ELSEWHERE:
+                assert any(option in words for words, *_ in tried), f"{name} {option}: enter it in every_command.py"
+
+
+SLOW = ("tune", "film", "plot", "identify")
+
 CASES = [
-    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in ("tune", "film", "plot") else [])
+    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in SLOW else [])
     for command, cases in REPLACES.items()
     if not isinstance(cases, str)
     for case in cases

@@ -10,11 +10,13 @@ import errno
 import os
 import shlex
 import sys
+import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, TypeAlias
 
@@ -22,11 +24,12 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skyarm.cli.arguments import EVERY, OLDER, Plugins
-from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
+from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.own_inputs import inputs_kept
+from skyarm.records.files.user_code import is_deliberate
 from skyarm.records.registry import Registration, load_plugin, registrations
 from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.records.registry.registrations import SHIPPED
@@ -196,7 +199,8 @@ def perform() -> int:
     except MemoryError:
         return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
     except Exception as error:
-        return say(_in_users_code(error) or _input_error(error), WRONG_INPUT)
+        line = _in_users_code(error) or _input_error(error)
+        return say(line, WRONG_INPUT) if line else _our_fault(error)
     finally:
         warnings.showwarning = usual
 
@@ -267,19 +271,24 @@ def _lines_for_users() -> Iterator[None]:
 
 
 def _input_error(error: Exception) -> str:
-    """One-line message for an error in input or files; raises the error again if it is a bug.
-
-    Raises:
-        Exception: the error itself, where it is a fault.
-    """
+    """One-line message for an error in input or files; empty for any other error."""
     from skyarm.compile.machine_code import MissingExtraError, NoMachineCodeError
 
     if isinstance(error, OSError) and error.errno is not None:
         what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
         return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
-    if isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)):
-        return str(error)
-    raise error
+    told = isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)) and is_deliberate(error)
+    return str(error) if told else ""
+
+
+def _our_fault(error: Exception) -> int:
+    """Print an error of skyarm itself on one line, behind its traceback if ``--debug`` asks for it."""
+    if "--debug" in sys.argv:
+        traceback.print_exception(error)
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(where.filename).name}:{where.lineno}"
+    what = f"{type(error).__name__} at {place}: {error}"
+    return say(f"an error of skyarm, please report it with the output of --debug: {what}", OUR_FAULT)
 
 
 def _in_users_code(error: BaseException) -> str:

@@ -12,9 +12,9 @@ from skyarm.records.files import one_line
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
-WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
-"""Exit codes: wrong input; flight that ended early; difference or fault found; Ctrl-C as shells report it (128 and
-the signal's number)."""
+WRONG_INPUT, NOT_COMPLETED, DIFFERENT, OUR_FAULT, INTERRUPTED = 2, 3, 1, 70, 130
+"""Exit codes: wrong input; flight that ended early; difference or fault found; an error of skyarm itself
+(EX_SOFTWARE of sysexits.h); Ctrl-C as shells report it (128 and the signal's number)."""
 
 MOST_WARNINGS = 8
 """Largest number of warnings about one file."""

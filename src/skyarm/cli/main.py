@@ -30,7 +30,7 @@ WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended
 
 
 def main() -> None:
-    """Execute a command and exit: 0 done, 2 wrong input, 3 flight not completed, 128 + n ended by signal n."""
+    """Execute a command and exit: 0 done, 2 wrong input, 3 not completed, 70 our fault, 128 + n ended by signal n."""
     gc.set_threshold(PATIENCE)
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")

@@ -37,7 +37,7 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, autopilot_of
+from skyarm.control.controller import Controller, ControllerError, FormerGainsWarning, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
@@ -270,7 +270,7 @@ def _note_change(fields: Fields, law: str) -> None:
     for key, note in present_names("law").items():
         changed, word = key.split(".")
         if law == changed and not {"preset", word} & fields.table.keys():
-            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerNameWarning, stacklevel=4)
+            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerGainsWarning, stacklevel=4)
 
 
 def _require_clock(fields: Fields, timing: Mapping[str, float]) -> None:
