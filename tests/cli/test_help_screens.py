@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -27,6 +28,27 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
     lines = skyarm(command, "--help", columns=COLUMNS).out.splitlines()
     assert len(lines) <= LINES
     assert lines[2].strip() == COMMANDS[command]
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
+BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", PAGE.read_text("utf-8"), re.S))
+
+
+@pytest.mark.parametrize("command", BLOCKS)
+def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
+    """SCENARIO, FILE, NUMBER: nothing of Python's, as <str> or {scenario}."""
+    shown = skyarm(*command.split(), "--help", columns=COLUMNS).out
+    assert not re.search(r"[<>{}]|Annotated|str\b", shown), shown
+    words = " ".join(shown.split())
+    head, _, *rows = (
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in BLOCKS[command].splitlines()
+    )
+    for row in rows:
+        cells = dict(zip(head, row, strict=True))
+        name = cells["argument or option"].split("`")[1]
+        value = cells.get("value", "-").strip("`-")
+        line = " ".join([name, *([value] if value else []), *cells["meaning"].split()]).replace("\\|", "|")
+        assert line.partition(" [default")[0] in words, shown
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
 """Older spelling of an option, still accepted with a note -> the present one."""
 
 
-def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
+def out_option(words: str, *older: str, metavar: str = "FOLDER") -> Any:
     """Make the option for the output path, of type text since as a Path an empty name would mean the present folder."""
     return typer.Option("--out", "-o", *older, metavar=metavar, help=words)
 

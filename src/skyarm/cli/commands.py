@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -45,6 +46,9 @@ PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """Exception class for wrong usage, found by inheritance, since some versions of typer contain a copy of click."""
+
+VALUES: Mapping[type, str] = {int: "INTEGER", float: "NUMBER"}
+"""Type of an option -> word of its value in the help; the value of another option is a name."""
 
 SLOW = "no machine code here"
 """Prefix of the warning of a flight in Python floats; its class is not imported for commands without flights."""
@@ -100,6 +104,16 @@ class Spelled(LateConversion, TyperCommand):
         own = {word for each in self.params if each.name not in EVERY for word in each.opts}
         for each in self.params:  # a short name that a plugin's command has for something else stays its own
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
+            if each.param_type_name == "argument":
+                each.metavar = each.metavar or each.name.upper()
+                each.display_type_rich = lambda ctx: ""  # typer would print the type in Python's words
+            elif not each.is_flag:
+                kind = getattr(each, "type_descriptor", None)
+                each.metavar = each.metavar or VALUES.get(getattr(kind, "annotation", str), "NAME")
+
+    def collect_usage_pieces(self, ctx: Parsed) -> list[str]:
+        """Words of the line of usage, a required argument without braces."""
+        return [re.sub(r"[{}]", "", each).replace("......", "...") for each in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Parsed, formatter: Any) -> None:
         """Write the help of a command: its subcommands, its own options and shared options, each spelled once."""

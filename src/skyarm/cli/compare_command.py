@@ -63,13 +63,13 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, survive-, contact- or team-suite, or a scenario",
+            help="paper-, envelope-, survive-, contact-, team-suite or a scenario",
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,
     out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
     laws: Laws = None,
-    only: Annotated[str | None, typer.Option(help="conditions, axes or tasks, with commas")] = None,
+    only: Annotated[str | None, typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
         typer.Option(help="with an arm; of envelope- or survive-suite", autocompletion=name_completion("vehicle")),

@@ -25,7 +25,7 @@ def plot(
         list[str],
         typer.Argument(metavar="FLIGHT...", help="logs, with a label as NAME=FILE; or the folder of one sweep"),
     ],
-    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf")],
+    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")],
     kind: Annotated[
         str | None,
         typer.Option(
@@ -39,7 +39,9 @@ def plot(
             metavar="START STOP", help="with flights: the times that are drawn, s; the whole flight if left out"
         ),
     ] = None,
-    metric: Annotated[list[str] | None, typer.Option(help="with a sweep: the metric that is drawn; repeat")] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(metavar="METRIC", help="with a sweep: the metric that is drawn; repeat")
+    ] = None,
     over: Annotated[
         str | None,
         typer.Option(

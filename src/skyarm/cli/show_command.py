@@ -29,7 +29,7 @@ def show(
     shown: Annotated[
         str | None,
         typer.Argument(
-            metavar="[VEHICLE|FLIGHT|words]",
+            metavar="VEHICLE|FLIGHT|words",
             help="file or name of a vehicle, or a log; words: keys of a scenario file; left out: what ships",
             autocompletion=name_completion("vehicle"),
         ),

@@ -41,6 +41,7 @@ def studio(
     scenario: Annotated[
         str,
         typer.Argument(
+            metavar="SCENARIO|FLIGHT",
             help="a scenario file or a shipped name; with --vehicle a measured flight",
             autocompletion=name_completion("scenario"),
         ),

@@ -49,7 +49,9 @@ def sweep(
     study: Annotated[
         str,
         typer.Argument(
-            help="a study (.toml or a shipped name), or the folder of a sweep", autocompletion=name_completion("study")
+            metavar="STUDY|FOLDER",
+            help="a study (.toml or a shipped name), or the folder of a sweep",
+            autocompletion=name_completion("study"),
         ),
     ],
     laws: Laws = None,
@@ -71,7 +73,9 @@ def sweep(
     ] = None,
     paths: Annotated[
         tuple[str, str] | None,
-        typer.Option("--map", help="with a folder: two varied numbers, the horizontal and vertical axis"),
+        typer.Option(
+            "--map", metavar="X Y", help="with a folder: two varied numbers, the horizontal and vertical axis"
+        ),
     ] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.

@@ -69,7 +69,10 @@ Moment = Annotated[float | None, typer.Option(help="only the part of each flight
 Gravity = Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)]
 
 
-Out = Annotated[str | None, out_option("folder for vehicle file and numbers; with lags or design a .toml file")]
+Out = Annotated[
+    str | None,
+    out_option("folder for vehicle file and numbers; with lags or design a .toml file", metavar="PATH"),
+]
 
 
 def flights(
