@@ -45,6 +45,18 @@ def small(controller: str = LAW, plant: str = PLANT, more: str = "") -> str:
 
 
 SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
+    (
+        "preset and law",
+        small(controller='preset = "paper_ct"\nlaw = "centroidal"'),
+        ("controller.preset = 'paper_ct': must be left out beside law = 'centroidal', or law beside it",),
+    ),
+    (
+        "preset of two joints",
+        small(controller='preset = "paper_ct"', plant='vehicle = "hexarotor_arm6"').replace(
+            'vehicle = "hummingbird_arm2"', 'vehicle = "hexarotor_arm6"'
+        ),
+        ("does not fit this model", "law = 'hybrid_computed_torque' has some for any, or takes yours"),
+    ),
     ("unknown field", CASE1 + "\n[extra]\n", ("extra", "unknown field", "allowed", "duration")),
     ("unknown field in a table", small(plant=PLANT + "\nmass = 3"), ("plant.mass = 3", "unknown field", "gravity")),
     ("unknown vehicle", small(plant='vehicle = "nope"'), ("plant.vehicle = 'nope'", "hummingbird_arm2_rotors")),

@@ -219,6 +219,9 @@ def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loade
     """
     if "autopilot" in fields.table:
         return _of_options("autopilot", _require_name(fields, "autopilot", AUTOPILOTS), fields, model, timing)
+    if fields.table.get("preset") in (*PRESETS,) and "law" in fields.table:
+        beside = f"{fields.at('preset')} = {fields.table['preset']!r}: must be left out beside law"
+        raise ValueError(f"{beside} = {shown(fields.table['law'])}, or law beside it: a preset is a law with its gains")
     if "law" not in fields.table:
         return preset(_preset_name(fields), model, timing)
     law = fields.take("law")

@@ -238,7 +238,8 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
-        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
+        remedy = "add [[rotors]], or put it as an arm on a multirotor by [[attach]] in that one's file"
+        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", remedy))
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:

@@ -107,11 +107,10 @@ class OwnScenario(SummarySuite[GivenFlights]):
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
-        twice = own.autopilot is not None and any(
-            name == own.agent.controller.name
-            and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
-            for name in named
-        )
+        same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(self.plant))]
+        if tuple(self.laws) == LAWS:  # of these none was asked for by its name
+            named = [name for name in named if name not in same]
+        twice = own.autopilot is not None and own.agent.controller.name in same
         own_law = () if twice or OWN not in self.laws else (OWN,)
         entrants = [Entrant(name=name, group="own", law=name) for name in (*own_law, *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
