@@ -25,7 +25,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skyarm.cli.arguments import EVERY, OLDER, Plugins
-from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_warning
+from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_ended, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
@@ -200,7 +200,7 @@ def perform() -> int:
     except USAGE_ERROR as error:
         return say(f"{_bad_usage(error)}; see '{_command()} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
-        return say("interrupted; finished files are whole", INTERRUPTED)
+        return say_ended("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # who read our output has gone, as `skyarm show | head` does; nothing is left to flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

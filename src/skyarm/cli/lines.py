@@ -27,6 +27,16 @@ def say(message: str, code: int = 0) -> int:
     return code
 
 
+RESUMED = ("tune", "compare", "sweep", "reproduce")
+"""Commands that go on where they were interrupted."""
+
+
+def say_ended(what: str, code: int) -> int:
+    """Print that the command was ended from outside, and what then becomes of its files; returns the exit code."""
+    again = "; the same command goes on" if any(word in RESUMED for word in sys.argv[1:2]) else ""
+    return say(f"{what}; finished files are whole{again}", code)
+
+
 _said: set[str] = set()
 """Python warnings that were already printed; no command repeats them."""
 

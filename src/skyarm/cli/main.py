@@ -57,9 +57,9 @@ def main() -> None:
             if not came:
                 raise
     if came:
-        from skyarm.cli.lines import say
+        from skyarm.cli.lines import say_ended
 
-        code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
+        code = say_ended(WORDS[came[0].name], 128 + came[0])
     gc.freeze()  # Python would look through a million objects for circles before it ends
     sys.exit(code)
 

@@ -164,22 +164,22 @@ def _fly(
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
-    before: list[int] = []
+    before, laws = list[int](), len(loaded.scenarios)
     with taken_back(folder), bar(loaded.name) as advance:
         require_writable(folder if out is None else out)
 
         def progress(done: int, total: int) -> None:
             if not before:
                 before.append(done)
-            rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
-            advance(done, total, f"{rate:.0f} flights/s")
+            rate = (done - before[0]) * laws / max(time.perf_counter() - begin, 1e-9)
+            advance(done * laws, total * laws, f"flights, {rate:.0f} a second")
 
         summary = run_sweep(loaded, folder, workers=count, on=place, part=part, progress=progress)
-    flights = summary.flown * len(loaded.scenarios)
-    stored = f", {summary.found} episodes were there" if summary.found else ""
+    flights = summary.flown * laws
+    stored = f", {summary.found * laws} were there" if summary.found else ""
     tell(
-        f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
-        f"{flights} flights in {summary.seconds:.1f} s{stored}",
+        f"{summary.rows} flights in {folder}: {loaded.episodes} episodes under {', '.join(loaded.scenarios)}; "
+        f"{flights} flown in {summary.seconds:.1f} s{stored}",
         f"next: skyarm sweep {folder}",
     )
     give(
