@@ -18,6 +18,7 @@ from skyarm.cli.arguments import (
     require_left_out,
     require_within,
     shipped_names,
+    word_completion,
     workers,
 )
 from skyarm.cli.output import bar, give, tell
@@ -64,7 +65,7 @@ def compare(
         str,
         typer.Argument(
             help="paper-, envelope-, survive-, contact-, team-suite or a scenario",
-            autocompletion=name_completion("scenario"),
+            autocompletion=name_completion("suite", "scenario"),
         ),
     ] = SUITE,
     out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
@@ -92,7 +93,9 @@ def compare(
             "--quick", help=f"two values of each axis, one of each condition, {QUICK} worlds of contact-suite"
         ),
     ] = False,
-    plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
+    plant: Annotated[
+        str, typer.Option(help="rigid_body or mujoco", autocompletion=word_completion(registered="plant"))
+    ] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import out_option, require_left_out, shipped_names
+from skyarm.cli.arguments import out_option, require_left_out, shipped_names, word_completion
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -55,7 +55,12 @@ def export(
         ),
     ],
     to: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle")
+        str | None,
+        typer.Option(
+            metavar="FORMAT",
+            help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle",
+            autocompletion=word_completion("c", "mjcf", registered="log_format"),
+        ),
     ] = None,
     file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
     vehicle: Annotated[str | None, typer.Option(help="with c: vehicle in the model of a preset or law")] = None,

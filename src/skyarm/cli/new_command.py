@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Force, Out
+from skyarm.cli.arguments import Force, Out, word_completion
 from skyarm.cli.output import give, tell
 from skyarm.records.files import must_be_one_of, require_writable, shown, write_atomically
 from skyarm.records.files.earlier_files import naming
@@ -49,7 +49,7 @@ def new(
         typer.Argument(
             metavar="KIND",
             help="vehicle, scenario, law or study",
-            autocompletion=lambda incomplete: [each for each in KINDS if each.startswith(incomplete)],
+            autocompletion=word_completion(*KINDS),
         ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="name of the files and of what they describe")],

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Force, out_option
+from skyarm.cli.arguments import Force, name_completion, out_option, require_not_another
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -16,7 +16,10 @@ from skyarm.records.files.toml import Entry
 
 
 def plan(
-    task: Annotated[str, typer.Argument(metavar="TASK", help="a task's file (.toml) or a shipped task")],
+    task: Annotated[
+        str,
+        typer.Argument(help="a task's file (.toml) or a shipped task", autocompletion=name_completion("task")),
+    ],
     out: Annotated[str, out_option("file of the plan (.npz)", metavar="FILE")] = "plan.npz",
     scenario: Annotated[
         str | None, typer.Option("--scenario", metavar="FILE", help="scenario that flies the plan (.toml)")
@@ -41,6 +44,7 @@ def plan(
 
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
+    require_not_another(task, "task")
     loaded = load_task(task)
     if scenario is not None:
         require_grippers(loaded)

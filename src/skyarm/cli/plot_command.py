@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option
+from skyarm.cli.arguments import out_option, word_completion
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -16,7 +16,7 @@ from skyarm.records.files import shown, unreadable
 from skyarm.records.files.names import picture_file
 from skyarm.records.registry import names as registered
 from skyarm.view.figures.flight_facts import flight_labels
-from skyarm.view.figures.flight_panels import ALL
+from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
 from skyarm.view.figures.flight_plot import plot as draw
 
 
@@ -30,7 +30,8 @@ def plot(
         str | None,
         typer.Option(
             help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, team, path or all; "
-            "all if left out"
+            "all if left out",
+            autocompletion=word_completion(*KINDS, ALL, PATH),
         ),
     ] = None,
     window: Annotated[

@@ -22,6 +22,7 @@ from skyarm.cli.arguments import (
     name_completion,
     require_left_out,
     require_not_another,
+    word_completion,
 )
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
@@ -55,7 +56,12 @@ def run(
     context: typer.Context,
     scenario: Flown,
     out: Out = "out/run",
-    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="rigid_body or mujoco, in place of the file's", autocompletion=word_completion(registered="plant")
+        ),
+    ] = None,
     laws: Laws = None,
     autopilot: Annotated[
         str | None,

@@ -47,6 +47,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.records.coerce import unit_vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
+from skyarm.records.files.names import require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, positive
@@ -294,7 +295,9 @@ def load_task(path: PathLike) -> Task:
         elif reason := unreadable(file):
             raise TaskError(f"task = {shown(text)}: {reason}")
         try:
-            return task_from(read_toml(file.read_bytes()), file.parent)
+            table = read_toml(file.read_bytes())
+            require_kind(table, "task")
+            return task_from(table, file.parent)
         except ValueError as error:
             raise TaskError(f"{text}: {error}") from None
 
