@@ -1,4 +1,4 @@
-"""Lanes of skyarm for stable-baselines3: PPO("MlpPolicy", Lanes("skyarm/HoldTipInWind-v0", 64)).learn(100_000)."""
+"""Lanes for stable-baselines3: PPO("MlpPolicy", Lanes("skyarm/HoldTipInWind-v0", 64)).learn(100_000)."""
 
 import gymnasium
 import numpy as np

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from command_files import SHORT
 from every_command import NEEDS, REPLACES
-from test_own_inputs import SCENARIO
 from typer.main import get_command
 
 import skyarm as package
@@ -39,7 +39,7 @@ def flight() -> package.Log:
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flight: package.Log) -> Path:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "short.toml").write_text(SCENARIO)
+    (tmp_path / "short.toml").write_text(SHORT.replace("duration = 0.5", "duration = 0.1"))
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "up.toml").write_text(UP)
     package.save_log(flight, tmp_path / "flight.npz")
@@ -119,7 +119,7 @@ def test_the_page_says_the_rule_of_each_command() -> None:
 
 
 def test_no_line_is_longer_than_a_message(folder: Path) -> None:
-    (folder / "long.toml").write_text(SCENARIO + "\n".join(f"{'k' * 90}{k} = 1" for k in range(40)))
+    (folder / "long.toml").write_text(SHORT + "\n".join(f"{'k' * 90}{k} = 1" for k in range(40)))
     for words in (("run", "long.toml"), ("run", "/".join(["a" * 250] * 15) + ".toml"), ("show", "x" * 2000)):
         ended = skyarm(*words)
         assert ended.code == 2

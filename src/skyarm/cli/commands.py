@@ -102,11 +102,12 @@ class Spelled(LateConversion, TyperCommand):
     def __init__(self, *words: Any, **more: Any) -> None:
         super().__init__(*words, **more)
         own = {word for each in self.params if each.name not in EVERY for word in each.opts}
-        for each in self.params:  # a short name that a plugin's command has for something else stays its own
+        every: list[Parsed] = self.params
+        for each in every:  # a short name that a plugin's command has for something else stays its own
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
             if each.param_type_name == "argument":
                 each.metavar = each.metavar or each.name.upper()
-                each.display_type_rich = lambda ctx: ""  # typer would print the type in Python's words
+                each.display_type_rich = lambda **_: ""  # typer would print the type in Python's words
             elif not each.is_flag:
                 kind = getattr(each, "type_descriptor", None)
                 each.metavar = each.metavar or VALUES.get(getattr(kind, "annotation", str), "NAME")
@@ -296,7 +297,7 @@ def _input_error(error: Exception) -> str:
 
 
 def _our_fault(error: Exception) -> int:
-    """Print an error of skyarm itself on one line, behind its traceback if ``--debug`` asks for it."""
+    """Print an error of skyarm itself on one line, behind its traceback with ``--debug``."""
     if "--debug" in sys.argv:
         traceback.print_exception(error)
     where = traceback.extract_tb(error.__traceback__)[-1]

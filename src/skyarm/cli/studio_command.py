@@ -48,9 +48,9 @@ def studio(
     ] = "case2",
     laws: Laws = None,
     port: Annotated[int, typer.Option(help="port of the page; 0 takes a free one")] = 8080,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="address of this machine for other devices")
-    ] = LOOPBACK[0],
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine for other devices")] = LOOPBACK[
+        0
+    ],
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address and open no browser")] = False,
     out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[

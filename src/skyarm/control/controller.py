@@ -112,7 +112,7 @@ class FormerNameWarning(UserWarning):
 
 
 class FormerGainsWarning(FormerNameWarning):
-    """Warning: a law whose gains were others in an earlier version; unseen unless someone asks, as check --upgrade."""
+    """Warning: a law whose gains were others in an earlier version; ignored by default, shown by check --upgrade."""
 
 
 warnings.filterwarnings("ignore", category=FormerGainsWarning, append=True)

@@ -230,7 +230,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         "path_time": None,
     }  # fmt: skip
     return with_words(
-        scenario.as_begun.with_kind("rigid_body"),
+        with_words(scenario.as_begun.with_kind("rigid_body"), **words),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
         faults=(),
@@ -240,7 +240,6 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         ground=False,
         world=None,
         forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
-        **words,
     )
 
 
