@@ -15,6 +15,7 @@ import pytest
 from command_files import CASE1, VEHICLE, changed
 from matplotlib.figure import Figure
 
+from skyarm.cli.lines import say
 from skyarm.records.files import needs_extra
 from skyarm.records.files.user_code import PACKAGE
 from skyarm.scenario.scenario_file import list_scenarios
@@ -466,3 +467,11 @@ def test_a_missing_optional_library_is_named_with_its_extra(tmp_path, monkeypatc
     assert (done.returncode, done.stdout) == (2, "")
     monkeypatch.chdir(tmp_path)  # the command names a checkout's folder unless it runs there
     assert done.stderr == f"skyarm: {needs_extra('tune')}\n"
+
+
+def test_no_line_is_longer_than_a_message(capsys: pytest.CaptureFixture[str]) -> None:
+    assert say(f"begin {'a word ' * 300}end", 2) == 2
+    line = capsys.readouterr().err
+    assert line.startswith("skyarm: begin a word")
+    assert line.endswith("a word end\n")
+    assert 900 < len(line) <= 1001

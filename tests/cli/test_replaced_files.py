@@ -116,11 +116,3 @@ def test_the_page_says_the_rule_of_each_command() -> None:
     for command, cases in REPLACES.items():
         if not isinstance(cases, str):
             assert f"`{command}" in rule, command
-
-
-def test_no_line_is_longer_than_a_message(folder: Path) -> None:
-    (folder / "long.toml").write_text(SHORT + "\n".join(f"{'k' * 90}{k} = 1" for k in range(40)))
-    for words in (("run", "long.toml"), ("run", "/".join(["a" * 250] * 15) + ".toml"), ("show", "x" * 2000)):
-        ended = skyarm(*words)
-        assert ended.code == 2
-        assert len(ended.err) <= 1001, ended.err
