@@ -21,8 +21,8 @@ from skyarm.records.files import (
     must_be_one_of,
     number,
     output_file,
+    require_file,
     shown,
-    unreadable,
     write_atomically,
 )
 from skyarm.records.files.own_inputs import require_no_input
@@ -102,8 +102,7 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
     require_readable(flight, "flight")
-    if reason := unreadable(Path(flight)):
-        raise ValueError(f"flight = {shown(flight)}: {reason}")
+    require_file(flight, f"flight = {shown(flight)}")
     if file is not None:
         require_format(file, "--out")
         if to is not None and Path(file).suffix != f".{to}":

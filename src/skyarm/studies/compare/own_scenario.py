@@ -112,7 +112,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
             named = [name for name in named if name not in same]
         twice = own.autopilot is not None and own.agent.controller.name in same
         own_law = () if twice or OWN not in self.laws else (OWN,)
-        entrants = [Entrant(name=name, group="own", law=name) for name in (*own_law, *named)]
+        entrants = [Entrant(name=name, law=name) for name in (*own_law, *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:

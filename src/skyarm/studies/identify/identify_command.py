@@ -27,11 +27,11 @@ from skyarm.records.files import (
     errors_as,
     number,
     output_file,
+    require_file,
     require_replaceable,
     require_writable,
     shown,
     taken_back,
-    unreadable,
     write_atomically,
 )
 from skyarm.records.files.earlier_files import earlier_kept, kept_lines
@@ -115,9 +115,8 @@ def flights(
     if join is not None and len(files) > 1:
         raise ValueError(f"flights = {len(files)}: must be one with --join")
     for flight in (*files, *(held_out or ()), *(() if join is None else (join,))):
-        reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
-        if reason:
-            raise ValueError(f"flight = {shown(flight)}: {reason}")
+        if not Path(flight).is_dir():
+            require_file(flight, f"flight = {shown(flight)}")
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
@@ -178,8 +177,7 @@ def lags(
     Exit code 3: the flight does not tell.
     """
     require_readable(log, "flight")
-    if reason := unreadable(Path(log)):
-        raise ValueError(f"flight = {shown(log)}: {reason}")
+    require_file(log, f"flight = {shown(log)}")
     with taken_back(out and Path(out).parent):
         written, name = None if out is None else output_file(out, "--out", ".toml", force=force), Path(log).name
         whole = load_log(log)
