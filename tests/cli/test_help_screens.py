@@ -63,3 +63,13 @@ def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
 def test_wrong_words_are_shown_with_what_is_allowed(words: tuple[str, ...], line: str) -> None:
     ended = skyarm(*words)
     assert (ended.code, ended.err) == (2, f"skyarm: {line}\n")
+
+
+@pytest.mark.parametrize("columns", [80, 300])
+def test_heads_of_a_wide_table_keep_their_words(columns: int) -> None:
+    """At 80 columns the table of a joint's twelve numbers has a row for each."""
+    text = skyarm("show", "crazyflie_arm1", columns=columns).out
+    joints = text[text.index("\njoints\n") : text.index("\nbodies")]
+    assert all(head in joints for head in ("position, m ", "coulomb, N m or N ", "stop stiffness, N m/rad or N/m "))
+    assert (len(joints.splitlines()) > 10) == (columns == 80)
+    assert max(map(len, joints.splitlines())) <= columns
