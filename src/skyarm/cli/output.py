@@ -89,7 +89,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
         return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
     if not isinstance(line, pages.Table):
         return line
-    line = _turned(line) if _is_squeezed(line) else line
+    line = _transpose(line) if _is_squeezed(line) else line
     names = [name.removeprefix(">") for name in line.head]
     table = Table(box=None, pad_edge=False, show_header=any(names), header_style="dim")
     for name, head in zip(names, line.head, strict=True):
@@ -113,8 +113,8 @@ WIDE = 4
 """Least number of columns of a table that may be turned."""
 
 
-def _turned(table: pages.Table) -> pages.Table:
-    """Table whose columns are rows."""
+def _transpose(table: pages.Table) -> pages.Table:
+    """Transpose a table: its columns become rows."""
     head, *columns = zip(*table.rows, strict=True)
     names = [name.removeprefix(">") for name in table.head[1:]]
     rows = [(name, *column) for name, column in zip(names, columns, strict=True)]
