@@ -866,7 +866,7 @@ class Scenario:
         return (ClosedContact(**parts(self.world)),)
 
 
-class ScenarioWords(TypedDict, total=False):
+class FieldsByWord(TypedDict, total=False):
     """Fields of a scenario, and those of its groups, that :func:`with_words` replaces."""
 
     name: str
@@ -893,7 +893,7 @@ class ScenarioWords(TypedDict, total=False):
     world: Contact | None
 
 
-def with_words(scenario: Scenario, **words: Unpack[ScenarioWords]) -> Scenario:
+def with_words(scenario: Scenario, **words: Unpack[FieldsByWord]) -> Scenario:
     """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
     # the class takes words of its groups, too, which type checkers do not see
     return dataclasses.replace(scenario, **words)  # type: ignore[misc]

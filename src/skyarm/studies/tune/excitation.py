@@ -24,7 +24,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.members import SOLE
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, ScenarioWords, with_words
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, FieldsByWord, with_words
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -223,7 +223,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
-    words: ScenarioWords = {} if own_motion else {
+    words: FieldsByWord = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         "reference": (unseen_motion if unseen else motion)(scenario.agent.plant.vehicle),
