@@ -24,7 +24,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.members import SOLE
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, FieldsByWord, with_words
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, FieldsByWord, Rates, Scenario, with_words
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
