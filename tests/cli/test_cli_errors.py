@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import linecache
 import os
 import re
 import subprocess
@@ -9,11 +10,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from command_files import CASE1, VEHICLE, changed
+from matplotlib.figure import Figure
 
-from skyarm.cli.main import main
+from skyarm.cli.lines import say
 from skyarm.records.files import needs_extra
+from skyarm.records.files.user_code import PACKAGE
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from support.commands import refused, skyarm
@@ -42,6 +46,18 @@ def small(controller: str = LAW, plant: str = PLANT, more: str = "") -> str:
 
 
 SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
+    (
+        "preset and law",
+        small(controller='preset = "paper_ct"\nlaw = "centroidal"'),
+        ("controller.preset = 'paper_ct': must be left out beside law = 'centroidal', or law beside it",),
+    ),
+    (
+        "preset of two joints",
+        small(controller='preset = "paper_ct"', plant='vehicle = "hexarotor_arm6"').replace(
+            'vehicle = "hummingbird_arm2"', 'vehicle = "hexarotor_arm6"'
+        ),
+        ("does not fit this model", "law = 'hybrid_computed_torque' has some for any, or takes yours"),
+    ),
     ("unknown field", CASE1 + "\n[extra]\n", ("extra", "unknown field", "allowed", "duration")),
     ("unknown field in a table", small(plant=PLANT + "\nmass = 3"), ("plant.mass = 3", "unknown field", "gravity")),
     ("unknown vehicle", small(plant='vehicle = "nope"'), ("plant.vehicle = 'nope'", "hummingbird_arm2_rotors")),
@@ -412,9 +428,35 @@ def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr("skyarm.cli.show_command.load_vehicle", broken)
-    monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
-    with pytest.raises(ZeroDivisionError):
-        main()
+    ended = skyarm("show", "hummingbird", "--json")
+    assert (ended.code, ended.out) == (70, "")
+    said = "skyarm: an error of skyarm, please report it with the output of --debug: ZeroDivisionError at "
+    assert re.fullmatch(rf"{re.escape(said)}test_cli_errors\.py:\d+: a bug\n", ended.err)
+    debugged = skyarm("show", "hummingbird", "--debug")
+    assert debugged.code == 70
+    assert debugged.err.startswith("Traceback")
+    assert debugged.err.endswith(ended.err)
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ("skyarm.cli.show_command.vehicle_facts", "float('12,5')"),
+        ("skyarm.cli.show_command.say_unlikely", "np.zeros(2) + np.zeros(3)"),
+        ("skyarm.cli.show_command.sheet", "Figure().subplots().plot([1.0, 2.0], [1.0])"),
+    ],
+)
+def test_an_error_of_a_library_that_reaches_the_user_is_ours(monkeypatch: pytest.MonkeyPatch, place, text) -> None:
+    """A ValueError of Matplotlib or NumPy says nothing about the input."""
+    code = compile(f"def broken(*_):\n    {text}\n", f"{PACKAGE}broken.py", "exec")
+    names: dict[str, Any] = {"np": np, "Figure": Figure}
+    exec(code, names)
+    linecache.cache[f"{PACKAGE}broken.py"] = (0, None, ["def broken(*_):\n", f"    {text}\n"], "")
+    monkeypatch.setattr(place, names["broken"])
+    ended = skyarm("show", "hummingbird")
+    assert ended.code == 70
+    assert ended.err.count("\n") == 1
+    assert "please report it" in ended.err
 
 
 def test_a_missing_optional_library_is_named_with_its_extra(tmp_path, monkeypatch):
@@ -425,3 +467,11 @@ def test_a_missing_optional_library_is_named_with_its_extra(tmp_path, monkeypatc
     assert (done.returncode, done.stdout) == (2, "")
     monkeypatch.chdir(tmp_path)  # the command names a checkout's folder unless it runs there
     assert done.stderr == f"skyarm: {needs_extra('tune')}\n"
+
+
+def test_no_line_is_longer_than_a_message(capsys: pytest.CaptureFixture[str]) -> None:
+    assert say(f"begin {'a word ' * 300}end", 2) == 2
+    line = capsys.readouterr().err
+    assert line.startswith("skyarm: begin a word")
+    assert line.endswith("a word end\n")
+    assert 900 < len(line) <= 1001

@@ -13,8 +13,9 @@ import pytest
 from command_files import succeeded
 
 import skyarm
-from skyarm.cli.run_command import earlier_kept
 from skyarm.control.catalogue import LAWS, PRESETS
+from skyarm.records.files.earlier_files import earlier_kept
+from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate import Log
 from skyarm.studies.sweep import list_studies
@@ -186,7 +187,7 @@ def test_the_log_of_an_earlier_flight_keeps_a_number(tmp_path: Path, monkeypatch
     words = ("run", "case1", "--duration", "0.1", "--out", ".")
     for seed, more in ((1, ()), (2, ()), (3, ()), (4, ("--force",))):
         text = succeeded(typed(*words, "--seed", str(seed), *more))
-        assert ("the flight before it is kept" in text) == (seed in (2, 3)), text
+        assert ("what was there is kept" in text) == (seed in (2, 3)), text
     seeds = {p.name: Log.load_npz(p).info["seed"] for p in tmp_path.glob("*.npz")}
     assert seeds == {"case1.npz": 4, "case1_1.npz": 1, "case1_2.npz": 2}
     assert sorted(p.name for p in tmp_path.glob("*.csv")) == ["case1.csv", "case1_1.csv", "case1_2.csv"]
@@ -267,3 +268,12 @@ def test_a_full_disk_under_standard_output_is_one_line() -> None:
     )
     assert result.returncode == 2
     assert result.stderr == "skyarm: standard output: must be usable (No space left on device)\n"
+
+
+def test_a_law_whose_gains_were_others_is_told_to_nobody_who_does_not_ask(tmp_path: Path) -> None:
+    text = (SCENARIOS / "case3.toml").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text(text.replace('preset = "paper_ct"', 'law = "centroidal"'))
+    code = [sys.executable, "-c", "import skyarm; skyarm.load_scenario('mine.toml')"]
+    done = subprocess.run(code, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stderr == ""
+    assert "'centroidal' -> bandwidth = 1.0" in succeeded(typed("check", str(tmp_path / "mine.toml"), "--upgrade"))

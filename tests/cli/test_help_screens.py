@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -29,6 +30,27 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
     assert lines[2].strip() == COMMANDS[command]
 
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
+BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", PAGE.read_text("utf-8"), re.S))
+
+
+@pytest.mark.parametrize("command", BLOCKS)
+def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
+    """SCENARIO, FILE, NUMBER: nothing of Python's, as <str> or {scenario}."""
+    shown = skyarm(*command.split(), "--help", columns=COLUMNS).out
+    assert not re.search(r"[<>{}]|Annotated|str\b", shown), shown
+    words = " ".join(shown.split())
+    head, _, *rows = (
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in BLOCKS[command].splitlines()
+    )
+    for row in rows:
+        cells = dict(zip(head, row, strict=True))
+        name = cells["argument or option"].split("`")[1]
+        value = cells.get("value", "-").strip("`-")
+        line = " ".join([name, *([value] if value else []), *cells["meaning"].split()]).replace("\\|", "|")
+        assert line.partition(" [default")[0] in words, shown
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
@@ -41,3 +63,13 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
 def test_wrong_words_are_shown_with_what_is_allowed(words: tuple[str, ...], line: str) -> None:
     ended = skyarm(*words)
     assert (ended.code, ended.err) == (2, f"skyarm: {line}\n")
+
+
+@pytest.mark.parametrize("columns", [80, 300])
+def test_heads_of_a_wide_table_keep_their_words(columns: int) -> None:
+    """At 80 columns the table of a joint's twelve numbers has a row for each."""
+    text = skyarm("show", "crazyflie_arm1", columns=columns).out
+    joints = text[text.index("\njoints\n") : text.index("\nbodies")]
+    assert all(head in joints for head in ("position, m ", "coulomb, N m or N ", "stop stiffness, N m/rad or N/m "))
+    assert (len(joints.splitlines()) > 10) == (columns == 80)
+    assert max(map(len, joints.splitlines())) <= columns

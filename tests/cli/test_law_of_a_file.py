@@ -99,9 +99,9 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     from skyarm.studies.sweep.stats import Rows
 
     words = ["sweep", "study.toml", "--laws", LAW, "--laws", "paper_ct", *ways]
-    assert "12 rows" in ran(*words).out
+    assert "12 flights" in ran(*words).out
     drop_chunk(folder / "out" / "quick", 1)
-    assert "3 episodes were there" in ran(*words).out
+    assert ", 6 were there" in ran(*words).out
     rows = Rows(folder / "out" / "quick")
     assert list(rows.manifest.scenarios) == [LAW, "paper_ct"]
     changed(folder)

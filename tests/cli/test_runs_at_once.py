@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.cli.run_command import NAMING, earlier_kept, save_logs
+from skyarm.cli.run_command import save_logs
 from skyarm.records.files import writing
+from skyarm.records.files.earlier_files import NAMING, earlier_kept
 from skyarm.records.files.own_inputs import inputs_kept, note_input
 from skyarm.records.files.writing import TakenError, one_writer
 
@@ -45,7 +46,7 @@ def test_a_flight_that_ends_while_another_is_between_look_and_write_waits_for_it
 
 
 def test_two_that_replace_leave_a_pair_of_one_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("skyarm.cli.run_command.PATIENCE", 0.0)
+    monkeypatch.setattr("skyarm.records.files.earlier_files.PATIENCE", 0.0)
     with earlier_kept([tmp_path / "a.npz"], replace=True), pytest.raises(TakenError, match="one process at a time"):
         save([tmp_path / "a.npz"], "other")
     assert list(tmp_path.iterdir()) == []
@@ -54,7 +55,7 @@ def test_two_that_replace_leave_a_pair_of_one_flight(tmp_path: Path, monkeypatch
 def test_a_flight_is_saved_although_another_process_holds_the_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("skyarm.cli.run_command.PATIENCE", 0.0)
+    monkeypatch.setattr("skyarm.records.files.earlier_files.PATIENCE", 0.0)
     monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
     files = [tmp_path / "a.npz", tmp_path / "a.csv"]
     with earlier_kept(files):
@@ -68,7 +69,7 @@ def test_a_flight_is_saved_although_another_process_holds_the_folder(
 def test_an_earlier_flight_of_this_process_s_number_is_left_and_so_is_a_device(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("skyarm.cli.run_command.PATIENCE", 0.0)
+    monkeypatch.setattr("skyarm.records.files.earlier_files.PATIENCE", 0.0)
     monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
     earlier, device = tmp_path / f"a_{os.getpid()}.npz", Path(os.devnull)
     earlier.write_text("earlier")
@@ -87,7 +88,7 @@ def test_a_flight_beside_the_log_it_read_gets_its_name_under_the_lock(
         (folder / "a_1.npz").write_text("another's")
         return one_writer(folder, **more)
 
-    monkeypatch.setattr("skyarm.cli.run_command.one_writer", late)
+    monkeypatch.setattr("skyarm.records.files.earlier_files.one_writer", late)
     monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
     (tmp_path / "a.npz").write_text("read")
     with inputs_kept():
@@ -122,7 +123,7 @@ def test_files_of_two_folders_are_locked_in_one_order(tmp_path: Path, monkeypatc
         order.append(folder.name)
         return usual(folder, **more)
 
-    monkeypatch.setattr("skyarm.cli.run_command.one_writer", noted)
+    monkeypatch.setattr("skyarm.records.files.earlier_files.one_writer", noted)
     for names in (("a", "b"), ("b", "a")):
         save([tmp_path / name / f"x{i}" for i, name in enumerate(names)], "flown")
     assert order == ["a", "b", "a", "b"]

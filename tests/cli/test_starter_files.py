@@ -6,6 +6,8 @@ import importlib.util
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -77,13 +79,42 @@ def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     for name in ("test_mine.py", "mine_hover.toml"):
         (tmp_path / name).write_text("mine", "utf-8")
-        refused(skyarm("new", "vehicle", "mine"), name, "nothing is overwritten")
+        refused(skyarm("new", "vehicle", "mine"), name, "must not be there yet; --force replaces it")
         assert [each.name for each in tmp_path.iterdir()] == [name]
         assert (tmp_path / name).read_text("utf-8") == "mine"
         (tmp_path / name).unlink()
     os.symlink("nowhere", tmp_path / "mine.toml")
     refused(skyarm("new", "vehicle", "mine"), "mine.toml")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_of_three_at_once_one_has_the_name(tmp_path, monkeypatch):
+    """All look at the names before any of them writes, as processes at the same time do."""
+    from skyarm.cli import new_command as starter_files
+
+    real, ended = starter_files.write_atomically, []
+
+    def begin():
+        try:
+            ended.append(starter_files.write_starter("study", "mine", tmp_path))
+        except ValueError as error:
+            ended.append(str(error))
+
+    def slow(file, content):
+        for each in others:
+            if not each.is_alive() and each.ident is None:
+                each.start()
+        time.sleep(0.1)
+        return real(file, content)
+
+    others = [threading.Thread(target=begin) for _ in range(2)]
+    monkeypatch.setattr(starter_files, "write_atomically", slow)
+    begin()
+    for each in others:
+        each.join()
+    refusals = [each for each in ended if isinstance(each, str)]
+    assert (len(ended), len(refusals)) == (3, 2)
+    assert all("mine.toml'" in each and "must not be there yet" in each for each in refusals)
 
 
 def test_a_disk_that_fills_leaves_nothing(tmp_path, monkeypatch):

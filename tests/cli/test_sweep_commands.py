@@ -39,11 +39,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
     first = skyarm("sweep", "study.toml", "--workers", "1")
     assert first.code == 0, first.err
-    assert "48 rows in out/quick: 24 episodes of paper_ct, paper_pd; 48 flights" in first.out.replace("\\", "/")
+    assert "48 flights in out/quick: 24 episodes under paper_ct, paper_pd; 48 flown in" in first.out.replace("\\", "/")
     drop_chunk(folder / "out" / "quick", 1)
     second = skyarm("sweep", "study.toml")
-    assert "20 flights" in second.out
-    assert "14 episodes were there" in second.out
+    assert "20 flown in" in second.out
+    assert ", 28 were there\n" in second.out
     summed = skyarm("sweep", "out/quick", "--success", "position_error_mean=0.5")
     assert summed.code == 0, summed.err
     assert "paper_ct - paper_pd: success" in summed.out

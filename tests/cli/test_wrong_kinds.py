@@ -12,19 +12,21 @@ import pytest
 from command_files import CASE1, VEHICLE
 
 from skyarm.log.flight_log import Log
+from skyarm.planning.task import LIBRARY as TASKS
 from skyarm.records.files import how_to_install, must_be_one_of, needs_extra
 from skyarm.records.files.names import is_result_name
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import study_from
 from support.commands import refused, skyarm
 
+TASK = (TASKS / "eagle_catch.toml").read_text("utf-8")
 STUDY = (STUDIES / "robustness.toml").read_text("utf-8")
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    for name, text in (("v.toml", VEHICLE), ("s.toml", CASE1), ("y.toml", STUDY)):
+    for name, text in (("t.toml", TASK), ("v.toml", VEHICLE), ("s.toml", CASE1), ("y.toml", STUDY)):
         (tmp_path / name).write_text(text, "utf-8")
     return tmp_path
 
@@ -32,6 +34,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (("run", "t.toml"), "must be a scenario file, and this is a task file, for 'skyarm plan'"),
+        (("run", "eagle_catch"), "must be a scenario, and this is a task, for 'skyarm plan eagle_catch'"),
+        (("plan", "case3"), "must be a task, and this is a scenario, for 'skyarm run case3'"),
+        (("plan", "s.toml"), "must be a task file, and this is a scenario file, for 'skyarm run'"),
         (("run", "v.toml"), "must be a scenario file, and this is a vehicle file, for 'skyarm show'"),
         (("run", "y.toml"), "must be a scenario file, and this is a study file, for 'skyarm sweep'"),
         (("show", "s.toml"), "must be a vehicle file, and this is a scenario file, for 'skyarm run'"),

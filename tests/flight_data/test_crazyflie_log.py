@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import struct
+import time
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from skyarm.flight_data import crazyflie_log
 from skyarm.flight_data.flight_data import load_flight
 
 CUT = Path(__file__).parents[1] / "data" / "flights" / "crazyflie" / "log15_from_20_to_23_s"
@@ -48,6 +50,21 @@ def test_events_of_several_types_are_told_apart_in_both_versions(tmp_path: Path,
     np.testing.assert_allclose(flight["voltage"].time, [tick], rtol=1e-12)
     np.testing.assert_allclose(flight["voltage"].values, [[3.7]])
     assert flight.facts["start"] == pytest.approx(5000 * tick)
+
+
+def test_reading_takes_a_time_in_proportion_to_the_events(tmp_path: Path) -> None:
+    """Types that alternate: a reader that looks ahead for the end of each run of one type takes the square."""
+    head = packed(2, {0xFFFF: GYRO, 3: POWER}, [])[:-4]
+    pair = struct.pack("<HQ3f", 0xFFFF, 5000, 1.0, 2.0, 3.0) + struct.pack("<HQH", 3, 5000, 3700)
+    taken = []
+    for pairs in (50_000, 200_000):
+        data = head + pair * pairs
+        path = written(tmp_path, data + struct.pack("<I", zlib.crc32(data)))
+        begin = time.process_time()
+        rows, _ = crazyflie_log._rows(path.read_bytes(), *crazyflie_log._head(data)[1:])
+        taken.append(time.process_time() - begin)
+        assert [len(rows[number]) for number in (0xFFFF, 3)] == [pairs, pairs]
+    assert taken[1] < 8.0 * taken[0] + 0.2  # 4 in proportion, 16 by the square
 
 
 def test_a_published_log_is_read_as_numpy_reads_its_bytes() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,3 +86,10 @@ def test_a_mapping_is_refused_and_one_beside_the_log_is_for_other_files(tmp_path
     with pytest.raises(ValueError, match=r"must be a log that save_npz wrote") as error:
         load_flight(tmp_path / "bad.npz")
     assert "\n" not in str(error.value)
+
+
+def test_a_log_of_several_vehicles_is_refused_by_their_names_and_with_a_cure() -> None:
+    team: Any = SimpleNamespace(agents={"left": None, "right": None})
+    words = re.escape("vehicles = left, right: must be one; Python writes the log of one: skyarm.save_log(")
+    with pytest.raises(ValueError, match=f"^{words}.*'left'"):
+        measured_flight(team, Path("team.npz"))

@@ -241,3 +241,11 @@ def test_a_vehicle_is_a_file_beside_the_task(tmp_path: Path) -> None:
     file = tmp_path / "task.toml"
     file.write_text(toml_text(reach(vehicle="mine.toml")), encoding="utf-8")
     assert load_task(file).vehicle == task_from(reach()).vehicle
+
+
+def test_a_vehicle_s_name_that_no_file_can_have_is_one_line(tmp_path: Path) -> None:
+    task = tmp_path / "long.toml"
+    task.write_text(f'vehicle = "{"A" * 300}"\n[[phases]]\nto = {{ base = [0.0, 0.0, 1.0], rest = true }}\n')
+    with pytest.raises(TaskError, match=r"long\.toml: vehicle = 'AAA.*must be one of ") as refused:
+        load_task(task)
+    assert "\n" not in str(refused.value)

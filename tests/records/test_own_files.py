@@ -340,7 +340,7 @@ def test_a_cell_of_a_comparison_is_of_the_code_that_flew(tmp_path: Path) -> None
     file = tmp_path / "push_cell.py"
     file.write_text(FORCE.format(top="GAIN = 1.0"))
     imported(file)
-    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).plan_cells()[0][1]
+    flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).plan_cells()[0][0]
     first = flights.work().key
     assert flights.work().key == first
     file.write_text(FORCE.format(top="GAIN = 2.0"))

@@ -17,6 +17,7 @@ from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 
 TIMES = np.linspace(0.0, 2.0, 41)
+WITHIN = "must be finite numbers, from -1e+06 to 1e+06"
 
 
 def arrays(**changes: Any) -> dict[str, Any]:
@@ -105,23 +106,28 @@ def with_(name: str, value: float) -> np.ndarray[Any, Any]:
         ({"quaternion": np.ones((41, 3))}, "quaternion of shape (41, 3): must be (41, 4)"),
         ({"quaternion": np.ones(41)}, "quaternion of shape (41,): must be (41, 4)"),
         ({"quaternion": with_("quaternion", 0.0)}, "quaternion: must be of length 1 at each node"),
-        ({"quaternion": with_("quaternion", np.nan)}, "quaternion: must be finite numbers"),
+        ({"quaternion": with_("quaternion", np.nan)}, f"quaternion: {WITHIN}"),
         ({"position": np.ones((40, 3))}, "position of shape (40, 3): must be (41, 3)"),
         ({"position": np.array(["a"] * 41)}, "position of type <U1: must be an array of numbers"),
         ({"position": np.ones((41, 3)) * 1j}, "position of type complex128: must be an array of numbers"),
         ({"center": np.ones((41, 2))}, "center of shape (41, 2): must be (41, 3)"),
         ({"tip": np.ones((41, 2))}, "tip of shape (41, 2): must be (41, 3)"),
         ({"yaw": np.ones((41, 1))}, "yaw of shape (41, 1): must be (41,)"),
-        ({"yaw": with_("yaw", np.inf)}, "yaw: must be finite numbers"),
+        ({"yaw": with_("yaw", np.inf)}, f"yaw: {WITHIN}"),
         ({"joints": np.ones(41)}, "joints of shape (41,): must be (41, any number)"),
         ({"rotor_speeds": np.ones((3, 4))}, "rotor_speeds of shape (3, 4): must be (41, any number)"),
         ({"torques": np.ones((41, 3))}, "torques of shape (41, 3): must be (41, 2)"),
-        ({"torques": with_("joints", np.nan)}, "torques: must be finite numbers"),
+        ({"torques": with_("joints", np.nan)}, f"torques: {WITHIN}"),
         ({"force": np.ones((41, 2))}, "force of shape (41, 2): must be (41, 3)"),
         ({"t": 1.0}, "t of shape (): must be a list of two times or more"),
         ({"t": TIMES[:1]}, "t of shape (1,): must be a list of two times or more"),
         ({"t": TIMES[::-1]}, "t: must increase from node to node"),
-        ({"t": with_("t", np.nan)}, "t: must be finite numbers"),
+        ({"t": with_("t", np.nan)}, f"t: {WITHIN}"),
+        ({"t": with_("t", 1e300)}, f"t: {WITHIN}"),
+        ({"position": with_("position", -1e300)}, f"position: {WITHIN}"),
+        ({"rotor_speeds": with_("rotor_speeds", 1e300)}, f"rotor_speeds: {WITHIN}"),
+        ({"gains": np.full((40, 4, 6), np.nan)}, f"gains: {WITHIN}"),  # which no reference reads
+        ({"inputs": np.full((40, 4), 1e300)}, f"inputs: {WITHIN}"),
         ({"vehicle": 3}, "vehicle: must be a name"),
         ({"format": np.ones(3)}, "must be a file of 'skyarm plan' of this version"),
         ({"format": "one"}, "must be a file of 'skyarm plan' of this version"),

@@ -10,6 +10,7 @@ import pytest
 import skyarm
 from skyarm.control.law_estimates import lags_found
 from skyarm.control.safety import with_safety_layer
+from skyarm.log.flight_summary import sentences
 from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.suite import NOISE
 
@@ -79,3 +80,12 @@ def test_files_keep_it_under_names_and_a_law_without_it_leaves_it_out(log, tmp_p
     other = skyarm.run(skyarm.load_scenario("case3", duration=0.05))
     assert other.lag_found.shape == (0, 0)
     assert "lag_found" not in other.arrays()
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [((0.0, 0.0), None), ((4e-5, 2e-3), "joints 2.0 ms"), ((6e-5, 0.0), "rotors 0.1 ms")],
+)
+def test_a_lag_that_would_read_zero_is_not_told(found, words):
+    lines = [line for line in sentences({"lag_found_s": np.array(found)}) if line.startswith("lag found")]
+    assert lines == ([] if words is None else [f"lag found at the end, beyond the law's nominal: {words}"])

@@ -465,10 +465,8 @@ def command_block(*words: str) -> str:
             continue
         spelled = [word for word in each.opts if word not in OLDER]
         is_option = each.param_type_name == "option"
-        kind = getattr(each, "type_descriptor", None)
-        plain = {int: "whole number", float: "number"}.get(getattr(kind, "annotation", str), "text")
-        value = "" if getattr(each, "is_flag", False) else f"`{each.metavar}`" if each.metavar else plain
-        name = ", ".join(f"`{word}`" for word in spelled) if is_option else f"`{each.metavar or each.name.upper()}`"
+        value = f"`{each.metavar}`" if each.metavar else ""
+        name = ", ".join(f"`{word}`" for word in spelled) if is_option else f"`{each.metavar}`"
         default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
         needed = "required" if each.required else default
         rows.append((name, value if is_option else "", needed, each.help or ""))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.files.names import READS
+from skyarm.records.files.names import READS, names_in
+from skyarm.records.registry import names as names_of_kind
 
 MOST_WORKERS = 10_000
 """Largest number of threads or processes."""
@@ -22,6 +24,8 @@ SUFFIXES: Mapping[str, tuple[str, ...]] = {
     "vehicle": (".toml", ".urdf"),
     "scenario": (".toml", ".npz"),
     "study": (".toml",),
+    "task": (".toml",),
+    "suite": (),
     "controller": (".py",),
     "autopilot": (),
 }
@@ -29,7 +33,7 @@ SUFFIXES: Mapping[str, tuple[str, ...]] = {
 
 
 def shipped_names(kind: str) -> Iterable[str]:
-    """Names of the shipped vehicles, scenarios, studies or controllers."""
+    """Names of the shipped vehicles, scenarios, studies, tasks or controllers."""
     if kind == "vehicle":
         from skyarm.vehicle.vehicle_files import list_vehicles
 
@@ -42,6 +46,14 @@ def shipped_names(kind: str) -> Iterable[str]:
         from skyarm.studies.sweep.study_file import list_studies
 
         return list_studies()
+    if kind == "suite":
+        from skyarm.studies.compare.compare_laws import SUITES
+
+        return SUITES
+    if kind == "task":
+        from importlib import resources
+
+        return names_in(resources.files("skyarm.planning") / "library")
     from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS
 
     return (*AUTOPILOTS,) if kind == "autopilot" else (*PRESETS, *LAWS, *AUTOPILOTS)
@@ -60,16 +72,24 @@ def name_completion(*kinds: str) -> Callable[[str], list[str]]:
     return complete
 
 
+def word_completion(*words: str, registered: str = "") -> Callable[[str], list[str]]:
+    """Make a shell completion function for some words, and the registered names of a kind."""
+    from_registry = partial(names_of_kind, registered) if registered else tuple
+    return lambda incomplete: [each for each in (*words, *from_registry()) if each.startswith(incomplete)]
+
+
 OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
 """Older spelling of an option, still accepted with a note -> the present one."""
 
 
-def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
+def out_option(words: str, *older: str, metavar: str = "FOLDER") -> Any:
     """Make the option for the output path, of type text since as a Path an empty name would mean the present folder."""
     return typer.Option("--out", "-o", *older, metavar=metavar, help=words)
 
 
 Out = Annotated[str, out_option("folder for the results, made if missing")]
+
+Force = Annotated[bool, typer.Option("--force", help="replace a file that is there and that people edit")]
 
 Plugins = Annotated[
     list[str] | None, typer.Option("--plugin", metavar="FILE.py", help="a .py file that registers names; repeat")
@@ -79,6 +99,7 @@ EVERY: Mapping[str, Any] = {
     "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
     "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
     "plugin": Plugins,
+    "debug": Annotated[bool, typer.Option("--debug", hidden=True, help="show where an error of skyarm itself arose")],
 }
 """Options that every command has, by parameter."""
 
@@ -86,7 +107,12 @@ Flying = Annotated[int, typer.Option("--workers", help="threads or processes tha
 
 On = Annotated[
     str | None,
-    typer.Option("--on", metavar="PLACE", help="where flights are computed: local, processes, ray or ray:HOST:PORT"),
+    typer.Option(
+        "--on",
+        metavar="PLACE",
+        help="where flights are computed: local, processes, ray or ray:HOST:PORT",
+        autocompletion=word_completion("local", "processes", "ray"),
+    ),
 ]
 
 Scenario = Annotated[
@@ -223,12 +249,12 @@ def require_not_another(name: str, expected: str) -> None:
 
     Args:
         name: name as given; files other than models are not looked at here.
-        expected: "vehicle", "scenario" or "study".
+        expected: "vehicle", "scenario", "study" or "task".
 
     Raises:
         ValueError: one line.
     """
-    kinds = ("vehicle", "scenario", "study")
+    kinds = ("vehicle", "scenario", "study", "task")
     kind = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped_names(kind)), "")
     if expected != "vehicle" and Path(name).suffix in MODELS:
         kind = "vehicle"

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shlex
 import sys
+import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, TypeAlias
 
@@ -22,11 +25,12 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skyarm.cli.arguments import EVERY, OLDER, Plugins
-from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
+from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_ended, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.own_inputs import inputs_kept
+from skyarm.records.files.user_code import is_deliberate
 from skyarm.records.registry import Registration, load_plugin, registrations
 from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.records.registry.registrations import SHIPPED
@@ -42,6 +46,9 @@ PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """Exception class for wrong usage, found by inheritance, since some versions of typer contain a copy of click."""
+
+VALUES: Mapping[type, str] = {int: "INTEGER", float: "NUMBER"}
+"""Type of an option -> word of its value in the help; the value of another option is a name."""
 
 SLOW = "no machine code here"
 """Prefix of the warning of a flight in Python floats; its class is not imported for commands without flights."""
@@ -95,8 +102,19 @@ class Spelled(LateConversion, TyperCommand):
     def __init__(self, *words: Any, **more: Any) -> None:
         super().__init__(*words, **more)
         own = {word for each in self.params if each.name not in EVERY for word in each.opts}
-        for each in self.params:  # a short name that a plugin's command has for something else stays its own
+        every: list[Parsed] = self.params
+        for each in every:  # a short name that a plugin's command has for something else stays its own
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
+            if each.param_type_name == "argument":
+                each.metavar = each.metavar or each.name.upper()
+                each.display_type_rich = lambda **_: ""  # typer would print the type in Python's words
+            elif not each.is_flag:
+                kind = getattr(each, "type_descriptor", None)
+                each.metavar = each.metavar or VALUES.get(getattr(kind, "annotation", str), "NAME")
+
+    def collect_usage_pieces(self, ctx: Parsed) -> list[str]:
+        """Words of the line of usage, a required argument without braces."""
+        return [re.sub(r"[{}]", "", each).replace("......", "...") for each in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Parsed, formatter: Any) -> None:
         """Write the help of a command: its subcommands, its own options and shared options, each spelled once."""
@@ -183,7 +201,7 @@ def perform() -> int:
     except USAGE_ERROR as error:
         return say(f"{_bad_usage(error)}; see '{_command()} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
-        return say("interrupted; finished files are whole", INTERRUPTED)
+        return say_ended("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # who read our output has gone, as `skyarm show | head` does; nothing is left to flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -196,7 +214,8 @@ def perform() -> int:
     except MemoryError:
         return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
     except Exception as error:
-        return say(_in_users_code(error) or _input_error(error), WRONG_INPUT)
+        line = _in_users_code(error) or _input_error(error)
+        return say(line, WRONG_INPUT) if line else _our_fault(error)
     finally:
         warnings.showwarning = usual
 
@@ -267,19 +286,24 @@ def _lines_for_users() -> Iterator[None]:
 
 
 def _input_error(error: Exception) -> str:
-    """One-line message for an error in input or files; raises the error again if it is a bug.
-
-    Raises:
-        Exception: the error itself, where it is a fault.
-    """
+    """One-line message for an error in input or files; empty for any other error."""
     from skyarm.compile.machine_code import MissingExtraError, NoMachineCodeError
 
     if isinstance(error, OSError) and error.errno is not None:
         what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
         return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
-    if isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)):
-        return str(error)
-    raise error
+    told = isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)) and is_deliberate(error)
+    return str(error) if told else ""
+
+
+def _our_fault(error: Exception) -> int:
+    """Print an error of skyarm itself on one line, behind its traceback with ``--debug``."""
+    if "--debug" in sys.argv:
+        traceback.print_exception(error)
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(where.filename).name}:{where.lineno}"
+    what = f"{type(error).__name__} at {place}: {error}"
+    return say(f"an error of skyarm, please report it with the output of --debug: {what}", OUR_FAULT)
 
 
 def _in_users_code(error: BaseException) -> str:

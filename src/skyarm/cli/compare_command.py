@@ -18,6 +18,7 @@ from skyarm.cli.arguments import (
     require_left_out,
     require_within,
     shipped_names,
+    word_completion,
     workers,
 )
 from skyarm.cli.output import bar, give, tell
@@ -63,13 +64,13 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, survive-, contact- or team-suite, or a scenario",
-            autocompletion=name_completion("scenario"),
+            help="paper-, envelope-, survive-, contact-, team-suite or a scenario",
+            autocompletion=name_completion("suite", "scenario"),
         ),
     ] = SUITE,
     out: Annotated[str | None, out_option("folder of tables, figure and page; the same command goes on in it")] = None,
     laws: Laws = None,
-    only: Annotated[str | None, typer.Option(help="conditions, axes or tasks, with commas")] = None,
+    only: Annotated[str | None, typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
         typer.Option(help="with an arm; of envelope- or survive-suite", autocompletion=name_completion("vehicle")),
@@ -92,7 +93,9 @@ def compare(
             "--quick", help=f"two values of each axis, one of each condition, {QUICK} worlds of contact-suite"
         ),
     ] = False,
-    plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
+    plant: Annotated[
+        str, typer.Option(help="rigid_body or mujoco", autocompletion=word_completion(registered="plant"))
+    ] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
 ) -> None:

@@ -27,9 +27,10 @@ SHORT = (
 
 
 def diff(
-    flight: Annotated[str, typer.Argument(help="the log of a flight")],
+    flight: Annotated[str, typer.Argument(metavar="LOG", help="the log of a flight")],
     other: Annotated[
-        str | None, typer.Argument(help="another log; left out: the flight is flown again and compared")
+        str | None,
+        typer.Argument(metavar="OTHER", help="another log; left out: the flight is flown again and compared"),
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="largest difference that counts as none, in the SI unit of each quantity")

@@ -87,8 +87,11 @@ def doctor(
     cached = object_cache.contents()
     cache = {"folder": cache_folder(), "entries": cached.entries, "bytes": cached.size, "most_bytes": limit}
     give(works=works(parts), parts=[asdict(part) for part in parts], cache=cache)
-    tell(table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts], left=3))
-    tell(*(f"{part.name}: {part.remedy}" for part in parts if part.state != WORKS and part.remedy))
+    remedied = [part for part in parts if part.state != WORKS and part.remedy]
+    tell(
+        table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts if part not in remedied], left=3)
+    )
+    tell(*(f"{part.state}: {part.name}, {part.found}: {part.remedy}" for part in remedied))
     if not clear:
         tell("all that flights need works" if works(parts) else "something that flights need does not work")
     if not works(parts):

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import out_option, require_left_out, shipped_names
+from skyarm.cli.arguments import out_option, require_left_out, shipped_names, word_completion
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -48,12 +48,21 @@ OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 def export(
     context: typer.Context,
     what: Annotated[
-        str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or a scenario")
+        str,
+        typer.Argument(
+            metavar="LOG|LAW|VEHICLE|SCENARIO",
+            help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or a scenario",
+        ),
     ],
     to: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle")
+        str | None,
+        typer.Option(
+            metavar="FORMAT",
+            help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle",
+            autocompletion=word_completion("c", "mjcf", registered="log_format"),
+        ),
     ] = None,
-    file: Annotated[str | None, out_option("file to write; for a log next to it if left out")] = None,
+    file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
     vehicle: Annotated[str | None, typer.Option(help="with c: vehicle in the model of a preset or law")] = None,
     gravity: Annotated[
         float | None, typer.Option(help="with c and mjcf: gravity, m/s^2; if left out the scenario's, or 9.81")

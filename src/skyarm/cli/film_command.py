@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, cast, get_args
 
 import typer
 
-from skyarm.cli.arguments import Laws, chosen_names, law_names, out_option, require_left_out
+from skyarm.cli.arguments import Laws, chosen_names, law_names, out_option, require_left_out, word_completion
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -41,7 +41,9 @@ def film(
         list[str] | None, typer.Option(metavar="TEXT", help="label of a flight; repeat for each flight, in order")
     ] = None,
     layout: Annotated[str, typer.Option(help="side: each flight in its own panel; over: all in one panel")] = "side",
-    camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
+    camera: Annotated[
+        str, typer.Option(help="follow, fixed or tip", autocompletion=word_completion(*get_args(Camera)))
+    ] = "follow",
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp")
     ] = None,

@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from skyarm.records.files import printable
+from skyarm.records.files import one_line
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
-WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
-"""Exit codes: wrong input; flight that ended early; difference or fault found; Ctrl-C as shells report it (128 and
-the signal's number)."""
+WRONG_INPUT, NOT_COMPLETED, DIFFERENT, OUR_FAULT, INTERRUPTED = 2, 3, 1, 70, 130
+"""Exit codes: wrong input; flight that ended early; difference or fault found; an error of skyarm itself
+(EX_SOFTWARE of sysexits.h); Ctrl-C as shells report it (128 and the signal's number)."""
 
 MOST_WARNINGS = 8
 """Largest number of warnings about one file."""
@@ -23,8 +23,18 @@ MOST_WARNINGS = 8
 def say(message: str, code: int = 0) -> int:
     """Print one line to standard error; returns the given exit code."""
     with contextlib.suppress(OSError):  # the terminal may be gone
-        print(f"skyarm: {printable(' '.join(message.split()))}", file=sys.stderr, flush=True)
+        print(one_line(f"skyarm: {message}"), file=sys.stderr, flush=True)
     return code
+
+
+RESUMED = ("tune", "compare", "sweep", "reproduce")
+"""Commands that go on where they were interrupted."""
+
+
+def say_ended(what: str, code: int) -> int:
+    """Print that the command was ended from outside, and what then becomes of its files; returns the exit code."""
+    again = "; the same command goes on" if any(word in RESUMED for word in sys.argv[1:2]) else ""
+    return say(f"{what}; finished files are whole{again}", code)
 
 
 _said: set[str] = set()

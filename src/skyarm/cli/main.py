@@ -30,7 +30,7 @@ WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended
 
 
 def main() -> None:
-    """Execute a command and exit: 0 done, 2 wrong input, 3 flight not completed, 128 + n ended by signal n."""
+    """Execute a command and exit: 0 done, 2 wrong input, 3 not completed, 70 our fault, 128 + n ended by signal n."""
     gc.set_threshold(PATIENCE)
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")
@@ -57,9 +57,9 @@ def main() -> None:
             if not came:
                 raise
     if came:
-        from skyarm.cli.lines import say
+        from skyarm.cli.lines import say_ended
 
-        code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
+        code = say_ended(WORDS[came[0].name], 128 + came[0])
     gc.freeze()  # Python would look through a million objects for circles before it ends
     sys.exit(code)
 

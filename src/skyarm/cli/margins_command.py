@@ -33,7 +33,7 @@ def margins(
         int, typer.Option(help="number of instants along the flight at which margins are computed, next to hover")
     ] = 4,
     safety: Safety = False,
-    file: Annotated[str | None, out_option("JSON file for eigenvalues and margins")] = None,
+    file: Annotated[str | None, out_option("JSON file for eigenvalues and margins", metavar="FILE")] = None,
     page: Annotated[
         str | None, typer.Option("--html", metavar="PAGE", help="page with Nyquist diagrams (.html)")
     ] = None,

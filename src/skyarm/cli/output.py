@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from numbers import Integral
 from pathlib import Path, PurePath
 from typing import Any
@@ -89,6 +89,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
         return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
     if not isinstance(line, pages.Table):
         return line
+    line = _transpose(line) if _is_squeezed(line) else line
     names = [name.removeprefix(">") for name in line.head]
     table = Table(box=None, pad_edge=False, show_header=any(names), header_style="dim")
     for name, head in zip(names, line.head, strict=True):
@@ -96,6 +97,28 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
     for row in line.rows:  # rich would read [s] in a cell as markup
         table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
     return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), table)
+
+
+def _is_squeezed(table: pages.Table) -> bool:
+    """True if the screen is too narrow for the words of a table's heads, and wide enough for them as rows."""
+    words = [max(len(word) for word in (*name.split(), "")) for name in table.head]
+    cells = [max((len(str(row[i])) for row in table.rows), default=0) for i in range(len(words))]
+    widths = [max(pair) for pair in zip(words, cells, strict=True)]
+    if len(words) < WIDE or sum(widths) + 2 * len(widths) <= console.width:
+        return False
+    return max(map(len, table.head)) + sum(len(str(row[0])) + 2 for row in table.rows) <= console.width
+
+
+WIDE = 4
+"""Least number of columns of a table that may be turned."""
+
+
+def _transpose(table: pages.Table) -> pages.Table:
+    """Transpose a table: its columns become rows."""
+    head, *columns = zip(*table.rows, strict=True)
+    names = [name.removeprefix(">") for name in table.head[1:]]
+    rows = [(name, *column) for name, column in zip(names, columns, strict=True)]
+    return replace(table, head=["", *(f">{name}" for name in head)], rows=rows)
 
 
 def tell_report(lines: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option
+from skyarm.cli.arguments import Force, name_completion, out_option, require_not_another
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -16,7 +16,10 @@ from skyarm.records.files.toml import Entry
 
 
 def plan(
-    task: Annotated[str, typer.Argument(metavar="TASK", help="a task's file (.toml) or a shipped task")],
+    task: Annotated[
+        str,
+        typer.Argument(help="a task's file (.toml) or a shipped task", autocompletion=name_completion("task")),
+    ],
     out: Annotated[str, out_option("file of the plan (.npz)", metavar="FILE")] = "plan.npz",
     scenario: Annotated[
         str | None, typer.Option("--scenario", metavar="FILE", help="scenario that flies the plan (.toml)")
@@ -25,6 +28,7 @@ def plan(
         str | None, typer.Option("--report", metavar="PAGE", help="page with the motion and its limits (.html)")
     ] = None,
     seconds: Annotated[float, typer.Option(help="emergency end: without a plan by then there is none, s")] = 600.0,
+    force: Force = False,
 ) -> None:
     """Plan a flight of base and arm from a task.
 
@@ -40,12 +44,15 @@ def plan(
 
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
+    require_not_another(task, "task")
     loaded = load_task(task)
     if scenario is not None:
         require_grippers(loaded)
     files = [(out, "--out", ".npz"), (scenario, "--scenario", ".toml"), (report, "--report", ".html")]
     with taken_back(*(Path(each).parent for each, _, _ in files if each)):
-        written = [output_file(each, name, suffix) if each else None for each, name, suffix in files]
+        file, flight, page = (
+            None if each is None else output_file(each, name, suffix, force=force) for each, name, suffix in files
+        )
         try:
             with bar(f"{loaded.name}: planning") as advance:
                 found = solve(loaded, seconds=seconds, on_progress=lambda line: advance(0, 0, line))
@@ -54,7 +61,6 @@ def plan(
             say_cause(str(error))
             give(solved=False, cause=str(error))
             raise typer.Exit(NOT_COMPLETED) from None
-        file, flight, page = written
         assert file is not None
         write_atomically(file, plan_bytes(found))
         numbers = summary(found)

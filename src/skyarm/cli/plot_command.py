@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option
+from skyarm.cli.arguments import out_option, word_completion
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -16,7 +16,7 @@ from skyarm.records.files import shown, unreadable
 from skyarm.records.files.names import picture_file
 from skyarm.records.registry import names as registered
 from skyarm.view.figures.flight_facts import flight_labels
-from skyarm.view.figures.flight_panels import ALL
+from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
 from skyarm.view.figures.flight_plot import plot as draw
 
 
@@ -25,12 +25,13 @@ def plot(
         list[str],
         typer.Argument(metavar="FLIGHT...", help="logs, with a label as NAME=FILE; or the folder of one sweep"),
     ],
-    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf")],
+    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")],
     kind: Annotated[
         str | None,
         typer.Option(
             help="with flights: tracking, attitude, tip, contact, efforts, rotors, parts, team, path or all; "
-            "all if left out"
+            "all if left out",
+            autocompletion=word_completion(*KINDS, ALL, PATH),
         ),
     ] = None,
     window: Annotated[
@@ -39,7 +40,9 @@ def plot(
             metavar="START STOP", help="with flights: the times that are drawn, s; the whole flight if left out"
         ),
     ] = None,
-    metric: Annotated[list[str] | None, typer.Option(help="with a sweep: the metric that is drawn; repeat")] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(metavar="METRIC", help="with a sweep: the metric that is drawn; repeat")
+    ] = None,
     over: Annotated[
         str | None,
         typer.Option(

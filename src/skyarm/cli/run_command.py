@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +22,7 @@ from skyarm.cli.arguments import (
     name_completion,
     require_left_out,
     require_not_another,
+    word_completion,
 )
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
@@ -38,9 +38,10 @@ from skyarm.records.files import (
     shown,
     taken_back,
 )
+from skyarm.records.files.earlier_files import earlier_kept, free_names, kept_lines
 from skyarm.records.files.names import picture_file
 from skyarm.records.files.own_inputs import is_input
-from skyarm.records.files.writing import TakenError, one_writer
+from skyarm.records.files.writing import TakenError
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.records.registry.registrations import function_of_option
 from skyarm.scenario.controller_table import is_gains_file
@@ -55,7 +56,12 @@ def run(
     context: typer.Context,
     scenario: Flown,
     out: Out = "out/run",
-    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="rigid_body or mujoco, in place of the file's", autocompletion=word_completion(registered="plant")
+        ),
+    ] = None,
     laws: Laws = None,
     autopilot: Annotated[
         str | None,
@@ -177,8 +183,7 @@ def _fly_one(
         *lines,
         f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}",
     )
-    if earlier:
-        tell(f"the flight before it is kept: {', '.join(map(str, earlier))}")
+    tell(*kept_lines(earlier))
     values |= {"logs": written, "kept": earlier}
     if topics:
         values["ros"] = topics
@@ -224,10 +229,6 @@ def log_files(names: Sequence[str]) -> list[Path]:
     return [Path(name) for name in names]
 
 
-NAMING, PATIENCE = ".naming", 60.0
-"""Name of the lock file under which logs get their names, and time (s) to wait for it."""
-
-
 def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:
     """Write the logs of a flight; return their paths, and the new paths of renamed earlier logs.
 
@@ -240,10 +241,10 @@ def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tupl
     with ExitStack() as lock:
         try:
             earlier = lock.enter_context(earlier_kept(files, replace=replace or beside))
-            names = _free_names(files) if beside else files
+            names = free_names(files) if beside else files
         except TakenError as error:
             say(f"warning: {error}; this flight's logs get names of their own")
-            names, earlier = _free_names(files, os.getpid()), []
+            names, earlier = free_names(files, os.getpid()), []
         for file in names:
             try:
                 written.append(save_log(log, file))
@@ -252,50 +253,3 @@ def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tupl
         if errors:
             raise errors[0]
     return written, earlier
-
-
-@contextmanager
-def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[list[Path]]:
-    """Context manager that renames existing files NAME.npz to NAME_1.npz while new ones are written.
-
-    The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
-    written through. Where the writing fails, the files get their names back. Yields the numbered names. From the look
-    at the names to the last file's end no other process names logs in these folders.
-
-    Args:
-        files: files of one flight.
-        replace: rename none.
-
-    Raises:
-        TakenError: another process writes its logs there for longer than a minute.
-        OSError: one cannot be renamed.
-    """
-    with ExitStack() as locks:
-        # in one order everywhere, so that no two processes wait for each other
-        for folder in sorted({Path(os.path.realpath(file)).parent for file in files if not _is_device(file)}):
-            folder.mkdir(parents=True, exist_ok=True)  # a flight that failed beside may have taken it back
-            locks.enter_context(one_writer(folder, name=NAMING, patience=PATIENCE))
-        there = [] if replace else [file for file in files if file.is_file() and not file.is_symlink()]
-        renamed = {
-            file: file.rename(free) for file, free in zip(files, _free_names(files), strict=True) if file in there
-        }
-        try:
-            yield list(renamed.values())
-        except BaseException:
-            for file, name in renamed.items():
-                if not os.path.lexists(file):
-                    name.rename(file)
-            raise
-
-
-def _is_device(file: Path) -> bool:
-    return file.exists() and not file.is_file()
-
-
-def _free_names(files: Sequence[Path], least: int = 1) -> list[Path]:
-    """Numbered file names NAME_1.npz with the lowest number that is free for all files; devices keep their names."""
-    every = (
-        [file if _is_device(file) else file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files]
-        for k in count(least)
-    )
-    return next(names for names in every if not any(map(os.path.lexists, {*names} - {*files})))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another
+from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another, shipped_names
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import bar, console, give, is_document_wanted, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
@@ -29,7 +29,7 @@ def show(
     shown: Annotated[
         str | None,
         typer.Argument(
-            metavar="[VEHICLE|FLIGHT|words]",
+            metavar="VEHICLE|FLIGHT|words",
             help="file or name of a vehicle, or a log; words: keys of a scenario file; left out: what ships",
             autocompletion=name_completion("vehicle"),
         ),
@@ -122,6 +122,8 @@ def _draw(name: str, file: str) -> None:
 
 def contents() -> Facts:
     """List the shipped vehicles, scenarios, studies and controllers as plain data."""
+    from skyarm.planning.task import load_task
+
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
     # a study's title alone: reading the study would read its scenario, too
     studies = {name: read_toml((STUDIES / f"{name}.toml").read_bytes()) for name in list_studies()}
@@ -133,6 +135,7 @@ def contents() -> Facts:
         ],
         "scenarios": [{"name": name, "title": load_scenario(name).title} for name in list_scenarios()],
         "studies": [{"name": name, "title": str(table.get("title", ""))} for name, table in studies.items()],
+        "tasks": [{"name": name, "vehicle": load_task(name).vehicle.name} for name in shipped_names("task")],
         "presets": [{"name": name, "title": each.title, "law": each.law} for name, each in PRESETS.items()],
         "laws": [
             {"name": name, "title": each.title, "options": list(each.options()), "tuned": name in tuned_factors()}
@@ -152,6 +155,10 @@ def _show_library() -> None:
         name = each["name"] if each["flies"] else f"{each['name']} (model only)"
         rows.append((name, f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])))
     tell(table_of(("vehicle", "mass, kg", "rotors", "joints"), rows))
+    tell(
+        "",
+        table_of(("task (skyarm plan NAME)", "vehicle"), [tuple(each.values()) for each in library["tasks"]], left=2),
+    )
     for head, kind in (
         ("scenario", "scenarios"),
         ("study (skyarm sweep NAME)", "studies"),

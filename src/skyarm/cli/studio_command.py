@@ -19,6 +19,7 @@ from skyarm.cli.output import tell
 from skyarm.records.files import require_writable
 from skyarm.records.registry.registrations import function_of_option
 from skyarm.view.studio.server import (
+    LOOPBACK,
     AccessGuard,
     StudioError,
     ViserServer,
@@ -47,6 +48,9 @@ def studio(
     ] = "case2",
     laws: Laws = None,
     port: Annotated[int, typer.Option(help="port of the page; 0 takes a free one")] = 8080,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine for other devices")] = LOOPBACK[
+        0
+    ],
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address and open no browser")] = False,
     out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[
@@ -70,8 +74,8 @@ def studio(
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The printed address contains a token. A flight is saved as a log that 'skyarm run' flies again. With --vehicle
-    a measured flight is a ghost next to the flight of the vehicle's model under the same commands.
+    The printed address contains a token. A saved flight is a log for 'skyarm run'. With --vehicle a measured
+    flight is a ghost next to the flight of the model under the same commands.
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
@@ -84,7 +88,7 @@ def studio(
 
             return ReplayPage(server, replay)
 
-        _serve(port, no_browser, f"skyarm studio: {replay.title}", lambda: replay_page)
+        _serve(host, port, no_browser, f"skyarm studio: {replay.title}", lambda: replay_page)
         return
     require_left_out(context, OF_REPLAY, " without --vehicle")
     names = law_names(laws)
@@ -100,23 +104,26 @@ def studio(
         fleet = open_fleet(scenario, names)
         return lambda server: Page(server, fleet, names or [None], folder)
 
-    _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
+    _serve(host, port, no_browser, f"skyarm studio: {scenario}", simulation)
 
 
-def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]) -> None:
+def _serve(
+    host: str, port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]
+) -> None:
     """Serve a page until Ctrl-C.
 
     Args:
+        host: address of this machine that the page has.
         port: port of the page; 0 takes a free one.
         no_browser: whether no browser is opened.
         title: title of the page.
         prepare: called once the port is taken; returns the function that makes the page on a server.
     """
     require_viser()
-    listening = listening_socket(port)
+    listening = listening_socket(port, host)
     try:
         page_on = prepare()
-        guard = AccessGuard(int(listening.getsockname()[1]), secrets.token_hex(16))
+        guard = AccessGuard(int(listening.getsockname()[1]), secrets.token_hex(16), host)
         server = open_server(listening, guard, title)
     except BaseException:
         listening.close()

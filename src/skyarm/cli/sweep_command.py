@@ -34,6 +34,7 @@ from skyarm.records.files import (
     taken_back,
     write_inside,
 )
+from skyarm.records.files.earlier_files import edits_kept
 
 if TYPE_CHECKING:
     from skyarm.studies.sweep.maps import RobustnessMap
@@ -48,7 +49,9 @@ def sweep(
     study: Annotated[
         str,
         typer.Argument(
-            help="a study (.toml or a shipped name), or the folder of a sweep", autocompletion=name_completion("study")
+            metavar="STUDY|FOLDER",
+            help="a study (.toml or a shipped name), or the folder of a sweep",
+            autocompletion=name_completion("study"),
         ),
     ],
     laws: Laws = None,
@@ -70,7 +73,9 @@ def sweep(
     ] = None,
     paths: Annotated[
         tuple[str, str] | None,
-        typer.Option("--map", help="with a folder: two varied numbers, the horizontal and vertical axis"),
+        typer.Option(
+            "--map", metavar="X Y", help="with a folder: two varied numbers, the horizontal and vertical axis"
+        ),
     ] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.
@@ -136,9 +141,11 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
                 raise absent[0]
             for each in absent:
                 say(f"note: --save = {each}")
-    files = [
-        save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode) for label, episode in meant
-    ]
+    files = []
+    for label, episode in meant:
+        file = folder / f"episode_{episode}_{names[label]}"
+        with edits_kept(file):
+            files.append(save_episode(file, loaded, label, episode))
     tell(*(f"skyarm run {file}" for file in files))
     give(study=loaded.name, folder=folder, files=files)
 
@@ -157,22 +164,22 @@ def _fly(
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
-    before: list[int] = []
+    before, laws = list[int](), len(loaded.scenarios)
     with taken_back(folder), bar(loaded.name) as advance:
         require_writable(folder if out is None else out)
 
         def progress(done: int, total: int) -> None:
             if not before:
                 before.append(done)
-            rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
-            advance(done, total, f"{rate:.0f} flights/s")
+            rate = (done - before[0]) * laws / max(time.perf_counter() - begin, 1e-9)
+            advance(done * laws, total * laws, f"flights, {rate:.0f} a second")
 
         summary = run_sweep(loaded, folder, workers=count, on=place, part=part, progress=progress)
-    flights = summary.flown * len(loaded.scenarios)
-    stored = f", {summary.found} episodes were there" if summary.found else ""
+    flights = summary.flown * laws
+    stored = f", {summary.found * laws} were there" if summary.found else ""
     tell(
-        f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
-        f"{flights} flights in {summary.seconds:.1f} s{stored}",
+        f"{summary.rows} flights in {folder}: {loaded.episodes} episodes under {', '.join(loaded.scenarios)}; "
+        f"{flights} flown in {summary.seconds:.1f} s{stored}",
         f"next: skyarm sweep {folder}",
     )
     give(

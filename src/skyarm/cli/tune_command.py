@@ -31,6 +31,7 @@ from skyarm.records.files import (
     taken_back,
     write_atomically,
 )
+from skyarm.records.files.earlier_files import edits_kept
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import LAYERS, is_gains_file
@@ -134,12 +135,12 @@ def tune(
 
 def _save_scenario(file: Path, scenario: Scenario, target: str, law: str | None) -> Path | None:
     """Write a scenario under tuned gains; None, with a message, if no file can represent it."""
-    file.unlink(missing_ok=True)
-    try:
-        return save_scenario(file, scenario, target, law)
-    except ValueError as error:
-        say(f"no scenario under the picked law is written: {error}")
-        return None
+    with edits_kept(file):
+        try:
+            return save_scenario(file, scenario, target, law)
+        except ValueError as error:
+            say(f"no scenario under the picked law is written: {error}")
+            return None
 
 
 @immutable

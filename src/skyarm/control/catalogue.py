@@ -207,7 +207,12 @@ def preset(name: str, model: Model, known: Mapping[str, float] | None = None) ->
     try:
         return make_controller(law, model, **{**suitable_options(law, known or {}), **options})
     except ControllerError as error:
-        raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None
+        cure = (
+            f"; its gains are of one vehicle: law = {law!r} has some for any, or takes yours"
+            if "gains" in options
+            else ""
+        )
+        raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error}){cure}") from None
 
 
 def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
@@ -108,6 +109,13 @@ def with_innermost(record: Any, own: Tree) -> Any:
 
 class FormerNameWarning(UserWarning):
     """Warning: an option or name from an earlier version, which the next version will not accept."""
+
+
+class FormerGainsWarning(FormerNameWarning):
+    """Warning: a law whose gains were others in an earlier version; ignored by default, shown by check --upgrade."""
+
+
+warnings.filterwarnings("ignore", category=FormerGainsWarning, append=True)
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:

@@ -117,19 +117,13 @@ def _match_at(pattern: re.Pattern[bytes], data: bytes, place: int) -> re.Match[b
 
 def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int]:
     """Samples of each event type, and the byte offset after the last complete event of a known type."""
-    pieces: dict[int, list[Rows]] = {}
+    pieces: dict[int, list[bytes]] = {}
     end = len(data) - CHECK
-    while place + 2 <= end and (number := int.from_bytes(data[place : place + 2], "little")) in events:
-        _, row = events[number]
-        most = (end - place) // row.itemsize
-        if not most:
-            break
-        run = np.frombuffer(data, row, most, place)
-        same = run["number"] == number
-        run = run if same.all() else run[: np.argmin(same)]
-        pieces.setdefault(number, []).append(run)
-        place += run.nbytes
-    return {number: np.concatenate(runs) for number, runs in pieces.items()}, place
+    sizes = {number: row.itemsize for number, (_, row) in events.items()}
+    while (size := sizes.get(int.from_bytes(data[place : place + 2], "little"), 0)) and place + size <= end:
+        pieces.setdefault(int.from_bytes(data[place : place + 2], "little"), []).append(data[place : place + size])
+        place += size
+    return {number: np.frombuffer(b"".join(rows), events[number][1]) for number, rows in pieces.items()}, place
 
 
 CRAZYFLIE = FlightFormat(read_crazyflie, begins=tuple(struct.pack("<BH", MAGIC, version) for version in VERSIONS))

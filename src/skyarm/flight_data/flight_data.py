@@ -182,7 +182,7 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
         ValueError: one line: no such file or format, a damaged file, or a mapping that does not fit.
     """
     file, at = Path(path), f"flight = {shown(os.fspath(path))}"
-    if not file.is_dir():
+    if not os.path.isdir(file):
         require_file(file, at)
     named = kind or format_name(path)
     form = _checked(named, find("flight_format", named, "kind" if kind else ""))

@@ -73,7 +73,11 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     Args:
         log: log of the flight.
         path: path of its file, for name and messages.
+
+    Raises:
+        ValueError: one line: it is of several vehicles.
     """
+    require_one_vehicle(log)
     measured: dict[str, Channel] = {}
     for name, source in sources_of(log.info).items():
         if name == ESTIMATE or name.startswith(COMPONENTS):
@@ -103,6 +107,17 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
     channels = {name: measured[name] for name in QUANTITIES if name in measured}
     return FlightData(name=path.stem, file=str(path), channels=channels, notes=tuple(notes), facts=facts)
+
+
+def require_one_vehicle(log: Log) -> None:
+    """Raise an error for the log of several vehicles.
+
+    Raises:
+        ValueError: one line with their names and how the log of one is written.
+    """
+    if len(log.agents) > 1:
+        cure = f"skyarm.save_log(skyarm.load_log(FILE).agents[{next(iter(log.agents))!r}], NEW)"
+        raise ValueError(f"vehicles = {', '.join(log.agents)}: must be one; Python writes the log of one: {cure}")
 
 
 def _fits(quantity: str, array: Array) -> bool:

@@ -220,6 +220,10 @@ def headline(log: Log, values: Facts) -> str:
     return title + (f": {values['cause']}" if values["cause"] else "")
 
 
+LEAST_LAG = 0.05
+"""Least lag (ms) that the summary names: smaller ones would read 0.0."""
+
+
 def sentences(values: Facts) -> list[str]:
     """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
@@ -229,7 +233,8 @@ def sentences(values: Facts) -> list[str]:
         lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
     if "lag_found_s" in values:
         rotors, joints = 1e3 * values["lag_found_s"]
-        lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
+        found = [f"{what} {lag:.1f} ms" for what, lag in (("rotors", rotors), ("joints", joints)) if lag >= LEAST_LAG]
+        lines += [f"lag found at the end, beyond the law's nominal: {', '.join(found)}"] if found else []
     for each in values.get("contacts", ()):
         touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
         times = "once" if each["losses"] == 1 else f"{each['losses']} times"

@@ -47,6 +47,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.records.coerce import unit_vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, require_file, shown
+from skyarm.records.files.names import require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, positive
@@ -287,14 +288,16 @@ def load_task(path: PathLike) -> Task:
         text = file_name(path, "task")
         file = Path(text)
         shipped = LIBRARY / f"{text}.toml"
-        if shipped.is_file():
+        if os.path.isfile(shipped):
             file = shipped
         elif file.suffix != ".toml":
             raise TaskError(f"task = {shown(text)}: must be a .toml file or one of {', '.join(list_tasks())}")
         else:
             require_file(file, f"task = {shown(text)}")
         try:
-            return task_from(read_toml(file.read_bytes()), file.parent)
+            table = read_toml(file.read_bytes())
+            require_kind(table, "task")
+            return task_from(table, file.parent)
         except ValueError as error:
             raise TaskError(f"{text}: {error}") from None
 
@@ -313,7 +316,7 @@ def task_from(table: object, folder: Path = Path()) -> Task:
     fields.require_schema()
     own, name = dict(fields.table), fields.take("vehicle")
     own.pop("schema", None)
-    if isinstance(name, str) and name not in list_vehicles() and (folder / name).is_file():
+    if isinstance(name, str) and name not in list_vehicles() and os.path.isfile(folder / name):
         own["vehicle"] = str(folder / name)
     return record_from(Task, Fields(own, ""))
 
@@ -321,10 +324,10 @@ def task_from(table: object, folder: Path = Path()) -> Task:
 def vehicle_of_file(path: PathLike, folder: Path) -> str:
     """Name of a task's vehicle, or the path of its file from a folder, as a scenario there states it."""
     shipped = LIBRARY / f"{path}.toml"
-    file = shipped if shipped.is_file() else Path(path)
+    file = shipped if os.path.isfile(shipped) else Path(path)
     name = str(read_toml(file.read_bytes())["vehicle"])
     own = file.parent / name
-    return os.path.relpath(own, folder) if name not in list_vehicles() and own.is_file() else name
+    return os.path.relpath(own, folder) if name not in list_vehicles() and os.path.isfile(own) else name
 
 
 LIBRARY = Path(__file__).parent / "library"

@@ -167,9 +167,9 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         if len(shape) != rank or shape[0] != len(t) or (columns and columns != (-1,) and shape[1] not in columns):
             words = "" if not columns else " any number" if columns == (-1,) else f" {columns[0]}"
             raise ValueError(f"{at}: {name} of shape {shape}: must be ({len(t)},{words})")
-    for name in ("t", *SHAPES):
-        if not np.isfinite(arrays[name]).all():
-            raise ValueError(f"{at}: {name}: must be finite numbers")
+    for name, values in arrays.items():  # those that no law reads, too
+        if np.asarray(values).dtype.kind in "fiuc" and not (np.abs(values) <= LARGEST).all():
+            raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")
     if not (np.linalg.norm(arrays["quaternion"], axis=1) > SHORTEST).all():
@@ -177,6 +177,9 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
     if "vehicle" in arrays and (np.ndim(arrays["vehicle"]) or np.asarray(arrays["vehicle"]).dtype.kind != "U"):
         raise ValueError(f"{at}: vehicle: must be a name")
 
+
+LARGEST = 1e6
+"""Largest number of a plan, as of every signal."""
 
 SHORTEST = 1e-3
 """Length of a quaternion below which it is no attitude."""

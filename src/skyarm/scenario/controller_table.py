@@ -37,7 +37,7 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, autopilot_of
+from skyarm.control.controller import Controller, ControllerError, FormerGainsWarning, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
@@ -219,6 +219,9 @@ def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loade
     """
     if "autopilot" in fields.table:
         return _of_options("autopilot", _require_name(fields, "autopilot", AUTOPILOTS), fields, model, timing)
+    if fields.table.get("preset") in (*PRESETS,) and "law" in fields.table:
+        beside = f"{fields.at('preset')} = {fields.table['preset']!r}: must be left out beside law"
+        raise ValueError(f"{beside} = {shown(fields.table['law'])}, or law beside it: a preset is a law with its gains")
     if "law" not in fields.table:
         return preset(_preset_name(fields), model, timing)
     law = fields.take("law")
@@ -270,7 +273,7 @@ def _note_change(fields: Fields, law: str) -> None:
     for key, note in present_names("law").items():
         changed, word = key.split(".")
         if law == changed and not {"preset", word} & fields.table.keys():
-            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerNameWarning, stacklevel=4)
+            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerGainsWarning, stacklevel=4)
 
 
 def _require_clock(fields: Fields, timing: Mapping[str, float]) -> None:

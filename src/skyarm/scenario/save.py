@@ -90,7 +90,7 @@ def save_scenario(
         law = None if controller is None else file_name(controller, "controller")
     with taken_back(file.parent):
         with errors_as(ScenarioError):
-            output_file(str(path), "path", SUFFIX)
+            output_file(str(path), "path", SUFFIX, force=True)
         with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
             document = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
             return write_atomically(file, scenario_text(document).encode())

@@ -7,7 +7,7 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, data, minimum, sin
@@ -872,9 +872,37 @@ class Scenario:
         return (ClosedContact(**parts(self.world)),)
 
 
-def with_words(scenario: Scenario, **words: Any) -> Scenario:
+class FieldsByWord(TypedDict, total=False):
+    """Fields of a scenario, and those of its groups, that :func:`with_words` replaces."""
+
+    name: str
+    duration: float
+    seed: int
+    agents: Mapping[str, Agent]
+    windows: Windows
+    changes: tuple[Change, ...]
+    plant: Truth
+    controller: Controller
+    reference: Trajectory
+    tracking_start: Scalar
+    path_time: PathTime | None
+    noise: SensorNoise
+    drives: tuple[JointDrive, ...]
+    delays: Delays
+    initial: State | None
+    faults: tuple[Fault, ...]
+    payloads: tuple[TimedPayload, ...]
+    wind: AnyComponent
+    air: tuple[AnyComponent, ...]
+    forces: tuple[AnyComponent, ...]
+    ground: bool
+    world: Contact | None
+
+
+def with_words(scenario: Scenario, **words: Unpack[FieldsByWord]) -> Scenario:
     """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
-    return dataclasses.replace(scenario, **words)
+    # the class takes words of its groups, too, which type checkers do not see
+    return dataclasses.replace(scenario, **words)  # type: ignore[misc]
 
 
 def check_name(name: str) -> None:

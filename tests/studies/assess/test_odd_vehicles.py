@@ -35,7 +35,9 @@ def with_base(vehicle, **values):
 
 def test_a_vehicle_without_rotors_and_with_a_tip_has_an_answer():
     found = assess_vehicle(dataclasses.replace(PELICAN, rotors=()), poses=FEW)
-    assert [each.question for each in found.alarms()] == ["rotors"]
+    (alarm,) = found.alarms()
+    assert alarm.question == "rotors"
+    assert "[[attach]]" in alarm.remedy, "a bare arm flies on the multirotor of another file"
 
 
 @pytest.mark.parametrize("rotors", [0, 3], ids=["no rotors", "too few rotors"])

@@ -216,3 +216,15 @@ def test_a_weak_joint_and_a_lag_in_milliseconds_stay_two_alarms(tmp_path):
     assert [each.question for each in found.alarms()] == ["units", "joints[shoulder] static effort"]
     assert {each.level for each in found.findings} == {OK, NOTE, FAULT}
     assert WARNING not in {each.level for each in found.alarms()}
+
+
+@pytest.mark.parametrize("rotor", range(4))
+def test_a_rotor_that_is_turned_round_is_told(rotor: int) -> None:
+    """With three rotors of one sense hover without a yaw torque takes nothing of the fourth."""
+    vehicle = CASE.plant.vehicle
+    rotors = [dataclasses.replace(r, direction=-r.direction if i == rotor else r.direction)
+              for i, r in enumerate(vehicle.rotors)]  # fmt: skip
+    turned = dataclasses.replace(vehicle, rotors=tuple(rotors))
+    lines = warnings_before_flight(dataclasses.replace(CASE, plant=dataclasses.replace(CASE.plant, vehicle=turned)))
+    (line,) = (line for line in lines if "would be even with another sense of one rotor" in line)
+    assert f"rotors[{vehicle.rotors[rotor].name}].direction" in line

@@ -1,4 +1,4 @@
-"""A comparison on a scenario: its own law first, then those that are named, each law once by whatever name."""
+"""A comparison on a scenario: the laws that are named, its own first if it is one, each law once by whatever name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.control.catalogue import ControllerError, require_different
-from skyarm.records.registry.plugins import register_law_of_file
+from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare.entrants import chosen_entrants
@@ -28,14 +28,15 @@ def flights(laws=LAWS, scenario="case3"):
     return OwnScenario(scenario=scenario, laws=laws, seeds=1).plan_cells()[0]
 
 
-def test_the_own_law_is_the_first_row_whoever_is_named() -> None:
+def test_the_laws_that_are_named_fly_and_the_own_one_first_if_it_is_named() -> None:
     def names(laws):
         return [each.entrant.name for each in flights(laws)]
 
-    assert names(LAWS) == ["own", *LAWS]
-    assert names(["indi", "paper_ct"]) == ["own", "indi", "paper_ct"]
+    assert names(LAWS) == ["own", "paper_pd", "centroidal_tip"], "paper_ct is the scenario's own"
+    assert names(["indi", "paper_ct"]) == ["indi", "paper_ct"]
+    assert names(["indi", "own"]) == ["own", "indi"]
     assert names(["own"]) == ["own"]
-    own, named = flights(["paper_pd"], "case1")
+    own, named = flights(["own", "paper_pd"], "case1")
     assert own.scenario().controller.name != named.scenario().controller.name
 
 
@@ -45,7 +46,7 @@ def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> 
     for options, names in (("", ["px4", "paper_ct"]), ("climb = 1.0\n", ["own", "px4", "paper_ct"])):
         file = tmp_path / "swing.toml"
         file.write_text(text[:begin] + f'[controller]\nautopilot = "px4"\n{options}' + text[end:], "utf-8")
-        assert [each.entrant.name for each in flights(["px4", "paper_ct"], str(file))] == names
+        assert [each.entrant.name for each in flights(["own", "px4", "paper_ct"], str(file))] == names
 
 
 def test_a_flight_whose_autopilot_has_failed_is_told_and_not_kept(
@@ -54,7 +55,7 @@ def test_a_flight_whose_autopilot_has_failed_is_told_and_not_kept(
     log = run(load_scenario("case3", duration=0.1))
     failed = dataclasses.replace(log, info={**log.info, "status": "autopilot", "cause": "PX4 ended (no luck)"})
     monkeypatch.setattr("skyarm.studies.flights.fly.run", lambda _: failed)
-    suite = OwnScenario(scenario="case3", laws=["px4"])
+    suite = OwnScenario(scenario="case3", laws=["own", "px4"])
     found = fly_suite(suite, tmp_path)
     assert "px4: autopilot: PX4 ended (no luck) (1 of 1)" in suite.report(found).markdown()
     assert list(files_by_label(tmp_path / "rows")) == ["given__case3__own"]
@@ -88,3 +89,15 @@ def test_the_table_says_own(tmp_path: Path) -> None:
     assert rows == ["law", "---", "own", "paper_pd"]
     assert list(found["summaries"]["given"]["case3"]) == ["own", "paper_pd"]
     assert "Means over the flights" in (tmp_path / "report.html").read_text("utf-8")
+
+
+def test_a_metric_of_one_s_own_has_its_unit_and_three_digits(tmp_path: Path) -> None:
+    with registry_kept():
+        load_plugin(OWN.with_name("own_metric.py"))
+        suite = OwnScenario(scenario=load_scenario("case3", duration=0.1), laws=["paper_pd"])
+        found = fly_suite(suite, tmp_path)
+        (laws,) = found["summaries"]["given"].values()
+        energy = laws["paper_pd"]["metrics"]["rotor_energy"]["mean"]
+        head, _, row = suite.report(found).markdown().split("| law ")[1].splitlines()[:3]
+    assert head.endswith("| work of the rotors' drag torque, J |")
+    assert row.endswith(f"| {energy:.3g} |")

@@ -24,7 +24,7 @@ def two() -> Scenario:
 
 def test_every_vehicle_flies_the_law_and_has_a_row(tmp_path: Path) -> None:
     scenario = two()
-    found = skyarm.compare(scenario, ["paper_pd"], tmp_path)
+    found = skyarm.compare(scenario, ["own", "paper_pd"], tmp_path)
     ((laws,),) = (found.document["summaries"]["given"].values(),)
     assert [*laws] == ["own", "paper_pd"]
     flown = skyarm.score(skyarm.run(under_law(scenario, "paper_pd")), ["position_error_mean_continuous"])

@@ -324,10 +324,7 @@ def test_predictions_of_an_earlier_identification_do_not_stay_beside_another(ins
     assert all(each.is_file() for each in old)
     assert skyarm(*words).code == 0
     assert not any(each.exists() for each in old)
-    for each in old:  # of another hand
-        each.write_text("mine")
-    assert skyarm(*words).code == 0
-    assert [each.read_text() for each in old] == ["mine", "mine"]
+    assert all(each.with_stem("prediction_1").is_file() for each in old)
 
 
 def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch, tmp_path):
@@ -494,14 +491,14 @@ def test_the_word_flights_does_what_was_done_without_it(instead):
     assert done == skyarm("identify", *words)
 
 
-def test_a_vehicle_file_of_another_hand_is_not_written_over(instead, tmp_path):
+def test_a_vehicle_file_that_is_there_gets_a_number(instead, tmp_path):
     instead(found_with(number("delay", 0.006)))
-    words, file = ("identify", "swings.npz", "--vehicle", "hummingbird", "--out", str(tmp_path)), "vehicle.toml"
-    assert [skyarm(*words).code for _ in range(2)] == [0, 0]
-    own = Path("truth.toml").read_bytes()
-    (tmp_path / file).write_bytes(own)
-    refused(skyarm(*words), "must be another folder: vehicle.toml is another hand's")
-    assert (tmp_path / file).read_bytes() == own
+    words, own = ("identify", "swings.npz", "--vehicle", "hummingbird", "--out", str(tmp_path)), b"mine"
+    (tmp_path / "vehicle.toml").write_bytes(own)
+    done = skyarm(*words)
+    assert f"what was there is kept: {tmp_path / 'vehicle_1.toml'}" in done.out
+    assert (tmp_path / "vehicle_1.toml").read_bytes() == own
+    assert (tmp_path / "vehicle.toml").read_bytes() != own
 
 
 def test_predictions_worse_than_holding_are_said():

@@ -176,3 +176,13 @@ def test_wrong_options_are_one_line(folder: Path, options: dict[str, Any], words
     with pytest.raises(ValueError, match=re.escape(words)) as caught:
         plot_sweep(folder, **{"metrics": METRIC, "over": LOADS, **options})
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("middle", "scale"),
+    [([0.01, 0.1, 1.5], "log"), ([0.01, 0.1, 0.5], "linear"), ([0.0, 0.1, 1.5], "linear"), ([np.nan] * 3, "linear")],
+)
+def test_a_metric_that_spans_decades_has_a_logarithmic_axis(folder: Path, middle: list[float], scale: str) -> None:
+    found = banded_curves(Rows(folder), METRIC, LOADS)
+    curves = tuple(replace(curve, middle=np.array(middle)) for curve in found.curves)
+    assert metric_figure([replace(found, curves=curves)]).axes[0].get_yscale() == scale

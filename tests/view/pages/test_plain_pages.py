@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -80,3 +82,10 @@ def test_a_table_in_markdown_has_its_caption_unless_its_section_is_called_so():
     rows = "| law | error |\n| --- | ---: |\n| a | 1 |"
     assert table.markdown() == f"Laws:\n\n{rows}"
     assert table.markdown("Laws") == rows
+
+
+def test_no_style_changes_the_colours_of_a_picture_in_the_dark():
+    """They mean something: in a map that is inverted success is dark."""
+    styles = [*Path(plain.__file__).parents[2].rglob("*.css")]
+    assert len(styles) >= 3
+    assert not [each.name for each in styles if re.search(r"invert|hue-rotate|mix-blend", each.read_text("utf-8"))]

@@ -1,9 +1,11 @@
 """The page over its own protocol, without a browser: who may speak, what a frame can do, and what a slider moves."""
 
+import http.client
 import math
 import os
 import random
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -15,6 +17,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.picture import COLORS
+from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
+from support.commands import refused, skyarm
 
 
 @pytest.fixture(scope="module")
@@ -323,3 +327,32 @@ def test_a_page_that_nobody_watches_rests_between_two_looks(shown: Open, monkeyp
     monkeypatch.undo()
     # ten times a second
     assert 1 <= len(looks) <= 5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="127.0.0.2 is an address of Linux alone")
+def test_a_page_for_other_devices_asks_for_its_own_address_and_the_token() -> None:
+    listening = listening_socket(0, "127.0.0.2")
+    port = listening.getsockname()[1]
+    guard = AccessGuard(port, TOKEN, "127.0.0.2")
+    assert guard.address() == f"http://127.0.0.2:{port}/?token={TOKEN}"
+    server = open_server(listening, guard, "test")
+
+    def status(path: str, host: str) -> int:
+        client = http.client.HTTPConnection("127.0.0.2", port, timeout=20)
+        client.request("GET", path, headers={"Host": f"{host}:{port}"})
+        found = client.getresponse().status
+        client.close()
+        return found
+
+    try:
+        assert status(f"/?token={TOKEN}", "127.0.0.2") == 200
+        assert status("/", "127.0.0.2") == 403
+        assert status(f"/?token={TOKEN}", "127.0.0.1") == 403
+        assert status(f"/?token={TOKEN}", "evil.example") == 403
+    finally:
+        close_server(server)
+
+
+@pytest.mark.parametrize("host", ["", "0.0.0.0", "203.0.113.9", "no.such.name.invalid"])
+def test_an_address_that_is_not_one_of_this_machine_is_refused(host: str) -> None:
+    refused(skyarm("studio", "--host", host, "--port", "0", "--no-browser"), f"--host = {host!r}: must be ")

@@ -121,24 +121,27 @@ READS = {
     "vehicle": "skyarm show",
     "scenario": "skyarm run",
     "study": "skyarm sweep",
+    "task": "skyarm plan",
     "gains": "skyarm run SCENARIO --laws",
 }
 """Kind of a TOML file -> a command that reads it."""
 
 
 def kind_of(document: Mapping[str, object]) -> str:
-    """Kind of a TOML file (scenario, study, vehicle or gains), by its tables; empty if they fit no kind."""
+    """Kind of a TOML file (scenario, study, task, vehicle or gains), by its tables; empty if they fit no kind."""
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
     if "gains" in document and "law" in document:
         return "gains"
     if any(word in document for word in ("plant", "controller", "agents")):
         return "scenario"
+    if "phases" in document:
+        return "task"
     return "vehicle" if any(word in document for word in VEHICLES) else ""
 
 
 def require_kind(document: object, expected: str) -> None:
-    """Raise an error if a TOML file is of another kind (scenario, study, vehicle, gains) than expected.
+    """Raise an error if a TOML file is of another kind (scenario, study, task, vehicle, gains) than expected.
 
     Raises:
         ValueError: one line.

@@ -6,6 +6,7 @@ import functools
 import hashlib
 import linecache
 import os
+import traceback
 import types
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -166,6 +167,21 @@ def own_failure(error: BaseException) -> str:
 
 COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 """Folder of the modules that call commands, user-defined ones included."""
+
+
+def is_deliberate(error: BaseException) -> bool:
+    """True if an error was raised to tell a user something, not by a mistake of the library's own code.
+
+    It is a mistake where an installed package raised it, such as one that draws, or an operation of a line of the
+    library without ``raise``. Python's own library tells of files and texts.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return True
+    file, line = frames[-1].filename, frames[-1].line or ""
+    if file.startswith(PACKAGE):
+        return not line or line.startswith("raise")
+    return INSTALLED not in file
 
 
 class StackFrame(NamedTuple):

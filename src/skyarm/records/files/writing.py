@@ -59,7 +59,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     target = Path(os.path.realpath(path))
     if os.path.isdir(target) or os.path.islink(target):  # which say no of a name that is too long
         reason = os.strerror(errno.EISDIR if os.path.isdir(target) else errno.ELOOP)
-        raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
+        raise OSError(f"file = {shown(str(path))}: must be writable ({reason})")
     temporary: Path | None = None
     try:
         if target.exists() and not target.is_file():
@@ -80,7 +80,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
             sync_folder(target.parent)
     except OSError as error:
         _forget(temporary)
-        raise OSError(f"file = {str(path)!r}: must be writable ({error.strerror})") from error
+        raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from error
     except BaseException:
         _forget(temporary)
         raise
@@ -182,16 +182,20 @@ def require_writable(folder: PathLike) -> Path:
     return target
 
 
-def output_file(name: str, field: str, *suffixes: str) -> Path:
+def output_file(name: str, field: str, *suffixes: str, force: bool = False) -> Path:
     """Path of an output file, checked before any computation.
+
+    A TOML file, which people edit, is not replaced unless they say so; what a command makes again is.
 
     Args:
         name: path as the user typed it.
         field: option or argument with the path, for the message.
         suffixes: suffixes of the files that are written there; none for any. A device or a pipe may have another.
+        force: True if a TOML file that is there may be replaced.
 
     Raises:
-        ValueError: no name at all, another suffix, or a file that the running command has read.
+        ValueError: no name at all, another suffix, a file that the running command has read, or a TOML file that is
+            there.
         OSError: it is a folder, or its own folder cannot be written.
     """
     if not name:
@@ -200,9 +204,25 @@ def output_file(name: str, field: str, *suffixes: str) -> Path:
     if suffixes and file.suffix not in suffixes and (os.path.isfile(file) or not os.path.exists(file)):
         raise ValueError(f"{field} = {shown(name)}: must end in {' or '.join(suffixes)}")
     require_no_input(file, field)
+    if file.suffix == EDITED and not force:
+        require_new(file, field)
     require_replaceable(file)
     require_writable(file.parent)
     return file
+
+
+EDITED = ".toml"
+"""Suffix of files that people edit."""
+
+
+def require_new(file: Path, field: str = "file") -> None:
+    """Raise an error if there is a file of this name, for what people edit.
+
+    Raises:
+        ValueError: one line.
+    """
+    if os.path.isfile(file) or os.path.islink(file):
+        raise ValueError(f"{field} = {shown(str(file))}: must not be there yet; --force replaces it")
 
 
 def require_replaceable(*files: Path, renames: bool = False) -> None:

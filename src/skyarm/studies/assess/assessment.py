@@ -37,7 +37,7 @@ from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
 from skyarm.studies.assess.survival_limits import flight_together, survival_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
-from skyarm.studies.stability.hover_delay import hover_delay_if_known
+from skyarm.studies.stability.hover_delay import hover_delay_if_known, hover_digest
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Facts
@@ -205,7 +205,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    bodies, agents = balances(scenario), dict[str, Assessment]()
+    bodies, agents, margins = balances(scenario), dict[str, Assessment](), dict[str, list[Finding]]()
     for name in scenario.agents:
         one, plant = scenario.of(name), scenario.of(name).agent.plant
         about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
@@ -220,7 +220,10 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
             # by itself: others are not there, and a body that turns freely in a grasp would count as unstable
             hovering = with_words(one, world=None) if bodies or one.others else one
-            findings = (*findings, *delay_margin(hovering), *pressing_flights(one))
+            alike = hover_digest(hovering)
+            if alike not in margins:
+                margins[alike] = delay_margin(hovering)
+            findings = (*findings, *margins[alike], *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
     first, flies = next(iter(agents.values())), all(each.flies for each in agents.values())
     shared = balance_of_bodies(bodies)
@@ -238,7 +241,8 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
-        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
+        remedy = "add [[rotors]], or put it as an arm on a multirotor by [[attach]] in that one's file"
+        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", remedy))
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:

@@ -10,6 +10,7 @@ from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.causes import ALARMS, causes_first
 from skyarm.studies.assess.finding import FAULT, UNITS, WARNING, finding_of_line
 from skyarm.studies.assess.flight_loads import Load
+from skyarm.studies.assess.layout import senses_of_rotation
 from skyarm.studies.assess.load_sharing import balances, carried_loads
 from skyarm.studies.assess.push_limits import largest_push, push_limits
 
@@ -35,6 +36,8 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
         from skyarm.studies.assess.pressing_flights import contact_steps  # which can fly batches
 
         pushing += contact_steps(scenario, at)
-    findings += [each for each in pushing if each.level == FAULT]
+    world = scenario.agent.plant
+    turned = [senses_of_rotation(world.vehicle, float(world.gravity))] if world.vehicle.rotors else []
+    findings += [each for each in (*turned, *pushing) if each.level == FAULT]
     alarms = causes_first([*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings])[len(lines) :]
     return [*lines, *(f"{each.field}: {each.text}; {each.remedy}" for each in alarms if each.level in ALARMS)]

@@ -79,7 +79,7 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
         remedy = "rotors must give torque about x, y, z and thrust: check positions, axes, directions"
         text = str(error).partition(": ")[2]
         findings.append(Finding("rotors", FAULT, text, "rotors", remedy))
-    findings.append(_directions(vehicle, gravity))
+    findings.append(senses_of_rotation(vehicle, gravity))
     return findings
 
 
@@ -127,7 +127,7 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
     return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
 
 
-def _directions(vehicle: Vehicle, gravity: float) -> Finding:
+def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
     """Check result for the rotors' senses of rotation: a fault if reversing one rotor would balance the hover."""
     own = _spread(vehicle, gravity)
     question = "senses of rotation"

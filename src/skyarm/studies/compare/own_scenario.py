@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from skyarm.control.catalogue import require_different
-from skyarm.log.metrics.metric_catalogue import GRASPS
+from skyarm.log.metrics.metric_catalogue import GRASPS, metric_words
 from skyarm.log.team_log import WITHIN
 from skyarm.records.files import PathLike, versions
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names
+from skyarm.records.text_tables import shown_number
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -26,8 +27,8 @@ from skyarm.view.pages import Report, Section, Table, number
 OWN = "own"
 """Name of the scenario's own law, which flies first."""
 
-LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
-"""Default laws that fly after the scenario's own."""
+LAWS = (OWN, "paper_pd", "paper_ct", "centroidal_tip")
+"""Default laws."""
 
 AS_GIVEN = "given"
 """Name of the only condition: sensors, delays, air and forces of the file."""
@@ -40,7 +41,7 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
     ("a rotor at its limit, %", LIMITED, 100.0),
     ("largest tilt, deg", "tilt_max", 57.29577951308232),
 )
-"""Columns: head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
+"""Columns: head, metric, factor from SI to the unit of the head; user-defined metrics follow in their units."""
 
 
 @immutable
@@ -61,7 +62,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
 
     Attributes:
         scenario: scenario, or its file, or the name of a shipped one.
-        laws: controllers that fly after the scenario's own, any controllers.
+        laws: controllers that fly, any controllers; "own" is the scenario's.
         plant: kind of plant. seeds: flights of each law, if the scenario has noise or random parts; else one.
         seed: seed of the noise.
     """
@@ -106,12 +107,12 @@ class OwnScenario(SummarySuite[GivenFlights]):
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
-        once = own.autopilot is not None and any(
-            name == own.agent.controller.name
-            and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
-            for name in named
-        )
-        entrants = [Entrant(name=name, law=name) for name in (*(() if once else (OWN,)), *named)]
+        same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(self.plant))]
+        if tuple(self.laws) == LAWS:  # of these none was asked for by its name
+            named = [name for name in named if name not in same]
+        twice = own.autopilot is not None and own.agent.controller.name in same
+        own_law = () if twice or OWN not in self.laws else (OWN,)
+        entrants = [Entrant(name=name, law=name) for name in (*own_law, *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
@@ -121,12 +122,15 @@ class OwnScenario(SummarySuite[GivenFlights]):
         agents = dict.fromkeys("".join(name.rpartition(WITHIN)[:2]) for name in counted)  # "left/", of one vehicle ""
         several, rows = len(agents) > 1, list[list[str]]()
         grasps = [(f"{each.words}, {each.unit}", name, 1.0) for name, each in GRASPS.items() if several]
-        columns = [*COLUMNS, *grasps, *((name, name, 1.0) for name in names("metric", shipped=False))]
+        columns = [*COLUMNS, *grasps]
+        added = {name: ", ".join(filter(None, metric_words(name))) for name in names("metric", shipped=False)}
         for law, each in laws.items():
             flown = f"{each['completed']} of {each['episodes']}"
             for agent in agents:
-                means = [(each["metrics"].get(agent + name) or {}).get("mean") for _, name, _ in columns]
-                cells = [number(mean, factor) for mean, (*_, factor) in zip(means, columns, strict=True)]
+                means = {name: (score or {}).get("mean") for name, score in each["metrics"].items()}
+                cells = [number(means.get(agent + name), factor) for _, name, factor in columns]
+                own = [means.get(agent + name) for name in added]
+                cells += [number(mean) if mean is None else shown_number(mean) for mean in own]
                 rows.append([law, *([agent.rstrip(WITHIN)] if several else []), flown, *cells])
         notes = [f"{law} does not fly: {why}" for law, why in found.get("not_flown", {}).items()]
         notes += [
@@ -135,7 +139,12 @@ class OwnScenario(SummarySuite[GivenFlights]):
             for ending, count in each["endings"].items()
             if ending != "completed"
         ]
-        head = ["law", *(["agent"] if several else []), ">completed", *(f">{title}" for title, _, _ in columns)]
+        head = [
+            "law",
+            *(["agent"] if several else []),
+            ">completed",
+            *(f">{title}" for title in (*(title for title, *_ in columns), *added.values())),
+        ]
         return Report(
             title=f"{title_of(list(laws))}, {case} on {found['plant']}",
             facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",

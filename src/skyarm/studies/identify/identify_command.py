@@ -16,14 +16,15 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import name_completion, out_option, require_left_out
+from skyarm.cli.arguments import Force, name_completion, out_option, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import bar, give, json_text, plain, tell, tell_report
-from skyarm.flight_data.own_log import is_own_mcap
+from skyarm.flight_data.own_log import is_own_mcap, require_one_vehicle
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import load_log, require_readable
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
+    errors_as,
     number,
     output_file,
     require_file,
@@ -33,17 +34,17 @@ from skyarm.records.files import (
     taken_back,
     write_atomically,
 )
+from skyarm.records.files.earlier_files import earlier_kept, kept_lines
 from skyarm.records.registry import RegistryError
 from skyarm.records.units import units
 from skyarm.studies.identify.design import SEGMENT, DesignLimits
 from skyarm.studies.identify.design_report import design_facts, design_lines
 from skyarm.studies.identify.designed_flight import design_flight
-from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE
+from skyarm.studies.identify.identified_file import VOLTAGE
 from skyarm.studies.identify.identified_report import (
     FIGURE,
     NUMBERS,
     TABLE,
-    TABLE_HEAD,
     VEHICLE,
     prediction_csv,
     prediction_lines,
@@ -68,7 +69,10 @@ Moment = Annotated[float | None, typer.Option(help="only the part of each flight
 Gravity = Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)]
 
 
-Out = Annotated[str | None, out_option("folder for vehicle file and numbers; with lags or design a .toml file")]
+Out = Annotated[
+    str | None,
+    out_option("folder for vehicle file and numbers; with lags or design a .toml file", metavar="PATH"),
+]
 
 
 def flights(
@@ -123,7 +127,6 @@ def flights(
             if folder is not None:
                 require_writable(folder)
                 require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
-                _require_own(folder / VEHICLE)
             report = identify_files(
                 FlightFiles(fit=files, held_out=held_out or (), join=join, columns=columns),
                 start,
@@ -144,9 +147,11 @@ def flights(
             tell_report(prediction_lines(identified.held_out))
         shows, written = any(each.is_known for each in identified.numbers), list[Path]()
         if folder is not None and shows:
-            written = _write(folder, contents)
+            # none of an earlier identification stays beside them
+            with earlier_kept([folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)]) as earlier:
+                written = [write_atomically(folder / name, content) for name, content in contents.items()]
             following = [f"next: skyarm check {folder / VEHICLE}"] if identified.settled else []
-            tell(f"written: {', '.join(map(str, written))}", *following)
+            tell(f"written: {', '.join(map(str, written))}", *kept_lines(earlier), *following)
         give(document, files=written)
         if not identified.settled:
             say("the search did not settle: give known numbers (--known), or fly with more motion")
@@ -165,6 +170,7 @@ def lags(
     end: Moment = None,
     gravity: Gravity = None,
     out: Out = None,
+    force: Force = False,
 ) -> None:
     """Find delays and lags of rotors and joints in one log.
 
@@ -173,8 +179,11 @@ def lags(
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
     with taken_back(out and Path(out).parent):
-        written, name = None if out is None else output_file(out, "--out", ".toml"), Path(log).name
-        flight = _part(load_log(log), begin, end)
+        written, name = None if out is None else output_file(out, "--out", ".toml", force=force), Path(log).name
+        whole = load_log(log)
+        with errors_as(ValueError, f"flight = {shown(log)}: "):
+            require_one_vehicle(whole)
+        flight = _part(whole, begin, end)
         felt = None if gravity is None else require_gravity(gravity, "--gravity")
         (model, felt), stated = nominal_model(flight, vehicle, felt), stated_delays(flight)
         with bar(f"{name}: delays and lags"):
@@ -208,6 +217,7 @@ def design(
     seconds: Annotated[float, _limit("seconds")] = USUAL.seconds,
     clear: Annotated[float, _limit("clear")] = USUAL.clear,
     out: Out = None,
+    force: Force = False,
 ) -> None:
     """Design a flight that identifies the parameters of a vehicle."""
     limits = DesignLimits(
@@ -218,7 +228,7 @@ def design(
     )
     start = load_vehicle(model)
     with taken_back(out and Path(out).parent):
-        written = None if out is None else output_file(out, "--out", ".toml")
+        written = None if out is None else output_file(out, "--out", ".toml", force=force)
         folder = Path() if written is None else Path(written).parent
         name = model if model in list_vehicles() else os.path.relpath(model, folder)
         with bar(f"design {start.name}") as advance:
@@ -336,21 +346,6 @@ def _within(value: float, option: str, low: float, high: float) -> float:
     if not low <= number(value, option) <= high:
         raise ValueError(f"{option} = {value:g}: must be from {low:g} to {high:g}")
     return value
-
-
-def _require_own(file: Path) -> None:
-    """Raise an error if a vehicle file that no identification wrote would be overwritten."""
-    if file.is_file() and not file.read_bytes().startswith(f"# {IDENTIFIED_BY}".encode()):
-        raise ValueError(f"--out = {shown(str(file.parent))}: must be another folder: {VEHICLE} is another hand's")
-
-
-def _write(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder, and remove outdated predictions of an earlier identification."""
-    table = folder / TABLE
-    if table.is_file() and table.read_bytes().startswith(TABLE_HEAD.encode()):
-        for name in {TABLE, FIGURE} - set(contents):
-            (folder / name).unlink(missing_ok=True)
-    return [write_atomically(folder / name, content) for name, content in contents.items()]
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:

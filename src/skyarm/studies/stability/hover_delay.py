@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike
+from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import digest
+from skyarm.reference.signals import Constant
 from skyarm.scenario.scenario_file import as_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.studies.stability.flight_margins import frozen_hover
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
+from skyarm.studies.stability.flight_margins import frozen_hover, hovering
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
 
@@ -86,6 +90,19 @@ def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
         swings = delay_margin(hover.open_loop("between"))
     believed = believed_delay(scenario)
     return HoverDelay(margin=margin, swings=swings, believed=believed, period=1.0 / scenario.rates.control)
+
+
+def hover_digest(scenario: Scenario) -> str:
+    """Digest of all that a vehicle's delay margin in hover depends on; in free air the place is no part of it."""
+    held = hovering(scenario)
+    if not held.forces and held.world is None:
+        reference = dataclasses.replace(held.agent.reference, x=NOWHERE, y=NOWHERE)
+        held = with_words(held, reference=reference)
+    return digest([identity(each) for each in (held.agent, held.environment, held.rates)])
+
+
+NOWHERE = Constant(0.0)
+"""Coordinate of a hover that is anywhere."""
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:

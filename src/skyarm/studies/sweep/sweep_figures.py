@@ -87,7 +87,10 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
         for i, curve in enumerate(each.curves):
             handles[curve.controller] = _draw_band(ax, curve, PAPER.look(i), curve.controller)
         PAPER.name_axis(ax, *metric_words(each.metric))
-        ax.set_ylim(*_axis_limits(each))
+        if _spans_decades(each):
+            logarithmic(ax.yaxis)
+        else:
+            ax.set_ylim(*_axis_limits(each))
     if lost:
         _draw_lost(panels[-1], first.curves)
         panels[-1].set_ylabel("Lost", **PAPER.small_words)
@@ -110,6 +113,17 @@ def _axis_limits(drawn: BandedCurves) -> tuple[float, float]:
     """Limits of a metric's value axis, starting at zero if no value is negative."""
     seen = np.concatenate([line for curve in drawn.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
+
+
+DECADES = 2.0
+"""Range of a metric, in powers of ten, from which its axis is logarithmic."""
+
+
+def _spans_decades(drawn: BandedCurves) -> bool:
+    """True if the medians of a metric are positive and span decades."""
+    seen = np.concatenate([curve.middle for curve in drawn.curves])
+    seen = seen[np.isfinite(seen)]
+    return seen.size > 0 and seen.min() > 0.0 and bool(seen.max() >= 10.0**DECADES * seen.min())
 
 
 def _draw_band(ax: Axes, curve: BandedCurve, look: CurveLook, label: str) -> Line2D:

@@ -24,7 +24,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.members import SOLE
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, with_words
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, FieldsByWord, Rates, Scenario, with_words
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -223,14 +223,14 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
-    words = {} if own_motion else {
+    words: FieldsByWord = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         "reference": (unseen_motion if unseen else motion)(scenario.agent.plant.vehicle),
         "path_time": None,
     }  # fmt: skip
     return with_words(
-        scenario.as_begun.with_kind("rigid_body"),
+        with_words(scenario.as_begun.with_kind("rigid_body"), **words),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
         faults=(),
@@ -240,7 +240,6 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         ground=False,
         world=None,
         forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
-        **words,
     )
 
 

@@ -124,7 +124,7 @@ def limits_figure(plan: Plan) -> Figure:
     if vehicle.n:
         share, fastest = 100.0 * limits.torque_share, limits.joint_rate
         panels += [
-            ("Joint torque", "% of limit", plan.t[:-1], 100.0 * plan.torques / efforts, [share, -share]),
+            ("Joint torque", "% of limit", plan.t, 100.0 * plan.torques / efforts, [share, -share]),
             ("Joint rate", "rad/s or m/s", plan.t, plan.x[:, at.joint_rates], [fastest, -fastest]),
             ("Joints", "rad or m", plan.t, plan.x[:, at.joints], []),
         ]

@@ -1,12 +1,13 @@
-"""Local viser server with access check of every request and filter of every received frame.
+"""Viser server with access check of every request and filter of every received frame.
 
 viser takes every page's websocket and every value, and opens a tunnel into the internet where a frame requests it; it
-is given a loopback socket that is bound already, and websockets that pass allowed frames only.
+is given a socket that is bound already, and websockets that pass allowed frames only.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hmac
 import http
 import io
@@ -19,7 +20,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
-from skyarm.records.files import needs_extra
+from skyarm.records.files import needs_extra, shown
 from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
@@ -73,6 +74,12 @@ class StudioError(ValueError):
     """Error if the studio cannot be opened, with a one-line message."""
 
 
+LOOPBACK = ("127.0.0.1", "localhost")
+
+EVERYWHERE = ("", "0.0.0.0")
+"""Names of all addresses of this machine, which no page can have."""
+
+
 def require_viser() -> None:
     """Raise an error unless viser is installed.
 
@@ -85,23 +92,29 @@ def require_viser() -> None:
         raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
 
 
-def listening_socket(port: int) -> socket.socket:
-    """Open a listening socket on this machine's loopback address; port 0 selects a free port.
+def listening_socket(port: int, host: str = LOOPBACK[0]) -> socket.socket:
+    """Open a listening socket on an address of this machine, the loopback by default; port 0 selects a free port.
 
     Raises:
-        StudioError: the port is taken.
+        StudioError: the port is taken, or the machine has no such address.
     """
+    if host in EVERYWHERE:
+        raise StudioError(
+            f"--host = {shown(host)}: must be one address of this machine, as the page's address names it"
+        )
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere it lets two servers take one port
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind((LOOPBACK[0], port))
+        listening.bind((host, port))
         # who asks while libraries still load waits instead of being refused
         listening.listen()
     except (OSError, OverflowError) as error:
         listening.close()
-        words = getattr(error, "strerror", None) or str(error)
-        raise StudioError(f"--port = {port}: must be free ({words.lower()})") from None
+        words = (getattr(error, "strerror", None) or str(error)).lower()
+        if isinstance(error, socket.gaierror) or getattr(error, "errno", None) == errno.EADDRNOTAVAIL:
+            raise StudioError(f"--host = {shown(host)}: must be an IPv4 address of this machine ({words})") from None
+        raise StudioError(f"--port = {port}: must be free ({words})") from None
     return listening
 
 
@@ -277,8 +290,6 @@ def _is_finite(value: object) -> bool:
     return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
 
 
-LOOPBACK = ("127.0.0.1", "localhost")
-
 MOST_BYTES = 1 << 20
 """Largest size (bytes) of a frame; a slider's value or a camera takes some hundred."""
 
@@ -288,11 +299,13 @@ class AccessGuard:
     """Access rules of the studio's server: allowed host, origin and secret token.
 
     Attributes:
-        port: port of the loopback that it listens at. token: text that every request must bear.
+        port: port that it listens at. token: text that every request must bear.
+        host: address of this machine that it listens at.
     """
 
     port: int
     token: str
+    host: str = LOOPBACK[0]
 
     @property
     def cookie(self) -> str:
@@ -308,7 +321,7 @@ class AccessGuard:
             websocket: whether it asks for one; browsers send its page's ``Origin`` along, whatever the page wants.
         """
         host = headers.get("Host", "")
-        if host not in {f"{name}:{self.port}" for name in LOOPBACK}:
+        if host not in {f"{name}:{self.port}" for name in (LOOPBACK if self.host in LOOPBACK else (self.host,))}:
             return "Host: must be the address that skyarm printed"
         origin = headers.get("Origin")
         if (origin is not None or websocket) and origin not in (f"http://{host}", f"https://{host}"):
@@ -338,7 +351,7 @@ class AccessGuard:
 
     def address(self) -> str:
         """Web address with the secret token, for the user's browser."""
-        return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"
+        return f"http://{self.host}:{self.port}/?token={self.token}"
 
 
 def _cookie(cookies: str, name: str) -> list[str]:
