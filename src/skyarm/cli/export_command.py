@@ -168,7 +168,7 @@ def _law(
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller).alone("the law in C")
         chosen, title = planned.agent.controller, planned.name
-        estimator = planned.agent.estimator.on_board
+        estimator = planned.agent.placed_estimator.on_board
         if any(change.of_law for change in planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)

@@ -16,12 +16,15 @@ from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
+from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import BAG_FOLDER, FlightData, FlightFormat
+from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
+from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -45,6 +48,9 @@ NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd",
 
 LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
 """Pattern of message types that are not decoded."""
+
+IMU, STATIC, BASE = "sensor_msgs/msg/Imu", "/tf_static", "base_link"
+"""Type of the messages of inertial units, topic of fixed transforms, and frame of the base (REP 105)."""
 
 SECOND, NANO = 1_000_000_000, 1e-9
 
@@ -95,11 +101,13 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     own = {} if columns is None else columns.signals
     topics = {signal.topic for signal in own.values()}
     rows: dict[str, _Rows] = {}
+    mounts: dict[str, _Mount] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             kinds = {each.topic: str(each.msgtype) for each in reader.connections}
             if chosen := [each for each in reader.connections if _is_read(each, topics)]:
                 _read(reader, chosen, rows, notes)
+                mounts = _mounts(reader)
     except OSError:
         raise
     except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
@@ -115,7 +123,55 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
             listed = ", ".join(each.topic for each in signals)
             notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
     facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
-    return flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
+    flight = flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
+    return _in_base_axes(flight, {} if {"gyro", "accelerometer"} & set(own) else mounts)
+
+
+@positional
+class _Mount:
+    """Place (m) of an inertial unit in the base, and its axes as a unit quaternion wxyz; name of its frame."""
+
+    place: Vec3
+    turn: Quaternion
+    frame: str
+
+
+def _in_base_axes(flight: FlightData, mounts: Mapping[str, _Mount]) -> FlightData:
+    """Turn the readings of inertial units into base axes, and state the place of the accelerometer."""
+    for quantity in ("gyro", "accelerometer"):
+        mount = mounts.get(flight[quantity].source.split(":")[0]) if quantity in flight else None
+        if mount is not None:
+            read = flight[quantity]
+            turned = replace(read, values=turn_vectors(np.array([[*mount.turn]]), read.values))
+            note = f"{quantity}: is turned from {mount.frame} to {BASE} by {STATIC}."
+            facts = {**flight.facts, **dict(zip(PLACE, mount.place, strict=True))}
+            flight = replace(flight.with_channels({quantity: turned}, note), facts=facts)
+    return flight
+
+
+def _mounts(reader: AnyReader) -> dict[str, _Mount]:
+    """Mount of the inertial unit of each topic, by the fixed transforms from the base; without those at its origin."""
+    links = dict[str, tuple[str, Vec3, Quaternion]]()
+    fixed = [each for each in reader.connections if each.topic.endswith(STATIC)]
+    for connection, _, data in reader.messages(connections=fixed) if fixed else ():
+        for each in reader.deserialize(data, connection.msgtype).transforms:  # type: ignore[attr-defined]
+            at, turn = each.transform.translation, each.transform.rotation
+            turned = Quaternion(turn.w, turn.x, turn.y, turn.z).normalized()
+            links[each.child_frame_id] = (each.header.frame_id, Vec3(at.x, at.y, at.z), turned)
+    mounts = dict[str, _Mount]()
+    units = [c for c in reader.connections if c.msgtype == IMU] if links else []
+    for connection in units:
+        data = next((data for _, _, data in reader.messages(connections=[connection])), b"")
+        name = frame = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
+        place, turn = ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)
+        for _ in links:
+            if name.rpartition("/")[2] == BASE or name not in links:
+                break
+            name, at, turned = links[name]
+            place, turn = at + turned.rotation().apply(place), turned * turn
+        if name.rpartition("/")[2] == BASE and name != frame:
+            mounts[connection.topic] = _Mount(place, turn, frame)
+    return mounts
 
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:

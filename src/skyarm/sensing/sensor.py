@@ -65,6 +65,11 @@ class Sensor:
         """Point of the base (m, base axes) whose specific force ``measure`` takes; the base origin if left out."""
         return ZERO3
 
+    @property
+    def turned_by(self) -> Vec3:
+        """Roll, pitch and yaw (rad) of the axes of the reading in the base; zero for base axes."""
+        return ZERO3
+
     senses: ClassVar[str] = ""
     """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it is a :class:`SwitchReading`."""
 

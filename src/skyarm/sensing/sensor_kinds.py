@@ -134,6 +134,11 @@ class Imu(ChannelSensor):
         """Place of the inertial unit, m, base axes."""
         return self.position
 
+    @property
+    def turned_by(self) -> Vec3:
+        """Roll, pitch and yaw of the inertial unit's axes in the base, rad."""
+        return self.rpy
+
 
 @immutable
 class Pose(ChannelSensor):

@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 
-from skyarm.algebra.frames import to_base, unit_rows
+from skyarm.algebra.frames import of_euler_angles, to_base, unit_rows
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
@@ -121,7 +121,7 @@ def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
     return [
         _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
         *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
-        *_transforms(slow, vehicle_of(log)),
+        *_transforms(slow, vehicle_of(log), _mounts(log)),
         Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
         _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
         _topic("/tip", POINT, slow, {"position": "tool"}, {}),
@@ -181,7 +181,7 @@ def period_of(log: Log) -> int:
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
-def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
+def _transforms(every: int, vehicle: Vehicle | None, mounts: Sequence[Values]) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
     def moving(part: LogSection) -> Values:
@@ -194,7 +194,7 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = {"transforms": frames.fixed_transforms()}, {"markers": markers(vehicle, frames)}
+    fixed, drawn = {"transforms": [*frames.fixed_transforms(), *mounts]}, {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -320,7 +320,20 @@ def _reading(topic: str, every: int, offset: int, source: str, described: Source
         OWN: {"name": endings},
     }
     time, arrays = f"{source}.time" if stamped else "", {field: f"{source}.{field}" for field in sizes}
-    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=described.frame)
+    frame = described.frame if described.mount is None else mount_frame(source)
+    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=frame)
+
+
+def mount_frame(source: str) -> str:
+    """Frame of a sensor beside the base origin: ``imu_link`` for a sensor ``imu``."""
+    return f"{word(last_of(source))}_link"
+
+
+def _mounts(log: Log) -> list[Values]:
+    """Fields of ROS transform messages of the sensors beside the base origin."""
+    sources = {name: each.mount for name, each in sources_of(log.info).items() if each.mount}
+    turns = {name: np.array([*of_euler_angles(*mount[3:])]) for name, mount in sources.items()}
+    return [transform(0, BASE_LINK, mount_frame(name), mount[:3], turns[name]) for name, mount in sources.items()]
 
 
 def last_of(source: str) -> str:
