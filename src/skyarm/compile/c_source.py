@@ -1,9 +1,9 @@
 """C99 source of a traced program: statements, structs of dataclasses, and a file with one step function.
 
 One assignment an operation, nothing of the library but math.h. The file switches contraction off on GCC, clang and
-MSVC, so that a double program has the bits of the Python floats; elsewhere a * b + c may become one rounding.
-Every operation is IEEE's: infinities and NaN pass through, and a build with fast-math ends in an error. A file is its own header: with ``NAME_INTERFACE_ONLY``
-defined it declares and defines nothing.
+MSVC, so that a double program has the bits of the Python floats; elsewhere a * b + c may become one rounding. Every
+operation is IEEE's: infinities and NaN pass through, and a build with fast-math ends in an error. A file is its own
+header: with ``NAME_INTERFACE_ONLY`` defined it declares and defines nothing.
 """
 
 from __future__ import annotations

@@ -24,7 +24,6 @@ from support.commands import skyarm as typed
 from support.engines import Loaded, needs_cc
 from support.flights import TEXT, estimated
 
-
 MOUNT = {"sensors__imu__position": [0.1, 0.0, -0.05], "sensors__imu__rpy": [0.1, 0.2, 1.0]}
 
 
@@ -43,7 +42,7 @@ class WithReadings(Loaded):
 
 
 @needs_cc
-@pytest.mark.parametrize("force, mount", [("measured", {}), ("modelled", {}), ("modelled", MOUNT)])
+@pytest.mark.parametrize(("force", "mount"), [("measured", {}), ("modelled", {}), ("modelled", MOUNT)])
 def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force, mount):
     """Fed with the readings of a flight; the filter's memory too."""
     scenario = estimated(estimator__force=force, controller__preset="paper_ct", **mount)
