@@ -37,7 +37,11 @@ FOR_DEVELOPERS = ("test", "docs")
 
 MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; require_machine_code(); print('LLVM')"
 
-MUJOCO = "import mujoco; print(mujoco.__version__)"
+MUJOCO = """
+import mujoco, sys
+version = mujoco.__version__
+print(version) if int(version.split(".")[0]) >= 4 else sys.exit(f"{version}, needs 4.0")
+"""
 
 OPENGL = """
 from skyarm.view.film.offscreen import offscreen

@@ -15,6 +15,7 @@ from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, require_readable, save_log
+from skyarm.log.ros.topics import EPOCH
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     errors_as,
@@ -64,6 +65,9 @@ def export(
     name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
     single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
     timestep: Annotated[float, typer.Option(help="with mjcf: time step of MuJoCo, s")] = 0.001,
+    epoch: Annotated[
+        float | None, typer.Option(help="with mcap: Unix time of the start of the flight, s; if left out 0")
+    ] = None,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF.
 
@@ -74,8 +78,8 @@ def export(
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with bar(f"{what}: writing"):
-            return _log(what, to, file)
-    others = ("--timestep",) if to == "c" else OF_LAWS
+            return _log(what, to, file, epoch)
+    others = ("--timestep", "--epoch") if to == "c" else (*OF_LAWS, "--epoch")
     require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
@@ -86,7 +90,7 @@ def export(
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
-def _log(flight: str, to: str | None, file: str | None) -> None:
+def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> None:
     formats = names("log_format")
     if to is None and file is None:
         raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
@@ -103,7 +107,12 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
     else:
         target = Path(flight).with_suffix(f".{to}")
         require_no_input(target, "--out")
-    save_log(load_log(flight), target)
+    log = load_log(flight)
+    if epoch is not None:
+        if target.suffix != ".mcap":
+            raise ValueError(f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps are those of mcap")
+        log.info[EPOCH] = number(epoch, "--epoch", low=0.0)
+    save_log(log, target)
     tell(f"log: {target}")
     give(file=target)
 

@@ -42,7 +42,10 @@ from skyarm.vehicle import Vehicle
 FAST, SLOW = 200.0, 50.0
 """Rates (Hz) of messages of base and joints, and of the others; a slower control writes each of its instants."""
 
-FLIGHT_TOPIC = "/skyarm/flight"
+FLIGHT_TOPIC, CLOCK = "/skyarm/flight", "/clock"
+
+EPOCH = "epoch"
+"""Key of a log's description with the Unix time (s) of the start of the flight, from which time stamps count."""
 
 MARKERS = "visualization_msgs/MarkerArray"
 
@@ -87,6 +90,7 @@ class FlightTopics:
         every = columns(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(every)}
         self.period = period_of(log)
+        self._epoch = round(float(log.info.get(EPOCH, 0.0)) * 1e9)
 
         def row(part: LogSection) -> Values:
             return {each.name: each.of(part) for each in every}
@@ -96,6 +100,7 @@ class FlightTopics:
         first = next(iter(log.agents.values()))
         self.topics = (
             Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
+            Topic(CLOCK, "rosgraph_msgs/Clock", 1, lambda part: {"clock": part.stamps}),
             *topics_of_all(own),
             *_sensor_topics(first, lambda source, field: source == COMPONENTS and field in shared),
         )
@@ -108,7 +113,7 @@ class FlightTopics:
             log: the part, which begins at a multiple of :attr:`period`.
         """
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
-        part = LogSection(log, chosen)
+        part = LogSection(log, chosen, epoch=self._epoch)
         with np.errstate(all="ignore"):
             values = topic.values(part)
         return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
