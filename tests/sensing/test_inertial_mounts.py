@@ -140,7 +140,7 @@ def test_the_filter_knows_where_its_inertial_unit_is():
     assert off(lost, "velocity") > 20.0 * off(mounted, "velocity")
 
 
-def test_a_base_that_spins_faster_and_faster_in_place_feels_gravity_alone_at_its_origin():
+def test_a_base_that_spins_ever_faster_in_place_feels_gravity_alone_at_its_origin():
     """Closed form: at r on the x axis the inertial unit feels -omega^2 r and alpha r, and moves at omega r."""
     scenario = estimated(**MOUNT | {"sensors__imu__position": [0.2, 0.0, 0.0]})
     model, period, alpha = scenario.controller.par.model, 0.005, 3.0

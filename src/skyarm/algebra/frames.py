@@ -45,11 +45,6 @@ def of_euler_angles(roll: float | Array, pitch: float | Array, yaw: float | Arra
     return Quaternion(cy, 0.0, 0.0, sy) * Quaternion(cp, 0.0, sp, 0.0) * Quaternion(cr, sr, 0.0, 0.0)
 
 
-def turned_from(vectors: Array, roll: float, pitch: float, yaw: float) -> Array:
-    """Vectors (N, 3) in axes that stand at Z-Y-X Euler angles (rad) in the base, converted to base axes."""
-    return turn_vectors(np.array([[*of_euler_angles(roll, pitch, yaw)]]), vectors)
-
-
 def unit_rows(rows: Array) -> Array:
     """Rows of an array (N, k) divided by their Euclidean lengths, as for unit quaternions or directions."""
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skyarm.algebra.frames import turned_from
+from skyarm.algebra.frames import of_euler_angles, turn_vectors
 from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import PLACE, Channel, FlightData, FlightFormat
 from skyarm.flight_data.quantities import QUANTITIES
@@ -84,7 +84,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
             array = log.received.get(f"{name}.{field}")
             if array is not None and quantity not in measured and _fits(quantity, array):
                 if source.mount and quantity in ("gyro", "accelerometer"):
-                    array = turned_from(array, *source.mount[3:])
+                    array = turn_vectors(np.array([[*of_euler_angles(*source.mount[3:])]]), array)
                     place = dict(zip(PLACE, source.mount[:3], strict=True))
                 channel = _reading(log, name, field, source, array)
                 if channel.time.size:

@@ -447,7 +447,7 @@ class Agent:
 
     @property
     def placed_estimator(self) -> Estimator:
-        """Estimator that knows the places of the sensors."""
+        """Estimator with the places and angles of the sensors."""
         return self.estimator.placing({each.name: each.sensor for each in self.sensors})
 
     @property

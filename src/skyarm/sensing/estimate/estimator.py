@@ -41,7 +41,7 @@ class Estimator:
         return self
 
     def placing(self, sensors: Mapping[str, Sensor]) -> Estimator:
-        """Estimator that knows the places and angles of the sensors (by name), unless its own table states them."""
+        """Estimator with the places and angles of the sensors (by name), unless its own table states them."""
         return self
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
