@@ -12,15 +12,19 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import where
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
+
+Number: TypeAlias = "float | Array"
+"""Number, or one of many lanes."""
 
 ORDERS = 5
 """Number of values of a signal: its value and derivatives one to four."""
@@ -159,16 +163,18 @@ def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials
     return Polynomials(tuple(times), tuple(map(tuple, snap_pieces(span_powers(times), values))))
 
 
-def span_powers(times: Sequence[Scalar]) -> list[list[Scalar]]:
+def span_powers(times: Sequence[Number]) -> list[list[Number]]:
     """Powers 0 to 7 of the durations between knots; those of lanes have the bits of the floats' own."""
-    spans = [after - before for before, after in itertools.pairwise(times)]
-    if not isinstance(spans[0], np.ndarray):
-        return [[span**k for k in range(8)] for span in spans]
-    rows = [[[each**k for each in span.tolist()] for k in range(8)] for span in spans]
-    return [[np.array(power) for power in row] for row in rows]
+    rows = list[list[Number]]()
+    for span in (after - before for before, after in itertools.pairwise(times)):
+        if isinstance(span, np.ndarray):
+            rows.append([np.array([each**k for each in span.tolist()]) for k in range(8)])
+        else:
+            rows.append([span**k for k in range(8)])
+    return rows
 
 
-def snap_pieces(spans: Sequence[Sequence[Scalar]], values: Sequence[Scalar]) -> list[list[Scalar]]:
+def snap_pieces(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[list[Number]]:
     """Coefficients of the pieces of a minimum-snap spline.
 
     Args:
@@ -184,16 +190,16 @@ def snap_pieces(spans: Sequence[Sequence[Scalar]], values: Sequence[Scalar]) -> 
     return pieces
 
 
-def knot_derivatives(spans: Sequence[Sequence[Scalar]], values: Sequence[Scalar]) -> list[Sequence[Scalar]]:
+def knot_derivatives(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[Sequence[Number]]:
     """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at both ends."""
     inner = len(spans) - 1
     size = FREE * inner
     band = 2 * FREE - 1
-    A: list[list[Scalar]] = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
-    b: list[Scalar] = [0.0] * size
+    A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
+    b: list[Number] = [0.0] * size
     for i, powers in enumerate(spans):
         # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by powers of the span
-        weight = powers[:4] * 2
+        weight = [powers[k % 4] for k in range(8)]
         fixed = {0: values[i], 4: values[i + 1]}
         if i == 0:
             fixed |= {1 + k: 0.0 for k in range(FREE)}
@@ -212,9 +218,9 @@ def knot_derivatives(spans: Sequence[Sequence[Scalar]], values: Sequence[Scalar]
     return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), rest]
 
 
-def snap_cost(spans: Sequence[Sequence[Scalar]], pieces: Sequence[Sequence[Scalar]]) -> Scalar:
+def snap_cost(spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Number]]) -> Number:
     """Integral of the squared fourth derivative of polynomials of seventh degree, by the powers of their durations."""
-    total: Scalar = 0.0
+    total: Number = 0.0
     for c, powers in zip(pieces, spans, strict=True):
         fourth = [c[k] * k * (k - 1) * (k - 2) * (k - 3) for k in range(4, 8)]
         for j, a in enumerate(fourth):
@@ -223,17 +229,17 @@ def snap_cost(spans: Sequence[Sequence[Scalar]], pieces: Sequence[Sequence[Scala
     return total
 
 
-def _solve_banded(A: list[list[Scalar]], b: list[Scalar], band: int) -> list[Scalar]:
+def _solve_banded(A: list[list[Number]], b: list[Number], band: int) -> list[Number]:
     """Solve a symmetric positive definite banded system by L D L^T, with the same rounding on every machine."""
     n = len(b)
-    L = [[0.0] * (band + 1) for _ in range(n)]
-    D = [0.0] * n
+    L: list[list[Number]] = [[0.0] * (band + 1) for _ in range(n)]
+    D: list[Number] = [0.0] * n
     for i in range(n):
         for d in range(min(band, i), -1, -1):
             j = i - d
             total = A[i][d]
             for m in range(max(0, i - band), j):
-                total -= L[i][i - m] * D[m] * L[j][j - m]
+                total = total - L[i][i - m] * D[m] * L[j][j - m]
             if d:
                 L[i][d] = total / D[j]
             else:
@@ -241,11 +247,11 @@ def _solve_banded(A: list[list[Scalar]], b: list[Scalar], band: int) -> list[Sca
     x = list(b)
     for i in range(n):
         for d in range(1, min(band, i) + 1):
-            x[i] -= L[i][d] * x[i - d]
+            x[i] = x[i] - L[i][d] * x[i - d]
     x = [value / scale for value, scale in zip(x, D, strict=True)]
     for i in reversed(range(n)):
         for d in range(1, min(band, n - 1 - i) + 1):
-            x[i] -= L[i + d][d] * x[i + d]
+            x[i] = x[i] - L[i + d][d] * x[i + d]
     return x
 
 

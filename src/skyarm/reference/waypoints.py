@@ -137,7 +137,7 @@ def _cost(points: Points, shares: Sequence[float], small: float = 1e-4) -> tuple
     np.fill_diagonal(lanes, lanes.diagonal() * (1.0 + small))
     spans = span_powers([*itertools.accumulate(lanes, initial=np.zeros(len(shares) + 1))])
     values = [np.array(point)[:, None] for point in points]
-    x, y, z = snap_cost(spans, snap_pieces(spans, values)).tolist()
+    x, y, z = np.asarray(snap_cost(spans, snap_pieces(spans, values))).tolist()
     *moved, cost = (a + b + c for a, b, c in zip(x, y, z, strict=True))
     return cost, [(each - cost) / small for each in moved]
 

@@ -197,7 +197,9 @@ class AutopilotParameters:
 
 def inertial_unit(scenario: Scenario) -> Imu:
     """Inertial unit that an autopilot reads."""
-    return next((each.sensor for each in scenario.agent.sensors if each.name == "imu"), FLIGHT_IMU)
+    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.agent.sensors}
+    imu: Imu = sensors.get("imu", FLIGHT_IMU)
+    return imu
 
 
 def place_parameters(scenario: Scenario, prefix: str) -> dict[str, float]:

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.algebra import Motion, Scalar, Vec3
+from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
 from skyarm.algebra.scalars import data, exp, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
@@ -93,7 +93,7 @@ class ErrorStateFilter(FilterNumbers):
             taken=0.0,
             refused=0.0,
             surprise=0.0,
-            slow_rate=() if at_origin(self.lever) else zero,
+            slow_rate=ZERO3 if at_origin(self.lever) else zero,
         )
 
     def step(

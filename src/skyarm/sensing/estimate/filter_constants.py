@@ -73,7 +73,7 @@ class FilterMemory:
         taken, refused: numbers of readings that passed the innovation test, and that did not.
         surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
             reading's components.
-        slow_rate: low-passed angular velocity, rad/s, base axes; nothing for an inertial unit at the base origin.
+        slow_rate: low-passed angular velocity, rad/s, base axes; structural zeros without a lever arm.
     """
 
     started: Scalar
@@ -87,7 +87,7 @@ class FilterMemory:
     taken: Scalar
     refused: Scalar
     surprise: Scalar
-    slow_rate: Vec3 | tuple[()] = ()
+    slow_rate: Vec3 = ZERO3
 
     @property
     def deviations(self) -> Scalars:

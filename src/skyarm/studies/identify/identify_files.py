@@ -91,7 +91,7 @@ def identify_files(
         ValueError: one line: a file that cannot be read, a fault, or options that do not fit the flights.
     """
     fitted, held_out, clocks = files.read(start, progress)
-    known = _place([*fitted, *held_out], options.known) | options.known
+    known = {**_place([*fitted, *held_out], options.known), **options.known}
     given, faults = dict(known), list[LogFault]()
     full = given.pop(VOLTAGE, 0.0)
     if full and not any("voltage" in flight for flight in fitted):

@@ -48,10 +48,10 @@ def normal_quantile(u: Array) -> Array:
     Source: Wichura 1988, AS 241.
     """
     q = u - 0.5
-    r = np.sqrt(-log(np.where(q <= 0.0, u, 1.0 - u)))
+    r = np.sqrt(-np.asarray(log(np.where(q <= 0.0, u, 1.0 - u))))
     side = np.where(q < 0.0, -1.0, 1.0)
     central, near, far = (
-        horner(x, above) * factor / horner(x, below)
+        np.asarray(horner(x, above) * factor / horner(x, below))
         for x, factor, (above, below) in (
             (0.180625 - q * q, q, CENTRE),
             (r - 1.6, side, NEAR_TAIL),
