@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -208,6 +209,32 @@ def test_the_modelled_force_is_that_of_the_place():
     velocity, speeds = state.quaternion.rotation().apply_T(state.velocity), (state.rotor_speeds,) * 2
     found = modelled_force(vehicle, velocity, state.rate, state.joints, state.joint_rates, speeds, efforts, place)
     np.testing.assert_allclose([*found], [*wanted], rtol=1e-9, atol=1e-9)
+
+
+def test_the_filter_predicts_the_force_at_its_place_from_the_velocity_of_the_base():
+    scenario = estimated(**MOUNT, estimator__force="modelled")
+    model, rate, speeds = scenario.controller.par.model, Vec3(0.7, -0.4, 3.0), (480.0, 500.0, 470.0, 510.0)
+    estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
+    start, place, velocity = (
+        estimator.start(model.vehicle),
+        Vec3(*MOUNT["sensors__imu__position"]),
+        Vec3(1.0, -2.0, 0.5),
+    )
+    attitude = Quaternion.of_rotation_vector(Vec3(0.3, -0.2, 1.0))
+    moving = attitude.rotation().apply(velocity + rate.cross(place))
+    belief = replace(start.belief, velocity=moving, quaternion=attitude)
+    memory = replace(start, started=1.0, belief=belief, rotor_speeds=speeds)
+    R = Rotation.from_euler("ZYX", MOUNT["sensors__imu__rpy"][::-1])
+    readings = {
+        "imu": ImuReading(time=0.005, rate=Vec3(*R.inv().apply([*rate])), specific_force=Vec3(0.0, 0.0, 9.8)),
+        "mocap": PoseReading(time=0.0, position=Vec3(0.0, 0.0, 0.0), quaternion=attitude),
+        "encoders": EncoderReading(time=0.0, joints=(0.0, 0.0), joint_rates=(0.0, 0.0)),
+    }
+    orders = Command(rotor_speeds=speeds, efforts=(0.05, -0.02))
+    after, _ = estimator.step(memory, readings, orders, 0.005)
+    arm = after.joints.joints, after.joints.rates
+    wanted = modelled_force(model.vehicle, velocity, rate, *arm, (speeds, speeds), orders.efforts, place)
+    np.testing.assert_allclose([*after.modelled[-1]], [*wanted], rtol=0.0, atol=1e-12)
 
 
 def test_a_plant_that_knows_no_turning_is_refused_in_one_line():
