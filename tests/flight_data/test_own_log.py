@@ -87,9 +87,10 @@ def test_the_place_that_flights_state_is_known_unless_another_is_given() -> None
     a, b = (FlightData(name=name, file=name, channels={"gyro": gyro}, facts=each) for name, each in facts.items())
     assert _place([a, a], {}) == a.place
     assert _place([FlightData(name="c", file="c", channels={"gyro": gyro})], {}) == {}
-    with pytest.raises(ValueError, match=r"--known place.x: is missing: the flights state several, m: a 0.1, b 0.2"):
+    with pytest.raises(ValueError, match=r"--known place.x, .y, .z: are missing: .* a \[0.1, 0.0, 0.0\], b \[0.2"):
         _place([a, b], {})
-    assert _place([a, b], {"place.x": 0.15}) == {"place.y": 0.0, "place.z": 0.0}
+    assert _place([a, a], {"place.x": 0.15}) == {"place.y": 0.0, "place.z": 0.0}
+    assert _place([a, b], dict.fromkeys(PLACE, 0.15)) == {}
 
 
 def test_without_sensors_the_true_state_is_read_and_said_to_be_true(tmp_path: Path) -> None:

@@ -421,7 +421,7 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
     np.testing.assert_allclose(flight["accelerometer"].values, turn.apply(2.0 * rates["imu_link"]), atol=1e-12)
     place = places["plate"] + turns["plate"].apply(places["imu_link"])
     np.testing.assert_allclose([*flight.place.values()], place, atol=1e-12)
-    assert "gyro: is turned from imu_link to base_link by /tf_static." in flight.notes
+    assert "gyro: is turned to base_link by /tf_static." in flight.notes
     lost = flight_in("lost_link")
     np.testing.assert_array_equal(lost["gyro"].values, rates["lost_link"])
     assert lost.place == {}

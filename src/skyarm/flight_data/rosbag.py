@@ -24,7 +24,6 @@ from skyarm.flight_data.own_log import is_own_mcap, read_own_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
-from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -101,7 +100,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     own = {} if columns is None else columns.signals
     topics = {signal.topic for signal in own.values()}
     rows: dict[str, _Rows] = {}
-    mounts: dict[str, _Mount] = {}
+    mounts: dict[str, tuple[Vec3, Quaternion]] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             kinds = {each.topic: str(each.msgtype) for each in reader.connections}
@@ -127,50 +126,40 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     return _in_base_axes(flight, {} if {"gyro", "accelerometer"} & set(own) else mounts)
 
 
-@positional
-class _Mount:
-    """Place (m) of an inertial unit in the base, and its axes as a unit quaternion wxyz; name of its frame."""
-
-    place: Vec3
-    turn: Quaternion
-    frame: str
-
-
-def _in_base_axes(flight: FlightData, mounts: Mapping[str, _Mount]) -> FlightData:
+def _in_base_axes(flight: FlightData, mounts: Mapping[str, tuple[Vec3, Quaternion]]) -> FlightData:
     """Turn the readings of inertial units into base axes, and state the place of the accelerometer."""
     for quantity in ("gyro", "accelerometer"):
-        mount = mounts.get(flight[quantity].source.split(":")[0]) if quantity in flight else None
-        if mount is not None:
-            read = flight[quantity]
-            turned = replace(read, values=turn_vectors(np.array([[*mount.turn]]), read.values))
-            note = f"{quantity}: is turned from {mount.frame} to {BASE} by {STATIC}."
-            facts = {**flight.facts, **dict(zip(PLACE, mount.place, strict=True))}
-            flight = replace(flight.with_channels({quantity: turned}, note), facts=facts)
+        topic = flight[quantity].source.partition(":")[0] if quantity in flight else ""
+        if topic in mounts:
+            place, turn = mounts[topic]
+            turned = turn_vectors(np.array([[*turn]]), flight[quantity].values)
+            changed = {quantity: replace(flight[quantity], values=turned)}
+            facts = {**flight.facts, **dict(zip(PLACE, place, strict=True))}
+            flight = replace(
+                flight.with_channels(changed, f"{quantity}: is turned to {BASE} by {STATIC}."), facts=facts
+            )
     return flight
 
 
-def _mounts(reader: AnyReader) -> dict[str, _Mount]:
-    """Mount of the inertial unit of each topic, by the fixed transforms from the base; without those at its origin."""
+def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
+    """Place (m) and axes of the inertial unit of each topic, by the fixed transforms that lead to it from the base."""
     links = dict[str, tuple[str, Vec3, Quaternion]]()
+    mounts = dict[str, tuple[Vec3, Quaternion]]()
     fixed = [each for each in reader.connections if each.topic.endswith(STATIC)]
     for connection, _, data in reader.messages(connections=fixed) if fixed else ():
         for each in reader.deserialize(data, connection.msgtype).transforms:  # type: ignore[attr-defined]
-            at, turn = each.transform.translation, each.transform.rotation
-            turned = Quaternion(turn.w, turn.x, turn.y, turn.z).normalized()
-            links[each.child_frame_id] = (each.header.frame_id, Vec3(at.x, at.y, at.z), turned)
-    mounts = dict[str, _Mount]()
-    units = [c for c in reader.connections if c.msgtype == IMU] if links else []
-    for connection in units:
+            at, q = each.transform.translation, each.transform.rotation
+            turn = Quaternion(q.w, q.x, q.y, q.z).normalized()
+            links[each.child_frame_id] = (each.header.frame_id, Vec3(at.x, at.y, at.z), turn)
+    for connection in [each for each in reader.connections if each.msgtype == IMU] if links else ():
         data = next((data for _, _, data in reader.messages(connections=[connection])), b"")
-        name = frame = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
-        place, turn = ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)
-        for _ in links:
-            if name.rpartition("/")[2] == BASE or name not in links:
-                break
-            name, at, turned = links[name]
-            place, turn = at + turned.rotation().apply(place), turned * turn
-        if name.rpartition("/")[2] == BASE and name != frame:
-            mounts[connection.topic] = _Mount(place, turn, frame)
+        name = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
+        mount, left = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)), dict(links)
+        while name in left:  # each once, that no circle is followed
+            name, place, turn = left.pop(name)
+            mount = place + turn.rotation().apply(mount[0]), turn * mount[1]
+            if name.rpartition("/")[2] == BASE:
+                mounts[connection.topic] = mount
     return mounts
 
 

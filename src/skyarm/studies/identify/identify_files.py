@@ -135,13 +135,12 @@ def _require_measurements(flights: Sequence[FlightData]) -> None:
 
 
 def _place(flights: Sequence[FlightData], known: Mapping[str, float]) -> dict[str, float]:
-    """Coordinates (m) of the inertial unit that the flights state; those of ``known`` need not agree."""
-    stated = {axis: {each.name: each.place.get(axis, 0.0) for each in flights} for axis in PLACE if axis not in known}
-    for axis, values in stated.items():
-        if len(set(values.values())) > 1:
-            listed = ", ".join(f"{name} {value:g}" for name, value in values.items())
-            raise ValueError(f"--known {axis}: is missing: the flights state several, m: {listed}")
-    return {axis: flights[0].place[axis] for axis in stated if axis in flights[0].place}
+    """Place (m) of the inertial unit that all flights state, of the axes that are not ``known``."""
+    places = [each.place for each in flights]
+    if any(each != places[0] for each in places) and not set(PLACE) <= set(known):
+        listed = ", ".join(f"{each.name} {[*each.place.values()]}" for each in flights)
+        raise ValueError(f"--known {PLACE[0]}, .y, .z: are missing: the flights state several, m: {listed}")
+    return {axis: value for axis, value in places[0].items() if axis not in known}
 
 
 def _gravity(flights: Sequence[FlightData]) -> float:
