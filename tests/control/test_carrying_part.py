@@ -15,11 +15,18 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors
 from skyarm.control.controller import ControllerError, part_of
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.contact.carrying import CarryingGains, planned_effect, shares_of_tilt, tip_wrench
+from skyarm.control.laws.centroidal.contact.carrying import (
+    FIRM,
+    CarryingGains,
+    inertia_ratio,
+    planned_effect,
+    shares_of_tilt,
+    tip_wrench,
+)
 from skyarm.control.laws.centroidal.law import continue_reference
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators.load_limits import largest_load
-from skyarm.dynamics.kinematics import frame_pose
+from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.leaves import leaves
@@ -220,7 +227,43 @@ def test_gains_become_those_of_carrying_while_a_load_is_held():
     assert free.tip.position == controller.par.tip.position
     factor = 1.0 - 0.5 * (1.0 - np.exp(-30.0 * DT * 8))  # within 33 ms, not at once
     assert soft.tip.position == pytest.approx(factor**2 * controller.par.tip.position)
-    assert soft.observer.force == pytest.approx(factor * controller.par.observer.force)
+    assert soft.observer.joints == pytest.approx(factor * controller.par.observer.joints)
+
+
+@pytest.mark.parametrize(
+    ("most", "heavy", "kept"), [(0.5, 1.0, 0.5), (0.5, 2.0 / FIRM, 0.5 * 2**0.5), (0.5, 99.0, 1.0), (2.0, 99.0, 2.0)]
+)
+def test_rotor_gains_rise_with_the_inertia_about_the_held_tip(most, heavy, kept):
+    """The stiffness per inertia stays: the factor goes with its root, from ``carrying`` to 1, and never below it."""
+    controller = law(carrying=most)
+    memory = dataclasses.replace(controller.memory.parts.carrying, share=1.0, heavy=heavy)
+    held = controller.par.parts.carrying.adjust_gains(memory, controller.par, DT)
+    assert held.base.attitude == pytest.approx(kept**2 * controller.par.base.attitude)
+    assert held.observer.force == pytest.approx(kept * controller.par.observer.force)
+    assert held.tip.position == pytest.approx(most**2 * controller.par.tip.position)
+
+
+def test_the_inertia_about_the_tip_is_that_of_summed_bodies():
+    """Sum over bodies of I + m (|r|^2 1 - r r^T) about the centre of mass, and Steiner's term of the tip."""
+    poses = link_poses(VEHICLE, POSTURE)
+    bodies = [(VEHICLE.base, np.eye(3), np.zeros(3))]
+    bodies += [
+        (link.body, np.array([[*row] for row in pose.R.rows]), np.array([*pose.p]))
+        for link, pose in zip(VEHICLE.links, poses, strict=True)
+    ]
+    places = [p + R @ [*body.com] for body, R, p in bodies]
+    masses = [body.mass for body, *_ in bodies]
+    middle, total = np.average(places, axis=0, weights=masses), np.zeros((3, 3))
+    for (body, R, _), place in zip(bodies, places, strict=True):
+        r = place - middle
+        total += R @ [[*row] for row in body.inertia.full().rows] @ R.T + body.mass * (
+            r @ r * np.eye(3) - np.outer(r, r)
+        )
+    lever = np.array([*frame_pose(VEHICLE, VEHICLE.frame(), POSTURE).p]) - middle
+    mean = 0.5 * (total[0, 0] + total[1, 1])
+    assert inertia_ratio(VEHICLE, POSTURE) == pytest.approx(1.0 + sum(masses) * lever @ lever / mean)
+    memory, _ = steps(law(), 2, lambda _: carrying(held=1.0))
+    assert memory.parts.carrying.heavy == pytest.approx(inertia_ratio(VEHICLE, POSTURE))
 
 
 def settled(numbers, w, times):

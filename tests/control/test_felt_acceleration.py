@@ -270,13 +270,17 @@ NUDGED = ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0)
 LOOSE, AT_LIMIT = (1.0, 1.0, 1.0), (0.0, 1.0, 1.0)
 
 
-def pushed(force, velocity, free, pair=None, innovation=0.0, gains=NUDGED):
-    """The observer's memory after a measured velocity, of a hover in which the force is only believed."""
+def pushed(force, velocity, free, pair=None, leap=0.0, gains=NUDGED, rate=(0.0,) * 3, joint_rates=(1e-9,) * 2):
+    """The observer's memory after a measured motion, of a hover in which the force is only believed."""
     command = standing_command(ARM)
     before = dataclasses.replace(first_observed(2, command.rotor_speeds, pair is not None), force=vec(force))
-    before = dataclasses.replace(before, innovation=innovation)
+    before = dataclasses.replace(before, leap=leap)
     measured = dataclasses.replace(
-        blank_measurement(2, 4), velocity=vec(velocity), specific_force=Vec3(1e-9, 0.0, G), joint_rates=(1e-9, 1e-9)
+        blank_measurement(2, 4),
+        velocity=vec(velocity),
+        rate=vec(rate),
+        specific_force=Vec3(1e-9, 0.0, G),
+        joint_rates=joint_rates,
     )
     known = Unknown(force=before.force, torque=before.torque, efforts=before.efforts)
     done = actuation(ARM, command.rotor_speeds, command, DT)
@@ -310,20 +314,38 @@ def test_a_force_never_grows_while_rotors_are_at_their_limit():
 
 
 def test_a_velocity_that_leaps_must_come_twice():
-    at = [np.array(list(pushed((0.0,) * 3, (v, 0.0, 0.0), LOOSE).force)) for v in (0.3, 0.15, 5.0, -40.0)]
-    assert at[1] == pytest.approx(0.5 * at[0], rel=1e-6)
-    assert at[2] == pytest.approx(at[0], rel=1e-6)
-    assert at[3] == pytest.approx(-at[0], rel=1e-6)
-    leaps = pushed((0.0,) * 3, (3.0, 4.0, 0.0), LOOSE)
-    assert leaps.innovation == pytest.approx(5.0, rel=1e-6)
-    assert np.linalg.norm(list(leaps.velocity)) == pytest.approx(0.3 * (1.0 - np.exp(-54.0 * DT)), rel=1e-3)
-    # as large as in the period before, and by 0.3 m/s more: all of it
-    again, more, beyond = (
-        np.array(list(pushed((0.0,) * 3, (v, 0.0, 0.0), LOOSE, innovation=5.0).force)) for v in (5.0, 5.3, 9.0)
+    """Once it is hardly believed; twice it is a blow: the velocity takes what it left, the force little of it."""
+    sizes = np.array([0.15, 0.3, 0.6, 5.0, -40.0])
+    slight = 1.0 / np.maximum(1.0, (sizes / 0.3) ** 2)
+    once, twice = (
+        [pushed((0.0,) * 3, (v, 0.0, 0.0), LOOSE, leap=leap) for v in sizes] for leap in (0.0, (41.0 / 0.3) ** 2)
     )
-    assert again == pytest.approx(at[0] * 5.0 / 0.3, rel=1e-6)
-    assert more == pytest.approx(at[0] * 5.3 / 0.3, rel=1e-6)
-    assert beyond == pytest.approx(more, rel=1e-6)
+    least = once[1].force.x / 0.3
+    assert [each.force.x for each in once] == pytest.approx(least * sizes * slight**2, rel=1e-6)
+    assert [each.force.x for each in twice] == pytest.approx(least * sizes * slight, rel=1e-6)
+    b2 = np.exp(-54.0 * DT)
+    assert [each.velocity.x for each in once] == pytest.approx((1.0 - b2) * sizes * slight, rel=1e-6)
+    assert [each.velocity.x for each in twice] == pytest.approx((1.0 - b2 * slight) * sizes, rel=1e-6)
+    assert [each.leap for each in once] == pytest.approx((sizes / 0.3) ** 2, rel=1e-6)
+    # it grew by more than one leap: some of it is new
+    some = pushed((0.0,) * 3, (6.0, 0.0, 0.0), LOOSE, leap=(5.0 / 0.3) ** 2)
+    known = (1.0 + (5.0 / 0.3) ** 2) / (6.0 / 0.3) ** 2
+    assert some.velocity.x == pytest.approx(6.0 * known * (1.0 - b2 * (1.0 - known + 1.0 / 400.0)), rel=1e-6)
+
+
+def test_a_blow_to_the_body_rate_is_motion_and_no_torque():
+    """Of base and joints alike, once a leap of 1 rad/s has come twice; one false reading turns nothing."""
+    sizes = np.array([0.5, 1.0, 3.0, -30.0])
+    slight = 1.0 / np.maximum(1.0, sizes**2)
+    moves = [{"rate": (w, 0.0, 0.0), "joint_rates": (0.0, 0.3 * w)} for w in sizes]
+    once, twice = ([pushed((0.0,) * 3, (0.0,) * 3, LOOSE, leap=leap, **each) for each in moves] for leap in (0.0, 1e3))
+    for found in (once, twice):
+        assert [each.torque.x for each in found] == pytest.approx(once[1].torque.x * sizes * slight, rel=1e-6)
+        assert [each.efforts[1] for each in found] == pytest.approx(once[1].efforts[1] * sizes * slight, rel=1e-6)
+    for found, left in ((once, 1.0), (twice, slight)):
+        turned, bent = (1.0 - np.exp(-2.0 * bandwidth * DT) * left for bandwidth in (NUDGED.torque, NUDGED.joints))
+        assert [each.rate.x for each in found] == pytest.approx(turned * sizes, rel=1e-6)
+        assert [each.joint_rates[1] for each in found] == pytest.approx(bent * 0.3 * sizes, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [1.0, 20.0])

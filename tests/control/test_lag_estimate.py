@@ -56,9 +56,8 @@ class Rows:
 def told_by(angular, joints, *corrections):
     """What the model tells: accelerations of the commands sent, and corrections of the disturbance."""
     amid = SimpleNamespace(accelerations=lambda model, squares, efforts: (None, angular, joints))
-    return Told(
-        amid=amid, innovation=None, beside=(), angular_correction=corrections[0], joint_corrections=corrections[1]
-    )
+    turned, bent = corrections
+    return Told(amid=amid, innovation=None, known=1.0, beside=(), angular_correction=turned, joint_corrections=bent)
 
 
 def learn(gains, memory, told, measurement, started, free, isolated, dt):
@@ -308,7 +307,7 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier
     gains = dataclasses.replace(GAINS, earlier=earlier)
     heard = []
     amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
-    told = Told(amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
+    told = Told(amid=amid, innovation=None, known=1.0, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
     step = SimpleNamespace(
         seen=SimpleNamespace(told=told),
         measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
@@ -398,7 +397,7 @@ def test_a_bank_of_two_periods_a_step_compares_with_every_other_period():
 
 @pytest.mark.thorough
 def test_a_faster_loop_has_its_lags_as_far_apart():
-    assert [lag_gains(1, 1, period, 0).stride for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
+    assert [lag_gains((1, 1), period, 0).stride for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
     gains = dataclasses.replace(GAINS, stride=5)
     found = lags(flown(20, dt=0.001, gains=gains, seconds=3.0), dt=0.001, gains=gains)
     assert found == pytest.approx((0.02, 0.02), abs=1e-3)
@@ -451,6 +450,20 @@ def test_a_slow_swing_against_a_force_not_observed_yet_is_no_slow_actuator():
 def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_difference():
     memory = flown(2, 6, seconds=2.5)
     assert GAINS.shares(memory, DT) == pytest.approx((1.0, 0.012 / (0.012 + 0.02 - IGNORED)), rel=0.02)
+
+
+@pytest.mark.parametrize("weaker", [1.0, 6.0, 1e9])
+def test_joints_that_stick_have_an_observer_no_wider_than_that_of_the_torque(weaker):
+    """Joints that accelerate as modelled, by a sixth of it, not at all."""
+    memory = flown(0, weaker=(1.0,) * 3 + (weaker,) * 2)
+    assert memory.obeyed == pytest.approx(1.0 / weaker, abs=0.03)
+    par = make_centroidal(MODEL, mode="tip", observer=[27.0, 31.0, 51.0, 60.0]).par
+    observer = GAINS.adjust_gains(memory, par, DT).observer
+    joint = GAINS.shares(memory, DT)[1]
+    assert observer.torque == pytest.approx(31.0, rel=0.02)
+    assert observer.joints == pytest.approx(min(51.0 * joint, observer.torque * max(1.0, 8.0 * memory.obeyed)))
+    # joints that stand still tell nothing
+    assert flown(0, active=0.0).obeyed == 1.0
 
 
 def test_what_makes_up_for_friction_is_lowered_with_the_joints_bandwidth():

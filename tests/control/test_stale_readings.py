@@ -11,7 +11,7 @@ import skyarm
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed, observe
-from skyarm.control.blocks.prediction import Disturbance, actuation
+from skyarm.control.blocks.prediction import Disturbance, actuation, no_disturbance
 from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.model import Model
 from skyarm.sensing.measurement import Measurement, blank_measurement
@@ -149,6 +149,39 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
     off, _ = seen(begun, dataclasses.replace(start, **(foretold | {name: getattr(drawn(8), name)})))
     assert list(getattr(held, of)) == pytest.approx([0.0] * len(getattr(held, of)), abs=1e-12)
     assert np.abs(list(getattr(off, of))).max() > 1e-3
+
+
+@pytest.mark.parametrize("late", [0, 1, 3, 40])
+def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(late):
+    """An error e of them, in closed form: b falls with the square of the periods, the effort is that of their mean.
+
+    Turning joints keep their gains.
+    """
+    model = Model(vehicle=skyarm.load_vehicle("octo_coaxial_two_arms"), gravity=G)
+    command, draw = standing_command(model), np.random.default_rng(3)
+    done, none = actuation(model, command.rotor_speeds, command, DT), no_disturbance(5)
+
+    def step(before, rates, started=1.0):
+        now = dataclasses.replace(
+            blank_measurement(5, 8), velocity=Vec3(*draw.normal(0.0, 0.01, 3)), rate=Vec3(*draw.normal(0.0, 0.01, 3)),
+            joints=tuple(draw.normal(size=5)), joint_rates=rates,
+        )  # fmt: skip
+        return observe(model, GAINS, before, now, done, none, started, (1.0,) * 6, DT)
+
+    now, _ = step(first_observed(5, command.rotor_speeds, True), (0.1,) * 5, 0.0)
+    for k in range(late):
+        now, _ = step(now, (0.1,) * 5)
+        assert now.readings.missed == k + 1
+    rates = (0.3, -0.2, 0.2, 0.1, -0.1)
+    after, told = step(now, rates)
+    _, _, bending = told.amid.accelerations(model, done.squares, done.efforts)
+    foretold = np.array(now.joint_rates) + np.array(bending) * DT
+    error = np.array(rates) - foretold
+    slides = np.array([0, 0, late, 0, late])
+    b = np.exp(-GAINS.joints * DT) / (1 + slides**2)
+    assert after.joint_rates == pytest.approx(foretold + (1 - b * b) * error)
+    assert told.joint_corrections == pytest.approx((1 - b) ** 2 * error / ((1 + slides) * DT))
+    assert after.readings.missed == 0.0
 
 
 def test_a_velocity_that_repeats_is_integrated_from_the_accelerometer():

@@ -127,9 +127,11 @@ def test_what_a_sensor_does_wrong_for_half_a_second_is_flown_through():
 
 BLOW = 0.5
 VEHICLES = ("hummingbird_arm2_rotors", "octo_coaxial_two_arms", "quadrotor_roll_arm2")
+SPUN = ("hexacopter680_flying_arm_2", "hextilt_flying_arm_5")
+"""Vehicles whose base is light beside their arm: a blow to its origin spins it by 30 rad/s for each m/s."""
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("name", [*VEHICLES, *SPUN])
 def test_a_blow_of_a_metre_a_second_is_flown_through(name):
     """1 m/s within a control period, each way along each axis: the vehicle is back within 50 mm after 3 s."""
     vehicle = skyarm.load_vehicle(name)

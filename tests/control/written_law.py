@@ -64,7 +64,7 @@ class WrittenLaw(WrittenParts):
         self.W = W
         self.free = np.ones(1 + n)
         self.slow, self.bias, self.integrated, self.agreed = np.zeros(3), np.zeros(3), np.zeros(3), 1.0
-        self.last, self.jump = None, 0.0
+        self.last, self.leap = None, 0.0
         self.trim = np.zeros(len(W))
         self.size, self.mean = 0.0, np.zeros(3)
         self.y, self.sinks = np.zeros(3), np.zeros(3)
@@ -90,6 +90,7 @@ class WrittenLaw(WrittenParts):
             low=np.zeros((2, 2)),
             A=np.full(2, 0.05),
             B=np.full(2, 0.05),
+            obeyed=1.0,
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
         self.shaking = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
@@ -151,7 +152,8 @@ class WrittenLaw(WrittenParts):
         arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
         tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
         quiet = self._share(self.noise, par.velocity_noise)
-        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * quicker
+        joints = min(par.observer[2] * j, par.observer[1] * r * max(1.0, 8 * self.lag.obeyed))
+        observer = par.observer[0] * r * quiet, par.observer[1] * r, joints * quicker
         calm, seen = self._share(self.shaking, FELT), self._share(self.noise, SEEN)
         heard = par.accelerometer[0] * r * calm, np.clip(par.accelerometer[1] * (seen / calm) ** 2, 2.0, 60.0)
         heard = *heard, 0.05 / seen**2
@@ -263,7 +265,8 @@ class WrittenLaw(WrittenParts):
             )
         # 13. lag, noise and adaptation
         self._learn_lag(x, told, before, weights)
-        self._learn_noise(self.noise, told.missed - self.noise.o, x.velocity - self.rates[0], par.velocity_noise)
+        left = told.known * (x.velocity - self.rates[0])
+        self._learn_noise(self.noise, told.missed - self.noise.o, left, par.velocity_noise)
         self._learn_noise(self.shaking, told.beside - self.shaking.o, told.beside, FELT)
         self._adapt(x, q[:, 1], qt, Rq, wq, aq, base[2] + g * E_Z, observer, before)
         self.command, self.started = (speeds, given), True
@@ -323,24 +326,26 @@ class WrittenLaw(WrittenParts):
         ahead = velocity + linear * dt, w + angular * dt, qd + bend * dt
         seen, flags = (x.velocity, x.rate, x.joint_rates), (new["velocity"], new["rate"], new["joint_rates"])
         errors = [flag * (a - b) for a, b, flag in zip(seen, ahead, flags, strict=True)]
-        size = np.linalg.norm(errors[0])
-        if size > 0.3 + self.jump:
-            errors[0] = errors[0] * (0.3 + self.jump) / size
+        leap = [((a - b) / most) @ ((a - b) / most) for a, b, most in zip(seen, ahead, (0.3, 1.0), strict=False)]
+        slight = 1 / max(1, leap[0] * flags[0], leap[1] * flags[1])
+        known = min(1.0, (1 + self.leap) * slight)
+        errors[0] = errors[0] * known
         poles = [np.exp(-each * dt) for each in bandwidths]
-        slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
-        translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0]
+        slow = [slight * (1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
+        left = [b**2 * (1 - known + slight) for b in poles]
+        translation = ahead[0] + (1 - left[0]) * errors[0], slow[0]
         translation, beside = self._hear(x, new, R, linear, done, heard, translation)
         still = amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1]
         _, torque, efforts = v.rnea(*still, slow[2])
         trust = translation[2]
-        quick = trust * low(heard[0], dt) * (errors[2] - self.left) / dt + (1 - trust) * slow[2]
+        quick = trust * slight * low(heard[0], dt) * (errors[2] - self.left) / dt + (1 - trust) * slow[2]
         force = v.rnea(*still, quick)[0]
         told = SimpleNamespace(R=R, w=w, q=amid, qd=qd, unknown=unknown, corrections=np.array([*slow[1][:2], *slow[2]]))
-        told.missed, told.beside = errors[0], beside
+        told.missed, told.beside, told.known = errors[0], beside, known
         if self.started:
-            self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
+            self.rates = tuple(a + (1 - b) * e for a, b, e in zip(ahead, left, errors, strict=True))
             self.rates = (translation[0], *self.rates[1:])
-            self.left, self.jump, force = poles[2] ** 2 * errors[2], size, R @ force
+            self.left, self.leap, force = left[2] * errors[2], max(leap), R @ force
             # at a limit it may shrink, slowly, until it is least
             self.d = (
                 self.d[0] + force * max(self.free[0], np.clip(-self.d[0] @ force / (force @ force + 1e-9), 0.0, 0.05)),

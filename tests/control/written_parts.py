@@ -328,6 +328,8 @@ class WrittenParts:
         size = y**2 + e**2 + 4 * scale + 0.01
         a.A += 0.3 * dt * free[0] * (e * y / size - a.A)
         a.B += 0.3 * dt * free[0] * (e**2 / size - a.B)
+        asked = band[2:] @ band[2:]
+        a.obeyed += 2.0 * dt * (band[2:] @ z[2:] - a.obeyed * asked) / (asked + 0.01)
         a.own = a.own + told.corrections * [free[0], free[0], *free[1:]]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 

@@ -22,8 +22,8 @@ from skyarm.records.files import (
     must_be_one_of,
     number,
     output_file,
+    require_file,
     shown,
-    unreadable,
     write_atomically,
 )
 from skyarm.records.files.own_inputs import require_no_input
@@ -72,8 +72,7 @@ def export(
     """Write a log, a law as C, or a vehicle as MJCF.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
-    file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
-    actuators and a keyframe to start from.
+    file; with --to mjcf a vehicle or a scenario becomes MuJoCo's model with actuators and a keyframe.
     """
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
@@ -97,8 +96,7 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> 
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
     require_readable(flight, "flight")
-    if reason := unreadable(Path(flight)):
-        raise ValueError(f"flight = {shown(flight)}: {reason}")
+    require_file(flight, f"flight = {shown(flight)}")
     if file is not None:
         require_format(file, "--out")
         if to is not None and Path(file).suffix != f".{to}":

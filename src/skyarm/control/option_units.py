@@ -9,9 +9,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import entry_of
@@ -20,6 +18,7 @@ from skyarm.control.laws.centroidal.options import GAINS, RANGES, RETIRED, VALUE
 from skyarm.control.laws.centroidal.parameters import MODES
 from skyarm.control.model import Options, Terms
 from skyarm.dynamics.actuators.mixer import POLICIES
+from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
 from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
@@ -46,7 +45,7 @@ class OptionText:
     default: object = None
 
 
-_TEXTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+_TEXTS = shipped_tables(__file__)
 """Texts of the options that laws share, and of the options of each law, which change those."""
 
 _OF_UNIT = ("unit", "meaning", "low", "high", "strict")

@@ -32,7 +32,7 @@ def nearest_to_zero(joint: Joint) -> float:
 
 def middle_position(joint: Joint) -> float:
     """Middle of a joint's range, or the allowed position nearest to zero if unbounded, rad or m."""
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     return 0.5 * (low + high) if math.isfinite(high - low) else nearest_to_zero(joint)
 
 

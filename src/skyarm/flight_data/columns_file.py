@@ -35,7 +35,7 @@ from typing import Any
 
 from skyarm.algebra.frames import FRAMES, ORDERS, WORLDS
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
-from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, require_file, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 
@@ -111,8 +111,7 @@ def read_columns(path: PathLike) -> Columns:
         ValueError: one line with file, field, value and what is allowed.
     """
     file = os.fspath(path)
-    if reason := unreadable(Path(path)):
-        raise ValueError(f"columns = {shown(file)}: {reason}")
+    require_file(path, f"columns = {shown(file)}")
     try:
         return columns_from(read_toml(Path(path).read_bytes()), file)
     except OSError as error:

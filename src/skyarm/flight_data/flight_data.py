@@ -13,7 +13,7 @@ import numpy as np
 from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.arrays import Array
-from skyarm.records.files import PathLike, must_be_one_of, one_line, shown, unreadable
+from skyarm.records.files import PathLike, must_be_one_of, one_line, require_file, shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
@@ -190,9 +190,8 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
         ValueError: one line: no such file or format, a damaged file, or a mapping that does not fit.
     """
     file, at = Path(path), f"flight = {shown(os.fspath(path))}"
-    reason = unreadable(file)
-    if reason and not file.is_dir():
-        raise ValueError(f"{at}: {reason}")
+    if not file.is_dir():
+        require_file(file, at)
     named = kind or format_name(path)
     form = _checked(named, find("flight_format", named, "kind" if kind else ""))
     if columns is None and form.mapped and (beside := file.parent / COLUMNS_FILE).is_file():

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import binascii
 import struct
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
+from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import immutable
 
 FieldValue: TypeAlias = int | float | str | bytes | Sequence[int] | Sequence[float]
@@ -155,7 +154,7 @@ def _definition(name: str, number: int, text: str) -> Definition:
     )
 
 
-_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+_TABLE = shipped_tables(__file__)
 
 DEFINITIONS: Mapping[str, Definition] = MappingProxyType(
     {name: _definition(name, number, text) for name, (number, text) in _TABLE.items()}

@@ -18,7 +18,7 @@ import orjson
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
-from skyarm.records.files import PathLike, must_be_one_of, shown, taken_back, unreadable, write_atomically
+from skyarm.records.files import PathLike, must_be_one_of, require_file, shown, taken_back, unreadable, write_atomically
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import require_result
@@ -167,9 +167,7 @@ def as_log(given: Log | PathLike) -> Log:
         return given
     if not isinstance(given, (str, os.PathLike)):
         raise ValueError(f"log = {shown(given)}: must be a Log or the path of one's file")
-    reason = unreadable(Path(given))
-    if reason:
-        raise ValueError(f"log = {shown(os.fspath(given))}: {reason}")
+    require_file(given, f"log = {shown(os.fspath(given))}")
     return load_log(given)
 
 

@@ -22,9 +22,8 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     ``phase`` (N + 1,) index; ``force`` (N + 1, 3) N, of a contact on the tip.
     """
     vehicle = plan.task.vehicle
-    n, m = vehicle.n, len(vehicle.rotors)
-    x = plan.x
-    joints = x[:, 13 : 13 + n]
+    x, at = plan.x, plan.stage.at
+    joints = x[:, at.joints]
     R = Quaternion(*x[:, 3:7].T).rotation()
     center = center_of_mass(vehicle, x[:, :3], x[:, 3:7], joints)
     tip = np.zeros((len(x), 0))
@@ -37,12 +36,12 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     phase = np.clip(np.searchsorted(edges, np.arange(len(x)), side="right") - 1, 0, len(edges) - 2)
     if plan.stage.contact:
         pushed = [plan.task.phases[k].contact is not None for k in phase[:-1]]
-        force[:-1] = plan.u[:, m + n :] * plan.stage.weight * np.array(pushed)[:, None]
+        force[:-1] = plan.u[:, -3:] * plan.stage.weight * np.array(pushed)[:, None]
     return {
         "format": FORMAT, "vehicle": vehicle.name, "t": plan.t, "position": x[:, :3], "center": center, "tip": tip,
-        "yaw": yaw, "joints": joints, "joint_rates": x[:, 13 + n : 13 + 2 * n], "quaternion": x[:, 3:7],
+        "yaw": yaw, "joints": joints, "joint_rates": x[:, at.joint_rates], "quaternion": x[:, 3:7],
         "velocity": x[:, 7:10], "rate": x[:, 10:13],
-        "rotor_speeds": x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover),
+        "rotor_speeds": plan.rotor_speeds,
         "torques": plan.torques, "inputs": plan.u, "gains": plan.K, "phase": phase, "force": force,
     }  # fmt: skip
 

@@ -66,28 +66,25 @@ class Summary:
 def summary(plan: Plan) -> Summary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
     vehicle, task = plan.task.vehicle, plan.task
-    n, m = vehicle.n, len(vehicle.rotors)
-    most = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    speeds = plan.x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover) / most
     efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
     joints = [link.joint.name for link in vehicle.links]
     torque = rate = None
-    if n:
-        rate = _tightest(plan.t, np.abs(plan.x[:, 13 + n : 13 + 2 * n]) / task.limits.joint_rate, joints)
+    if joints:
+        rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
         torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
-    gap = plan.nearest.gap if plan.nearest is not None else math.inf
+    near = plan.nearest
     return Summary(
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
         speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
         tilt=float(tilts(plan).max()),
-        rotor=_tightest(plan.t, speeds**2, [rotor.name for rotor in vehicle.rotors]),
+        rotor=_tightest(plan.t, plan.thrust_shares, [rotor.name for rotor in vehicle.rotors]),
         torque=torque,
         joint_rate=rate,
-        clearance=gap if math.isfinite(gap) else None,
-        nearest=plan.nearest.words if plan.nearest is not None else "",
-        short=f"{task.limits.clearance:g} m: {plan.nearest.short}" if plan.nearest and plan.nearest.short else "",
+        clearance=near.gap if math.isfinite(near.gap) else None,
+        nearest=near.words,
+        short=f"{task.limits.clearance:g} m: {near.short}" if near.short else "",
         rotor_lag=float(plan.lags.max()),
         fast=", ".join(name for name, lag in zip(names, plan.lags, strict=True) if lag > task.limits.rotor_lag),
         not_least=plan.not_least,

@@ -9,6 +9,7 @@ import re
 import time
 from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
-from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData, Weights, joint_ranges
+from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
 from skyarm.planning.task import Goal, PlanPhase, Task
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
@@ -56,6 +57,25 @@ class PlanError(ValueError):
 
 
 @immutable(eq=False)
+class Nearest:
+    """Smallest distance between two bodies along a plan.
+
+    Attributes:
+        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
+        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
+        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
+    """
+
+    gap: float = math.inf
+    apart: float = math.inf
+    time: float = 0.0
+    words: str = ""
+    pairs: frozenset[tuple[str, str]] = frozenset()
+    short: str = ""
+    missing: Array | float = 0.0
+
+
+@immutable(eq=False)
 class Plan:
     """Planned motion of one vehicle.
 
@@ -77,8 +97,19 @@ class Plan:
     solution: Solution
     seeds: int
     seconds: float = 0.0
-    nearest: Nearest | None = None
+    nearest: Nearest = Nearest()
     not_least: str = ""
+
+    @property
+    def rotor_speeds(self) -> Array:
+        """Rotor speeds (rad/s) at the nodes, (N + 1, rotors)."""
+        return np.asarray(self.x[:, self.stage.at.speeds] * np.array(self.stage.hover))
+
+    @property
+    def thrust_shares(self) -> Array:
+        """Thrusts at the nodes over those at the highest speeds, (N + 1, rotors)."""
+        most = np.array([float(rotor.max_speed) for rotor in self.task.vehicle.rotors])
+        return np.asarray((self.rotor_speeds / most) ** 2)
 
     @property
     def torques(self) -> Array:
@@ -100,11 +131,9 @@ class Plan:
 
 
 @lru_cache(maxsize=8)
-def compiled_stage(stage_key: tuple[object, ...]) -> CompiledStage:
-    """Compiled stage for a model, limits, weights and shape."""
-    names = ("model", "limits", "weights", "contact", "free", "clearances", "nearer")
-    stage = Stage(**dict(zip(names, stage_key, strict=True)))  # type: ignore[arg-type]
-    return CompiledStage(stage)
+def compiled_stage(**fields: Any) -> CompiledStage:
+    """Compiled stage with given fields, such as model, limits and shape."""
+    return CompiledStage(Stage(**fields))
 
 
 def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage:
@@ -114,11 +143,6 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     """
     own = task.limits
     fields = [each.name for each in dataclasses.fields(Limits) if each.name != "ranges"]
-    limits = Limits(ranges=ranges_of(task), **{name: getattr(own, name) for name in fields})
-    weights = Weights()
-    contact = any(phase.kind == "contact" for phase in task.phases)
-    free = sum(phase.duration is None for phase in task.phases)
-    model = Model(vehicle=task.vehicle, gravity=task.gravity)
     near = clearances(task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)])
     pairs = [
         pair
@@ -126,8 +150,14 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
         if (not pair.volume.startswith("boom/") if pair.surface is not None else (pair.volume, pair.other) in met)
     ]
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
-    nearer = nearer_pairs(task, close) if close is not None else ()
-    return compiled_stage((model, limits, weights, contact, free, close, nearer))
+    return compiled_stage(
+        model=Model(vehicle=task.vehicle, gravity=task.gravity),
+        limits=Limits(ranges=ranges_of(task), **{name: getattr(own, name) for name in fields}),
+        contact=any(phase.kind == "contact" for phase in task.phases),
+        free=sum(phase.duration is None for phase in task.phases),
+        clearances=close,
+        nearer=nearer_pairs(task, close) if close is not None else (),
+    )
 
 
 def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
@@ -150,10 +180,10 @@ def stated_joints(task: Task) -> list[tuple[float, ...]]:
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
     """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
     found = []
-    for (low, high), places in zip(joint_ranges(task.vehicle), zip(*stated_joints(task), strict=True), strict=True):
+    for link, places in zip(task.vehicle.links, zip(*stated_joints(task), strict=True), strict=True):
+        low, high = link.joint.ends
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
-        inner = min(low + margin, *places), max(high - margin, *places)
-        found.append((max(low, inner[0]), min(high, inner[1])))
+        found.append((max(low, min(low + margin, *places)), min(high, max(high - margin, *places))))
     return tuple(found)
 
 
@@ -305,9 +335,8 @@ def _columns(example: StageData) -> dict[str, slice]:
 
 def goal_names(goal: Goal) -> list[str]:
     """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase states."""
-    names = [name for name in ("tip", "tip_velocity", "base", "velocity") if getattr(goal, name) is not None]
-    names += ["axis"] * (goal.tip_axis is not None) + ["attitude"] * bool(goal.attitude)
-    names += ["heading"] * (goal.heading is not None) + ["joints"] * bool(goal.joints)
+    names = [name for name in ("tip", "tip_velocity", "base", "velocity", "axis", "joints") if _states(goal, name)]
+    names += ["attitude"] * bool(goal.attitude) + ["heading"] * (goal.heading is not None)
     if goal.rest:
         names += [name for name in ("velocity", "rate", "joint_rates", "still", "arm") if name not in names]
     return names
@@ -360,7 +389,7 @@ def guess_from(
         shape: of which the joints and lengths are taken.
         sense: 1 turns the short way, -1 the long way round where the attitude changes.
     """
-    n, m, total = task.vehicle.n, len(task.vehicle.rotors), sum(counts)
+    total, at = sum(counts), stage.stage.at
     x = np.zeros((total + 1, stage.nx))
     edges = np.cumsum([0, *counts])
     for k, way in enumerate(ways):
@@ -369,7 +398,7 @@ def guess_from(
         part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
         for axis in range(3):
             x[nodes, axis] = np.interp(part, length, way[:, axis])
-        for j in range(n):
+        for j in range(task.vehicle.n):
             x[nodes, 13 + j] = np.linspace(shape.joints[k, j], shape.joints[k + 1, j], len(nodes))
     turned = attitude(task.start.attitude)
     for k, phase in enumerate(task.phases):
@@ -377,15 +406,14 @@ def guess_from(
         after = turned if phase.resting else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
         x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
         turned = after
-    speeds = np.array(start_speeds(task, stage))
-    x[:, 13 + 2 * n : 13 + 2 * n + m] = 1.0
-    x[0, 13 + 2 * n : 13 + 2 * n + m] = speeds
+    x[:, at.speeds] = 1.0
+    x[0, at.speeds] = start_speeds(task, stage)
     free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
     x[:, stage.nx - len(free) :] = free
     u = np.zeros((total, stage.nu))
     for k, phase in enumerate(task.phases):
         if phase.contact is not None:
-            u[edges[k] : edges[k + 1], m + n :] = 0.3 * np.array([*phase.contact.normal])
+            u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
     return Guess(x, u)
 
 
@@ -486,7 +514,7 @@ def _longer(task: Task, found: Plan) -> Task | None:
     A lag goes with the third power of time: thrusts with the second one, and they change in that time.
     """
     over = found.lags / task.limits.rotor_lag
-    phases, grows = [], False
+    phases, grows = [*task.phases], False
     for k, (phase, length) in enumerate(zip(task.phases, np.diff(found.t[[*found.edges]]), strict=True)):
         if phase.duration is None:
             # a phase whose duration is given is as hard as those beside it make it
@@ -494,9 +522,7 @@ def _longer(task: Task, found: Plan) -> Task | None:
             most = max(over[[k, *beside]])
             factor = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
             grows |= factor > 1.0
-            phases.append(dataclasses.replace(phase, duration=float(factor * length)))
-        else:
-            phases.append(phase)
+            phases[k] = dataclasses.replace(phase, duration=float(factor * length))
     return dataclasses.replace(task, phases=tuple(phases)) if grows else None
 
 
@@ -507,11 +533,11 @@ def _slower(found: Plan, task: Task) -> Guess:
     nodes = np.append(0, np.cumsum(counts))
     t = np.interp(np.arange(nodes[-1] + 1), nodes, edges)
     slow = np.append(np.repeat(np.diff(edges) / lengths, counts), 1.0)[:, None]
-    n, m, free = task.vehicle.n, len(task.vehicle.rotors), found.stage.free
-    x = states_at(found, t)[:, : found.x.shape[1] - free]
+    at = found.stage.at
+    x = states_at(found, t)[:, : at.arm.stop]
     x[:, 7:13] *= slow
-    x[:, 13 + n : 13 + 2 * n] *= slow
-    x[:, 13 + 2 * n + m :] *= slow**2
+    x[:, at.joint_rates] *= slow
+    x[:, at.arm] *= slow**2
     u = found.u[np.clip(np.searchsorted(found.t, t[:-1], side="right") - 1, 0, len(found.u) - 1)]
     return Guess(x, u)
 
@@ -535,11 +561,11 @@ def _best_plan(
     stage, clearance = stage_of(task, met), np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     senses = (1.0, -1.0) if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0 else (1.0,)
-    if first is None:
-        ways = [(way, sense) for way in seeds(task, shape) for sense in senses]
-        guesses = [guess_from(task, stage, counts, way, shape, sense) for way, sense in ways]
-    else:
-        guesses = [first]
+    guesses = (
+        [first]
+        if first is not None
+        else [guess_from(task, stage, counts, ways, shape, sense) for ways in seeds(task, shape) for sense in senses]
+    )
     best, tried = _best_of(stage, problem, guesses, watch, penalties=penalties)
     found: Plan | None = None
     for _ in range(ROUNDS):
@@ -562,7 +588,7 @@ def _best_plan(
         if found is None:
             raise PlanError(f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at {nearest.time:.3g} s")
     if found is None:
-        raise PlanError(f"{task.name}: {cause(task, stage, counts, problem, best)}")
+        raise PlanError(f"{task.name}: {cause(task, stage, counts, best)}")
     return found
 
 
@@ -620,25 +646,6 @@ def _plan_of(
     )  # fmt: skip
 
 
-@immutable(eq=False)
-class Nearest:
-    """Smallest distance between two bodies along a plan.
-
-    Attributes:
-        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs: of own bodies that meet.
-        short: which obstacles and own bodies come nearer than the task's clearance, and when; empty if none.
-        missing: distance (m) from obstacles that each node lacks, of what the task says, before and after it.
-    """
-
-    gap: float
-    apart: float = math.inf
-    time: float = 0.0
-    words: str = ""
-    pairs: frozenset[tuple[str, str]] = frozenset()
-    short: str = ""
-    missing: Array | float = 0.0
-
-
 FINE = 1e-3
 """Time (s) between two instants at which the distances of a plan are looked at."""
 
@@ -647,7 +654,7 @@ def nearest_of(plan: Plan) -> Nearest:
     """Smallest distance between the vehicle's bodies and obstacles, and each other, every millisecond of a plan."""
     near = clearances(plan.task.vehicle, plan.task.obstacles)
     if not near.pairs:
-        return Nearest(gap=math.inf)
+        return Nearest()
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
     most = max(0.1, float(gaps.min()) + 0.02)
@@ -686,25 +693,25 @@ def nearest_of(plan: Plan) -> Nearest:
 
 def _gaps(plan: Plan, near: Clearances, t: Array) -> Array:
     """Distances (pairs, instants) at times of a plan, m."""
-    n, x = plan.task.vehicle.n, states_at(plan, t)
+    x = states_at(plan, t)
     R = Quaternion(*x[:, 3:7].T).rotation()
-    rows = near.distances(Vec3(*x[:, :3].T), R, tuple(x[:, 13 : 13 + n].T))
+    rows = near.distances(Vec3(*x[:, :3].T), R, tuple(x[:, plan.stage.at.joints].T))
     return stack_values(len(t), rows)
 
 
 def states_at(plan: Plan, t: Array) -> Array:
     """States of a plan between its nodes, (instants, nx), by cubic Hermite interpolation of pose and joints."""
-    n, nodes = plan.task.vehicle.n, plan.t
+    at, nodes = plan.stage.at, plan.t
     k = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
     h = (nodes[k + 1] - nodes[k])[:, None]
     s = (t - nodes[k])[:, None] / h
     q = Quaternion(*plan.x[:, 3:7].T).derivative(Vec3(*plan.x[:, 10:13].T))
     rates = np.zeros_like(plan.x)
     rates[:, :3], rates[:, 3:7] = plan.x[:, 7:10], np.stack([*q], axis=1)
-    rates[:, 13 : 13 + n] = plan.x[:, 13 + n : 13 + 2 * n]
+    rates[:, at.joints] = plan.x[:, at.joint_rates]
     a, b, va, vb = plan.x[k], plan.x[k + 1], rates[k], rates[k + 1]
     out = a + (b - a) * s
-    held = [*range(7), *range(13, 13 + n)]
+    held = [*range(7), *range(at.joints.start, at.joints.stop)]
     cubic = (
         (2 * s**3 - 3 * s**2 + 1) * a
         + (3 * s**2 - 2 * s**3) * b
@@ -751,7 +758,7 @@ SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""
 
 
-def cause(task: Task, stage: CompiledStage, counts: Sequence[int], problem: PlanProblem, last: Solution | None) -> str:
+def cause(task: Task, stage: CompiledStage, counts: Sequence[int], last: Solution | None) -> str:
     """One line: which constraint of which phase a motion violates most, and how far."""
     if last is None or not np.isfinite(last.violation):
         return "no motion was found"
@@ -793,7 +800,7 @@ def impossible(task: Task) -> str:
     lift = limits.thrust_share * float(highest_thrust(vehicle))
     for at, (stated, tilt), goal in places:
         for link, value in zip(vehicle.links, goal.joints, strict=False):
-            low, high = float(link.joint.lower), float(link.joint.upper)
+            low, high = link.joint.ends
             if not low <= value <= high:
                 return f"{at}.joints: {link.joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
         lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))

@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.planning.stage import CompiledStage
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 
 SHARES = np.array([1.0, 0.8, 0.6, 0.4, 0.25, 0.12, 0.05, 0.01])
 """Shares of a step that the line search tries at once."""
@@ -53,7 +53,7 @@ STUCK = 60
 """Number of updates at the largest penalty in which the violation does not fall, after which the search ends."""
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Guess:
     """Motion to begin from: states (N + 1, nx) and inputs (N, nu)."""
 

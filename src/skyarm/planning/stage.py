@@ -17,7 +17,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,6 @@ from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
-from skyarm.vehicle import Vehicle
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances
 
@@ -107,6 +106,15 @@ class Place:
         return cls(size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2]))
 
 
+class Slices(NamedTuple):
+    """Slices of a state: joints, their rates, rotor speeds over those of hover, and joint accelerations."""
+
+    joints: slice
+    joint_rates: slice
+    speeds: slice
+    arm: slice
+
+
 @immutable
 class StageData:
     """Numbers of one stage that are not unknown: its length, goals and contact.
@@ -120,22 +128,22 @@ class StageData:
         upright: least cosine of the tilt. clearance: least distance, m. obstacles: shapes of the scene.
     """
 
-    dt: Scalar
+    dt: Scalar = 0.0
     free: Scalars
-    tip: Vec3
-    tip_velocity: Vec3
-    base: Vec3
-    velocity: Vec3
-    attitude: Quaternion
-    axis: Vec3
+    tip: Vec3 = ZERO3_DATA
+    tip_velocity: Vec3 = ZERO3_DATA
+    base: Vec3 = ZERO3_DATA
+    velocity: Vec3 = ZERO3_DATA
+    attitude: Quaternion = Quaternion(1.0, 0.0, 0.0, 0.0)
+    axis: Vec3 = ZERO3_DATA
     joints: Scalars
-    touching: Scalar
-    normal: Vec3
-    friction: Scalar
-    press: Scalar
-    hurry: Scalar
-    upright: Scalar
-    clearance: Scalar
+    touching: Scalar = 0.0
+    normal: Vec3 = ZERO3_DATA
+    friction: Scalar = 0.0
+    press: Scalar = 0.0
+    hurry: Scalar = 0.0
+    upright: Scalar = 0.0
+    clearance: Scalar = 0.0
     obstacles: tuple[Place, ...] = ()
 
 
@@ -196,21 +204,27 @@ class Stage:
         return nt + 1, nt, len(vehicle.rotors) + vehicle.n + 3 * self.contact
 
     @property
+    def at(self) -> Slices:
+        """Slices of a state after the thirteen numbers of the base."""
+        n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
+        ends = [*itertools.accumulate((13, n, n, m, n))]
+        return Slices(*map(slice, ends, ends[1:]))
+
+    @property
     def weight(self) -> float:
         """Weight of the vehicle, N."""
         return float(self.model.vehicle.mass) * float(self.model.gravity)
 
     def state(self, x: Sequence[Scalar]) -> State:
         """State of the vehicle from the numbers of a state."""
-        n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
         return State(
             position=Vec3(*x[:3]),
             quaternion=Quaternion(*x[3:7]),
             velocity=Vec3(*x[7:10]),
             rate=Vec3(*x[10:13]),
-            joints=tuple(x[13 : 13 + n]),
-            joint_rates=tuple(x[13 + n : 13 + 2 * n]),
-            rotor_speeds=tuple(a * b for a, b in zip(x[13 + 2 * n : 13 + 2 * n + m], self.hover, strict=True)),
+            joints=tuple(x[self.at.joints]),
+            joint_rates=tuple(x[self.at.joint_rates]),
+            rotor_speeds=tuple(a * b for a, b in zip(x[self.at.speeds], self.hover, strict=True)),
         )
 
     @property
@@ -221,13 +235,8 @@ class Stage:
 
     def example(self) -> StageData:
         """Example of a stage's numbers, for tracing."""
-        return StageData(
-            dt=0.0, free=(0.0,) * self.free, tip=ZERO3_DATA, tip_velocity=ZERO3_DATA, base=ZERO3_DATA,
-            velocity=ZERO3_DATA, attitude=Quaternion(1.0, 0.0, 0.0, 0.0), axis=ZERO3_DATA,
-            joints=(0.0,) * self.model.vehicle.n, touching=0.0, normal=ZERO3_DATA, friction=0.0, press=0.0,
-            hurry=0.0, upright=0.0, clearance=0.0,
-            obstacles=tuple(map(Place.of, self.obstacles)),
-        )  # fmt: skip
+        still = (0.0,) * self.model.vehicle.n
+        return StageData(free=(0.0,) * self.free, joints=still, obstacles=tuple(map(Place.of, self.obstacles)))
 
     def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
         """Length of the stage, s."""
@@ -260,30 +269,30 @@ class Stage:
     def __call__(self, x: Sequence[Scalar], u: Sequence[Scalar], data: StageData) -> StageValues:
         """Values of the stage from its state, its inputs and its numbers."""
         vehicle, weights = self.model.vehicle, self.weights
-        n, m = vehicle.n, len(vehicle.rotors)
+        n, m, at = vehicle.n, len(vehicle.rotors), self.at
         state, dt, push = self.state(x), self.length(x, data), self.force(u, data)
         spins = tuple(a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True))
-        joints = tuple(a * ARM_UNIT for a in x[13 + 2 * n + m : 13 + 3 * n + m])
+        joints = tuple(a * ARM_UNIT for a in x[at.arm])
         jerks = tuple(a * JERK_UNIT for a in u[m : m + n])
         inputs = StageInputs(rotor_accelerations=spins, efforts=())
 
-        def slope(at: State, later: Scalar) -> State:
+        def slope(now: State, later: Scalar) -> State:
             turned = tuple(a + later * j for a, j in zip(joints, jerks, strict=True))
-            return slope_of(at, inputs, *self.accelerations(at, turned, push)[:2], turned)
+            return slope_of(now, inputs, *self.accelerations(now, turned, push)[:2], turned)
 
         linear, angular, columns, tip = self.accelerations(state, joints, push)
         after = runge_kutta_step(state, slope_of(state, inputs, linear, angular, joints), slope, dt)
-        ends = [a + dt * (j * (JERK_UNIT / ARM_UNIT)) for a, j in zip(x[13 + 2 * n + m :], u[m : m + n], strict=False)]
+        ends = [a + dt * (j * (JERK_UNIT / ARM_UNIT)) for a, j in zip(x[at.arm], u[m : m + n], strict=True)]
         numbers = list(leaves(after))
-        scaled = [a * (1.0 / b) for a, b in zip(numbers[13 + 2 * n :], self.hover, strict=True)]
-        end = [*numbers[: 13 + 2 * n], *scaled, *ends, *x[13 + 3 * n + m :]]
+        scaled = [a * (1.0 / b) for a, b in zip(numbers[at.speeds], self.hover, strict=True)]
+        end = [*numbers[: at.speeds.start], *scaled, *ends, *x[at.arm.stop :]]
         R = state.quaternion.rotation()
         proper = proper_acceleration(R, linear, angular, self.model.gravity)
         _, torques = dynamics.inverse_dynamics(vehicle, state.joints, state.rate, state.joint_rates, proper, joints)
         held = R.apply_T(push)
         efforts = [t - c.linear.dot(held) for t, c in zip(torques, columns or [Motion(ZERO3, ZERO3)] * n, strict=True)]
         root = sqrt(dt)
-        costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[13 + 2 * n : 13 + 2 * n + m]]
+        costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]]
         costs += [
             t * (math.sqrt(weights.torque) / largest(link.joint.effort_limit) * root)
             for t, link in zip(efforts, vehicle.links, strict=True)
@@ -291,7 +300,7 @@ class Stage:
         moving = (*state.rate, *state.joints, *state.joint_rates)
         costs += [a * (math.sqrt(weights.state) * root) for a in moving]
         costs += [a * (math.sqrt(weights.spin) * root) for a in u[:m]]
-        costs += [a * (math.sqrt(weights.arm) * root) for a in x[13 + 2 * n + m : 13 + 3 * n + m]]
+        costs += [a * (math.sqrt(weights.arm) * root) for a in x[at.arm]]
         costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
         costs += [a * (math.sqrt(weights.force) / self.weight * root) for a in push if self.contact]
         costs += [a * (math.sqrt(weights.across) / self.weight * root) for a in self.across(state)]
@@ -300,8 +309,7 @@ class Stage:
         return StageValues(
             end=end,
             costs=costs,
-            goals=self._goals(state, data, columns, tip)
-            | {"inputs": [*u[:m]], "arm": [a * 1.0 for a in x[13 + 2 * n + m : 13 + 3 * n + m]]},
+            goals=self._goals(state, data, columns, tip) | {"inputs": [*u[:m]], "arm": [a * 1.0 for a in x[at.arm]]},
             inputs=self._input_limits(x, u, spins, efforts, data),
             limits=self._state_limits(x, state, data),
         )
@@ -340,9 +348,9 @@ class Stage:
     ) -> list[tuple[str, Scalar]]:
         """Limits of rotor accelerations (by the lag), joint torques, joint rates between nodes, the contact force."""
         vehicle, limits = self.model.vehicle, self.limits
-        n, m = vehicle.n, len(vehicle.rotors)
+        n, m, at = vehicle.n, len(vehicle.rotors), self.at
         out = []
-        for rotor, w, spin, hover in zip(vehicle.rotors, x[13 + 2 * n :], u[:m], self.hover, strict=False):
+        for rotor, w, spin, hover in zip(vehicle.rotors, x[at.speeds], u[:m], self.hover, strict=True):
             most = float(rotor.max_speed) / hover
             for tau, end, sign in ((rotor.time_constant_up, most, 1.0), (rotor.time_constant_down, 0.0, -1.0)):
                 lag = SPIN_UNIT * max(float(tau), 1e-3)
@@ -353,7 +361,7 @@ class Stage:
                 out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
         # a rate between two nodes is within the hull of three control points: both ends, and this one
         half = self.length(x, data) * (0.5 * ARM_UNIT)
-        for link, rate, a in zip(vehicle.links, x[13 + n :], x[13 + 2 * n + m :], strict=False):
+        for link, rate, a in zip(vehicle.links, x[at.joint_rates], x[at.arm], strict=True):
             control = (rate + half * a) * (1.0 / limits.joint_rate)
             out += [(f"rate of {link.joint.name}", sign * control - 1.0) for sign in (1.0, -1.0)]
         if self.contact:
@@ -368,13 +376,13 @@ class Stage:
     def _state_limits(self, x: Sequence[Scalar], state: State, data: StageData) -> list[tuple[str, Scalar]]:
         """Limits of the state: rotor thrust, joints, tilt, speed, clearance, and lengths of free phases."""
         vehicle, limits = self.model.vehicle, self.limits
-        n, R = vehicle.n, state.quaternion.rotation()
-        out: list[tuple[str, Scalar]] = []
-        for rotor, w, hover in zip(vehicle.rotors, x[13 + 2 * n :], self.hover, strict=False):
-            most = float(rotor.max_speed) / hover
-            out.append((f"thrust of {rotor.name}", w * (1.0 / most) - math.sqrt(limits.thrust_share)))
-            out.append((f"thrust of {rotor.name}", 0.02 - w * (1.0 / most)))
-        ranges = limits.ranges or joint_ranges(vehicle)
+        R, out = state.quaternion.rotation(), list[tuple[str, Scalar]]()
+        for rotor, w, hover in zip(vehicle.rotors, x[self.at.speeds], self.hover, strict=True):
+            share = w * (1.0 / (float(rotor.max_speed) / hover))
+            out += [
+                (f"thrust of {rotor.name}", each) for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
+            ]
+        ranges = limits.ranges or [link.joint.ends for link in vehicle.links]
         for link, (low, high), q, rate in zip(vehicle.links, ranges, state.joints, state.joint_rates, strict=True):
             joint = link.joint
             for end, sign in ((high, 1.0), (low, -1.0)):
@@ -402,11 +410,6 @@ class Stage:
                 )
         out += [(f"length of free phase {k}", 0.05 - length) for k, length in enumerate(x[len(x) - self.free :])]
         return out
-
-
-def joint_ranges(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
-    """Lowest and highest position of each joint, rad or m."""
-    return tuple((float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links)
 
 
 def largest(effort: Scalar) -> float:

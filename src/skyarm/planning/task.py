@@ -46,7 +46,7 @@ from typing import Annotated, Any, Literal
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.records.coerce import unit_vector
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, shown, unreadable
+from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_toml, require_file, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, positive
@@ -291,8 +291,8 @@ def load_task(path: PathLike) -> Task:
             file = shipped
         elif file.suffix != ".toml":
             raise TaskError(f"task = {shown(text)}: must be a .toml file or one of {', '.join(list_tasks())}")
-        elif reason := unreadable(file):
-            raise TaskError(f"task = {shown(text)}: {reason}")
+        else:
+            require_file(file, f"task = {shown(text)}")
         try:
             return task_from(read_toml(file.read_bytes()), file.parent)
         except ValueError as error:

@@ -7,7 +7,7 @@ import io
 import pickle
 import sys
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cache
 from importlib import import_module
 from types import CellType, CodeType, FunctionType
 from typing import Any
@@ -37,7 +37,7 @@ Cells = tuple[tuple[object, ...], ...]
 """Values of a function's closure, as returned by :func:`_cell_content`."""
 
 
-@lru_cache(maxsize=1)
+@cache
 def _pickler() -> type[pickle.Pickler]:
     """Class of the pickler, made when it is needed because its package is slow to import."""
     import cloudpickle

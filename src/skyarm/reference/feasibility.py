@@ -116,7 +116,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
     """Names of arm joints that a planned motion keeps at a limit, each with the duration (s)."""
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
-        low, high, values = float(joint.lower), float(joint.upper), q[number]
+        (low, high), values = joint.ends, q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)
         if near.any() and high - low > 4.0 * MARGIN:
             yield joint.name, float(near.sum()) * seconds

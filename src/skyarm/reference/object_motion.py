@@ -35,7 +35,7 @@ from skyarm.records.units import Unit
 from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import vector_derivatives
+from skyarm.reference.tip_motion import rotation_columns, vector_derivatives
 
 PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
 
@@ -77,16 +77,6 @@ class BodyMotion:
         return self.position + arm, self.velocity + turned, self.acceleration + bent
 
 
-def rotation_series(roll: Taylor, pitch: Taylor, yaw: Taylor) -> tuple[Vec3, Vec3, Vec3]:
-    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll) as Taylor series."""
-    (cr, sr), (cp, sp), (cy, sy) = ((cos(a), sin(a)) for a in (roll, pitch, yaw))
-    return (
-        Vec3(cy * cp, sy * cp, -sp),
-        Vec3(cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
-        Vec3(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
-    )
-
-
 @immutable
 @checked("motion")
 class PoseTrajectory:
@@ -105,8 +95,8 @@ class PoseTrajectory:
         """Desired motion of the body at time t (s)."""
         position, velocity, acceleration, *_ = vector_derivatives((self.x, self.y, self.z), t)
         angles = [Taylor.of_derivatives(each.derivatives(t)) for each in (self.roll, self.pitch, self.yaw)]
-        columns = rotation_series(*angles)
-        c, s = cos(angles[2]), sin(angles[2])
+        turns = [(cos(each), sin(each)) for each in angles]
+        columns, (c, s) = rotation_columns(turns), turns[2]
         roll, pitch, yaw = (each.derivative_series() for each in angles)
         turn = [columns[0].x * roll - s * pitch, columns[0].y * roll + c * pitch, columns[0].z * roll + yaw]
         return BodyMotion(
@@ -149,7 +139,8 @@ class CarriedPlace(Signal):
             Taylor.of_derivatives(each.derivatives(t))
             for each in (self.roll, self.pitch, self.yaw, self.middle, *self.place)
         )
-        along = sum((c[self.axis] * p for c, p in zip(rotation_series(roll, pitch, yaw), place, strict=True)), middle)
+        columns = rotation_columns((cos(a), sin(a)) for a in (roll, pitch, yaw))
+        along = sum((c[self.axis] * p for c, p in zip(columns, place, strict=True)), middle)
         return tuple(along.derivative(k) for k in range(5))
 
 

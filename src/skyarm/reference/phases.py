@@ -186,7 +186,7 @@ def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
 def _require_within(move: JointMove, at: float, vehicle: Vehicle, i: int, fastest: float) -> None:
     """Refuse a planned joint move beyond the joint's limits or maximum speed."""
     joint = vehicle.links[i].joint
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     if not low <= move.value <= high:
         raise ValueError(f"{move.where} = {move.value:g}: must be within {low:g} and {high:g} of {joint.name!r}")
     seconds = move.end - move.start

@@ -23,7 +23,7 @@ import numpy as np
 from skyarm.algebra import Quaternion, Scalar, Scalars
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.field_rules import checked
-from skyarm.records.files import Fields, shown, unreadable
+from skyarm.records.files import Fields, require_file, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -119,8 +119,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
     Raises:
         ValueError: one line that begins with ``at``.
     """
-    if reason := unreadable(Path(file)):
-        raise ValueError(f"{at}: {reason}")
+    require_file(file, at)
     try:
         with np.load(io.BytesIO(Path(file).read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

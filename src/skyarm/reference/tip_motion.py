@@ -15,7 +15,7 @@ With a ``pivot`` the normal is the direction from an axis through it to the tip:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from typing import Annotated
 
@@ -117,6 +117,16 @@ def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
     """Position (m) and first four derivatives at time t (s), from the signals of x, y and z."""
     rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
+
+
+def rotation_columns(turns: Iterable[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3, Vec3]:
+    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll, pitch and yaw."""
+    (cr, sr), (cp, sp), (cy, sy) = turns
+    return (
+        Vec3(cy * cp, sy * cp, -sp),
+        Vec3(cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
+        Vec3(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
+    )
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:

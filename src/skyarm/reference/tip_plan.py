@@ -34,7 +34,7 @@ from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.splines import BEYOND, interpolating_points, uniform_curve
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import TipMotion, arm_of
+from skyarm.reference.tip_motion import TipMotion, arm_of, rotation_columns
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Frame, Vehicle
 
@@ -326,7 +326,7 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
     """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
     length = max(float(reach(vehicle)), 1e-3)
-    limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
+    limits = [link.joint.ends for link in vehicle.links]
     inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
@@ -360,12 +360,7 @@ def _heading(angle: float) -> Mat3:
 
 def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
     """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll)."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
-    return Mat3.columns(
-        Vec3(cy * cp, sy * cp, -sp),
-        Vec3(cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
-        Vec3(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
-    )
+    return Mat3.columns(*rotation_columns((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)))
 
 
 def tip_trajectory(
@@ -394,7 +389,7 @@ def tip_trajectory(
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
     """Preferred joint positions of the arm within their limits; mid-range if none are given."""
-    bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
+    bounds = [link.joint.ends for link in vehicle.links]
     if not given and "posture" not in fields.table:
         return tuple(middle_position(link.joint) for link in vehicle.links)
     if len(given) != vehicle.n:

@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 
 from skyarm.records.arrays import Array, stack_values
-from skyarm.records.files import Fields, number, shown, three_numbers, unreadable
+from skyarm.records.files import Fields, number, require_file, shown, three_numbers
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
@@ -344,9 +344,7 @@ def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
     if not isinstance(name, str):
         raise ValueError(f"{fields.at('file')} = {shown(name)}: must be the path of a CSV file")
     path, at = Path(name), f"{fields.at('file')} = {shown(name)}"
-    reason = unreadable(path)
-    if reason:
-        raise ValueError(f"{at}: {reason}")
+    require_file(path, at)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file, skipinitialspace=True))

@@ -47,8 +47,8 @@ from skyarm.records.files import (
     must_be_one_of,
     number,
     read_toml,
+    require_file,
     shown,
-    unreadable,
 )
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
@@ -378,9 +378,7 @@ def controller_of_file(name: object, folder: Path, model: Model, timing: Mapping
     if not is_gains_file(name):
         raise ValueError(f"{field} = {shown(name)}: must be true, false, or a file that 'skyarm tune' wrote (.toml)")
     path = folder / name
-    reason = unreadable(path)
-    if reason:
-        raise ValueError(f"{field} = {shown(os.fspath(path))}: {reason}")
+    require_file(path, f"{field} = {shown(os.fspath(path))}")
     try:
         document = read_toml(path.read_bytes())
         require_kind(document, "gains")

@@ -29,6 +29,10 @@ LONG = 2.0
 """Size of a quaternion component that counts as divergence."""
 
 
+Distance = tuple[Scalar, *tuple[str, ...]]
+"""Distance (m), and names for the message."""
+
+
 class Ending:
     """Base class of termination conditions of an episode, whose subclasses are frozen dataclasses of numbers."""
 
@@ -138,62 +142,87 @@ class LawUndefined(Ending):
         return scenario.agent.controller.limit
 
 
+class DistanceEnding(Ending):
+    """Base class of the terminations where a distance becomes too small."""
+
+    __slots__ = ()
+
+    words: ClassVar[str]
+    """Message, with places for the smallest distance and its names."""
+
+    margin: Scalar = 0
+
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Distances (m), each with names for the message, that end the episode where one is below the margin."""
+        raise NotImplementedError(f"{type(self).__name__} must define distances()")
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
+        """True if every distance is at least the margin."""
+        fine: Scalar = True
+        for distance, *_ in self.distances(scenario, state):
+            fine = logical_and(fine, distance >= add(self.margin, slack))
+        return fine
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """Message with the smallest distance and its names."""
+        least, *names = min(self.distances(scenario, state), key=lambda each: float(each[0]))
+        return self.words.format(float(least), *names)
+
+
 @immutable
-class Ground(Ending):
+class Ground(DistanceEnding):
     """Termination when the lowest point of the vehicle reaches the ground at z = 0."""
 
     status: ClassVar[str] = "ground"
+    words: ClassVar[str] = "lowest point at z = {:.4g} m"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if every point of the vehicle is above the ground."""
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Height of the vehicle's lowest point above the ground, if there is one."""
         planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
-        return lowest_point(scenario.agent.plant.vehicle, state) >= slack if scenario.ground and not planes else True
-
-    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message with the height of the vehicle's lowest point."""
-        return f"lowest point at z = {float(lowest_point(scenario.agent.plant.vehicle, state)):.4g} m"
+        return [(lowest_point(scenario.agent.plant.vehicle, state),)] if scenario.ground and not planes else []
 
 
 @immutable
-class RotorContact(Ending):
+class RotorContact(DistanceEnding):
     """Termination when a rotor disc touches a fixed surface, such as a wall."""
 
     status: ClassVar[str] = "rotor_contact"
+    words: ClassVar[str] = "rotor '{1}' touched surface '{2}'"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if every rotor disc is clear of every fixed surface."""
-        fine: Scalar = True
-        for clearance, _, _ in rotor_clearances(scenario, state):
-            fine = logical_and(fine, clearance >= slack)
-        return fine
-
-    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message naming the rotor and the surface that it touched."""
-        least = min(rotor_clearances(scenario, state), key=lambda each: float(each[0]))
-        return f"rotor '{least[1]}' touched surface '{least[2]}'"
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Clearance of each rotor disc from each fixed surface, with the names of both."""
+        R, clearances = state.quaternion.rotation(), list[Distance]()
+        for contact in scenario.worlds:
+            for rotor in turn_rotors(scenario.agent.plant.vehicle, state.tilts).rotors:
+                at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
+                for surface in contact.still:
+                    gap = surface.clearance(at, axis, contact.rotor_radius, 0.0)
+                    clearances.append((gap, rotor.name, surface.name))
+        return clearances
 
 
 @immutable
-class BodyContact(Ending):
+class BodyContact(DistanceEnding):
     """Termination when the base's origin or a joint is inside a fixed surface."""
 
     status: ClassVar[str] = "body_contact"
+    words: ClassVar[str] = "{1} is inside surface '{2}'"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if the base's origin and all joints are outside of every fixed surface."""
-        fine: Scalar = True
-        for depth, _, _ in body_depths(scenario, state):
-            fine = logical_and(fine, add(depth, slack) <= 0.0)
-        return fine
-
-    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message naming the deepest body point and the surface around it."""
-        deepest = max(body_depths(scenario, state), key=lambda each: float(each[0]))
-        return f"{deepest[1]} is inside surface '{deepest[2]}'"
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Distance of the base's origin and of each joint from each fixed surface, with the names of both."""
+        vehicle, distances = scenario.agent.plant.vehicle, list[Distance]()
+        for contact in scenario.worlds:
+            R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
+            points = [("the base", state.position)]
+            joints = zip(vehicle.links, poses, strict=False)
+            points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
+            for name, at in points:
+                distances += [(-surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
+        return distances
 
 
 @immutable
-class Clearance(Ending):
+class Clearance(DistanceEnding):
     """Termination when a body of the vehicle comes too near to a fixed surface or to another body of the vehicle.
 
     Rods of links that bear contact points, grippers or grasps may touch surfaces.
@@ -202,24 +231,13 @@ class Clearance(Ending):
     margin: Annotated[Scalar, Unit("m", "smallest distance of a body that does not end the flight", low=0.0)] = 0.0
 
     status: ClassVar[str] = "clearance"
+    words: ClassVar[str] = "{1} are {0:.4g} m apart"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
-        """True if every distance is at least the margin."""
-        fine: Scalar = True
-        for distance, _ in self._distances(scenario, state):
-            fine = logical_and(fine, distance >= add(self.margin, slack))
-        return fine
-
-    def _distances(self, scenario: Scenario, state: State) -> list[tuple[Scalar, str]]:
-        """Distance (m) and names of each pair of bodies."""
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Distance and names of each pair of bodies."""
         pairs, rotation = clearances_of(scenario, moving=False), state.quaternion.rotation()
         distances = pairs.distances(state.position, rotation, state.joints, state.tilts)
         return list(zip(distances, pairs.names, strict=True))
-
-    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message with the smallest distance and its bodies."""
-        least, names = min(self._distances(scenario, state), key=lambda each: float(each[0]))
-        return f"{names} are {float(least):.4g} m apart"
 
 
 BUILT_IN: tuple[Ending, ...] = (
@@ -249,30 +267,6 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
     contacts = [each.of_agent(name) for each in scenario.worlds]
     surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
     return clearances(vehicle, surfaces, {body for each in contacts * touching for body in each.touching(vehicle)})
-
-
-def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
-    """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
-    R, clearances = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()
-    for contact in scenario.worlds:
-        for rotor in turn_rotors(scenario.agent.plant.vehicle, state.tilts).rotors:
-            at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
-            for surface in contact.still:
-                clearances.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
-    return clearances
-
-
-def body_depths(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
-    """Depth of the base's origin and of each joint in each fixed surface: (depth in m, point, surface)."""
-    vehicle, depths = scenario.agent.plant.vehicle, list[tuple[Scalar, str, str]]()
-    for contact in scenario.worlds:
-        R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
-        points = [("the base", state.position)]
-        joints = zip(vehicle.links, poses, strict=False)
-        points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
-        for name, at in points:
-            depths += [(surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
-    return depths
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:

@@ -18,7 +18,7 @@ from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Place, replace_at
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.words import Slot, slots
@@ -94,7 +94,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
     return document.planned_fields()
 
 
-@immutable(kw_only=False)
+@positional
 class Overrides:
     """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
 
@@ -176,7 +176,7 @@ def _replaces(part: str, path: str) -> bool:
     return is_below(path, part) or law
 
 
-@immutable(kw_only=False)
+@positional
 class Stretch:
     """Interval of control periods between two scheduled changes.
 

@@ -164,9 +164,6 @@ SETTLES = 0.08
 """Averaging time (s) of the thrust direction that the planned attitude follows; the average is taken twice. The
 attitude loop of a vehicle of this size reaches a commanded tilt within about 0.15 s."""
 
-LEFT = 1e-3
-"""Least fraction of its effort limit that a servo keeps at its speed limit."""
-
 
 _SLOWER = "lower values plan slower paths"
 
@@ -298,13 +295,9 @@ class PathLimits:
         up = demand.squared / (most * self._highest)
         # the least that a rotor is left with: the reserve's share of what it turns with in hover
         least = (self._hover - demand.squared) / (self._hover * most)
-        efforts, speeds = np.repeat(self._efforts, len(demand.time), axis=1), np.full_like(demand.rates, math.inf)
-        speeds[:] = float(self._options.joint_speed)
-        still = np.zeros(len(demand.time))
+        efforts = demand.effort_limits(self._efforts, self._servos)
+        speeds = np.full_like(demand.rates, float(self._options.joint_speed))
         for i, servo in self._servos:
-            low, high = (np.asarray(bound, dtype=float) + still for bound in servo.bounds(demand.rates[i]))
-            given = np.where(demand.efforts[i] < 0.0, -low, high)
-            efforts[i] = np.minimum(efforts[i], np.maximum(given, LEFT * efforts[i]))
             speeds[i] = np.minimum(speeds[i], float(servo.speed_limit))
         attitude = [demand.tilt / float(self._options.tilt), demand.turning / float(self._options.turning)]
         return np.vstack(

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, must_be_one_of
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.path_names import AGENTS, OF_AGENT, Names, NumberView, agent_of, path_names, word_of
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
@@ -116,7 +116,7 @@ def errors_of_agent(name: str) -> Iterator[None]:
         raise ScenarioError(f"{OF_AGENT}{name}.{words}" if of else words) from None
 
 
-@immutable(kw_only=False)
+@positional
 class Target:
     """Target of a parameter path: the fields that store the number, or a record that computes it from its fields.
 

@@ -6,10 +6,10 @@ Fields with a unit declare their meaning in the unit. Texts, flags, tables and c
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
+
+from skyarm.records.files import shipped_tables
 
 
 class WordText(NamedTuple):
@@ -30,7 +30,7 @@ class WordText(NamedTuple):
     entry: str = ""
 
 
-_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+_TABLES = shipped_tables(__file__)
 
 PATHS: Mapping[str, WordText] = {path: WordText(**texts) for path, texts in _TABLES["paths"].items()}
 """Key of a scenario file -> its description."""

@@ -17,7 +17,7 @@ from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.records.plain import plain
 from skyarm.records.registry.plugins import identities
@@ -34,7 +34,7 @@ from skyarm.world import WindSample
 from skyarm.world.component import Column, by_array
 
 
-@immutable(kw_only=False)
+@positional
 class LoggedSamples:
     """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
 
@@ -54,7 +54,7 @@ class LoggedSamples:
     led: Array
 
 
-@immutable(kw_only=False)
+@positional
 class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
@@ -73,7 +73,7 @@ class Piece:
         return AgentPiece(self.scenario.of(name), self.inputs.each[index], self.start, self.flown[index])
 
 
-@immutable(kw_only=False)
+@positional
 class AgentPiece:
     """Consecutive control periods of one vehicle between two scheduled changes, under the scenario of its flight.
 

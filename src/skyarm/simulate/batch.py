@@ -14,7 +14,7 @@ from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.team_log import OfOneAgentError
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
@@ -36,7 +36,7 @@ from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.user_code import require_shapes
 
 
-@immutable(kw_only=False)
+@positional
 class AgentOutcome:
     """Motion of one vehicle in a batch of flights.
 
@@ -48,7 +48,7 @@ class AgentOutcome:
     log: BatchLog | None = None
 
 
-@immutable(kw_only=False)
+@positional
 class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 

@@ -15,7 +15,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files.user_code import failure, require_result
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import rebuild
 from skyarm.records.path_names import word_of
 from skyarm.reference.trajectory import failure_words
@@ -29,7 +29,7 @@ SLACK = 1e-5
 outside."""
 
 
-@immutable(kw_only=False)
+@positional
 class Ended:
     """Early end of a flight: status, cause in words, time in s."""
 

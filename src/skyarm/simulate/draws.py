@@ -15,7 +15,7 @@ from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.members import SOLE
 from skyarm.scenario.scenario_record import Scenario
 
@@ -34,7 +34,7 @@ class Shares(NamedTuple):
     shared: list[Scalars]
 
 
-@immutable(kw_only=False)
+@positional
 class Draws:
     """Random-number stream and count per control period of each sensor and each wind, force or contact model.
 

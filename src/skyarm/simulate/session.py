@@ -16,7 +16,7 @@ from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
@@ -38,7 +38,7 @@ from skyarm.simulate.user_code import has_own
 from skyarm.world import WindSample
 
 
-@immutable(kw_only=False)
+@positional
 class Course:
     """Scenario in force during a flight, with the changes already made and those still scheduled.
 
@@ -106,7 +106,7 @@ class Course:
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
 
-@immutable(kw_only=False)
+@positional
 class Snapshot:
     """State of an interactive simulation at an instant, for going back to it any number of times.
 

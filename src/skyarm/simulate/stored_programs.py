@@ -22,7 +22,7 @@ from skyarm.compile.tracing.tracer import Lowered
 from skyarm.plant.compiled import Steps
 from skyarm.records.files.own_sources import sources_digest
 from skyarm.records.identity import all_files
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_record import Scenario
@@ -32,7 +32,7 @@ ALGEBRA = ("NPY_", "OPENBLAS_", "MKL_", "OMP_", "BLIS_")
 """First letters of the environment variables on which the last bits of NumPy's linear algebra depend."""
 
 
-@immutable(kw_only=False)
+@positional
 class FlightProgram:
     """Traced program of a control period as machine code needs it.
 

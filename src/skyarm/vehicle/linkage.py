@@ -162,6 +162,11 @@ class Joint:
         return not absent(self.stop_stiffness)
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest position, rad or m."""
+        return float(self.lower), float(self.upper)
+
+    @property
     def turns(self) -> bool:
         """True for a revolute joint, false for a prismatic one."""
         return self.kind == "revolute"

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import maximum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
@@ -164,4 +164,4 @@ class HangingPayload(TimedPayload):
     ) -> Sequence[Wrench]:
         """Wrench of the cord's tension on the frame."""
         point, body = motion.frame(self.frame or None)
-        return (Wrench(force_W=memory.pull, torque_W=ZERO3, point=point, body=body),)
+        return (Wrench(force_W=memory.pull, point=point, body=body),)

@@ -67,11 +67,8 @@ def mantissa(x: Array) -> Array:
     return lax.bitcast_convert_type(lax.bitwise_or(lax.bitwise_and(_bits(x), mask), integer(bias << shift)), x.dtype)
 
 
-@mantissa.defjvp
-def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
-    """Derivative rule of the mantissa m of x = m 2**e: dm/dx = 2**-e."""
-    (x,), (dx,) = primals, tangents
-    return mantissa(x), dx * power_of_two(-exponent(x))
+# of x = m 2**e: dm/dx = 2**-e
+mantissa.defjvps(lambda dx, _, x: dx * power_of_two(-exponent(x)))
 
 
 @jax.custom_jvp
@@ -95,13 +92,11 @@ def sqrt(x: Array) -> Array:
     return lax.sqrt(x)
 
 
-@sqrt.defjvp
-def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
-    (x,), (dx,) = primals, tangents
-    root = lax.sqrt(x)
+@sqrt.defjvps
+def _(dx: Array, root: Array, _x: Array) -> Array:
     positive = root > 0.0
     slope = 0.5 / lax.select(positive, root, _like(root, 1.0))
-    return root, dx * lax.select(positive, slope, _like(root, 0.0))
+    return dx * lax.select(positive, slope, _like(root, 0.0))
 
 
 def _negative(x: Array) -> Array:
@@ -115,10 +110,7 @@ def absolute(x: Array) -> Array:
     return lax.abs(x)
 
 
-@absolute.defjvp
-def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
-    (x,), (dx,) = primals, tangents
-    return lax.abs(x), dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0))
+absolute.defjvps(lambda dx, _, x: dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0)))
 
 
 @jax.custom_jvp
@@ -127,11 +119,10 @@ def copysign(size: Array, sign: Array) -> Array:
     return lax.select(_negative(sign), -lax.abs(size), lax.abs(size))
 
 
-@copysign.defjvp
-def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
-    (size, sign), (dsize, _dsign) = primals, tangents
+@copysign.defjvps
+def _(dsize: Array, _: Array, size: Array, sign: Array) -> Array:
     turned = lax.ne(_negative(size), _negative(sign))
-    return copysign(size, sign), dsize * lax.select(turned, _like(size, -1.0), _like(size, 1.0))
+    return dsize * lax.select(turned, _like(size, -1.0), _like(size, 1.0))
 
 
 def at_most(a: Array, b: Array) -> Array:

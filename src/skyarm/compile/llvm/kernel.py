@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from functools import lru_cache
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def _machine(effort: int = 2) -> llvm.TargetMachine:
     )
 
 
-@lru_cache(maxsize=1)
+@cache
 @llvm_needed()
 def _features() -> str:
     import llvmlite

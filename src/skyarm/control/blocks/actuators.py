@@ -91,6 +91,6 @@ def compensate_motor_lag(
     sides = mixer.across or ((0, 0),) * len(rotors)
     for rotor, thrust, across, square in zip(rotors, mixer.inverse, sides, squares, strict=True):
         change = add(mul(thrust[3], force_rate.z), add(mul(across[0], force_rate.x), mul(across[1], force_rate.y)))
-        tau = where(change > 0.0, rotor.time_constant_up, rotor.time_constant_down)
-        ahead.append(square + change * divide(dt, 1.0 - (1.0 - share) * exp(divide(-dt, tau))))
+        rise, fall = (exp(divide(-dt, tau)) for tau in (rotor.time_constant_up, rotor.time_constant_down))
+        ahead.append(square + change * divide(dt, 1.0 - (1.0 - share) * where(change > 0.0, rise, fall)))
     return tuple(ahead)

@@ -26,9 +26,9 @@ def low_pass_share(bandwidth: Scalar, dt: Scalar) -> Scalar:
     return 1.0 - exp(-(bandwidth * dt))
 
 
-def double_pole(bandwidth: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """Gains (L1, L2) of a second-order observer with both poles at exp(-bandwidth dt); rad/s and s."""
-    b = exp(-(bandwidth * dt))
+def double_pole(bandwidth: Scalar, dt: Scalar, over: Scalar = 1) -> tuple[Scalar, Scalar]:
+    """Gains (L1, L2) of a second-order observer with both poles at exp(-bandwidth dt) / over; rad/s and s."""
+    b = divide(exp(-(bandwidth * dt)), over)
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
 

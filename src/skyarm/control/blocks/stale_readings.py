@@ -73,6 +73,7 @@ class ReadingSums:
     specific_force: Annotated[Scalar, Unit("m/s^2", "weighted sum of the measured specific force")] = 0.0
     joints: Annotated[Scalar, Unit("rad or m", "weighted sum of the measured joint positions")] = 0.0
     joint_rates: Annotated[Scalar, Unit("rad/s or m/s", "weighted sum of the measured joint rates")] = 0.0
+    missed: Annotated[Scalar, Unit("", "number of periods since the joint rates were new")] = 0.0
     stale: Annotated[Scalar, Unit("s", "time since the motion of base and joints was all new")] = 0.0
 
     @staticmethod
@@ -93,11 +94,12 @@ class ReadingSums:
         age = where(share > 0.5, 0.0, self.stale + dt)
         believed = where(age > LONGEST, 1.0, 0.0)
         fresh = Fresh(**{name: maximum(flag, believed) for name, flag in flags.items()})
-        return fresh, dataclasses.replace(now, stale=data(age))
+        missed = where(fresh.joint_rates > 0.5, 0.0, self.missed + 1.0)
+        return fresh, dataclasses.replace(now, stale=data(age), missed=data(missed))
 
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
-    return data(total(mul(GOLDEN**i, each) for i, each in enumerate(numbers)))
+    return data(total(mul(GOLDEN**i if i else 1, each) for i, each in enumerate(numbers)))
 
 
 def _is_new(last: Scalar, now: Scalar, rate: Scalar) -> Scalar:

@@ -136,7 +136,7 @@ def pose_of(stow: object, links: tuple[Link, ...]) -> tuple[float, ...]:
         raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")
     pose = []
     for i, (value, link) in enumerate(zip(listed, links, strict=True)):
-        at, low, high = f"safety.stow[{i}]", float(link.joint.lower), float(link.joint.upper)
+        at, (low, high) = f"safety.stow[{i}]", link.joint.ends
         with errors_as(ControllerError):
             position = number(value, at)
         if not low <= position <= high:

@@ -6,7 +6,7 @@ points, the heading the rest, their derivatives the angular velocity and acceler
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -16,10 +16,14 @@ from skyarm import dynamics
 from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
+from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Vehicle
+
+LEFT = 1e-3
+"""Least fraction of its effort limit that a servo keeps at its speed limit."""
 
 REACTIONS = 2
 """Number of iterations in which the reaction of the arm's motion changes the direction of the base force."""
@@ -60,6 +64,21 @@ class ActuatorDemand:
     tilt: Array
     turning: Array
     rotation: Array
+
+    def effort_limits(self, efforts: Array, servos: Iterable[tuple[int, Servo]]) -> Array:
+        """Effort limits (n, K) at the motion's rates: those of the joints (n, 1), or less where a servo gives less.
+
+        Args:
+            efforts: limits of the joints, N m or N.
+            servos: each with the index of its joint.
+        """
+        limits = np.repeat(efforts, len(self.time), axis=1)
+        for i, servo in servos:
+            ends = (np.asarray(bound, dtype=float) for bound in servo.bounds(self.rates[i]))
+            low, high = (np.broadcast_to(end, self.time.shape) for end in ends)
+            most = np.where(self.efforts[i] < 0.0, -low, high)
+            limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
+        return limits
 
 
 def motion_of(reference: Any, time: Array) -> MotionSamples:

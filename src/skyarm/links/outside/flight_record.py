@@ -62,7 +62,7 @@ class FlightRecord:
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
         agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
-        still = Environment(forces=(), ground=False)
+        still = Environment(ground=False)
         plain = dataclasses.replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))

@@ -109,10 +109,9 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
     for name, value in zip(names, positions, strict=True):
         if name not in joint_names:
             raise MessageError(f"name = {shown(name)}: {must_be_one_of(joint_names, name)}")
-        joint = joints[joint_names.index(name)]
-        if not (math.isfinite(value) and float(joint.lower) <= value <= float(joint.upper)):
-            limits = f"from {float(joint.lower):g} to {float(joint.upper):g}"
-            raise MessageError(f"{name} = {value:g}: must be a finite number {limits}")
+        low, high = joints[joint_names.index(name)].ends
+        if not (math.isfinite(value) and low <= value <= high):
+            raise MessageError(f"{name} = {value:g}: must be a finite number from {low:g} to {high:g}")
         goals[f"joints.{joint_names.index(name)}"] = value
     return goals
 

@@ -16,10 +16,8 @@ Source: Barakou et al. 2026, Table 2 and section 5.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -29,7 +27,7 @@ from skyarm.log.metrics.metric import Metric
 from skyarm.log.team_log import WITHIN
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
-from skyarm.records.files import did_you_mean, must_be_one_of, shown
+from skyarm.records.files import did_you_mean, must_be_one_of, shipped_tables, shown
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
@@ -88,7 +86,7 @@ def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
     return measures
 
 
-_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+_TABLES = shipped_tables(__file__)
 
 
 def _rows(table: str) -> dict[str, Measure]:

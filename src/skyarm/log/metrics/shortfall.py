@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
 
+TILTED = np.radians(80.0)
+"""Tilt (rad) above which a flight counts as lost."""
+
 LARGEST_TURN = 0.2
 """Largest mean error (rad) of the heading at the end of a flight, the shorter way round."""
 
@@ -111,12 +114,7 @@ def shortfall(log: Log) -> Shortfall:
     desired, pushing = _desired_force(log)
     return Shortfall(
         saturation=_saturation(log),
-        unreached=(
-            *_missed_positions(log, pushing),
-            *_missed_heading(log),
-            *_missed_forces(log, desired),
-            *_missed_phases(log),
-        ),
+        unreached=(*_missed_motion(log, pushing), *_missed_forces(log, desired), *_missed_phases(log)),
     )
 
 
@@ -159,20 +157,23 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float |
         if unit is None and effort > 0.0:  # a passive joint has no actuator
             yield f"joint {joint.name}", joint.units[1], sent, -effort, effort
         elif unit in ("rad", "m"):  # a rate has no limit of the joint's
-            yield f"joint {joint.name}", unit, sent, float(joint.lower), float(joint.upper)
+            yield f"joint {joint.name}", unit, sent, *joint.ends
 
 
-def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
-    """Yield position references of base and tip that the flight misses by a large mean error at its end.
+def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
+    """Yield references of base, tip and heading that the flight misses by a large mean error at its end.
 
     A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
-    lies anywhere along the normal.
+    lies anywhere along the normal. The heading is the one that the law got.
     """
-    start = _start_of_end(log)
-    at_end = (log.time >= start) & ~pushing
+    duration, end = float(log.info["duration"]), float(log.time[-1])
+    start = min(duration - Windows().of_flight(duration, windows_of(log)).last, end)
+    last = log.time >= start
+    at_end = last & ~pushing
     pairs = {"position": ("base", log.position, log.position_reference)}
     if not np.array_equal(log.tip, log.position):
         pairs["tip"] = "tip", log.tip, log.tip_reference
+    missed = dict[str, str]()
     for what, (body, flown, desired) in pairs.items():
         if log.path_time.size and not log.phase.size:
             errors = path_distance(flown[at_end], desired)
@@ -180,25 +181,13 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
             errors = np.linalg.norm(flown[at_end] - desired[at_end], axis=1)
         error = float(errors.mean()) if errors.size else 0.0
         if not error <= LARGEST_ERROR:
-            words = f"reference of the {body}, {error:.3g} m off in the mean from {start:g} s on"
-            yield Unreached(reference=what, start=start, stop=float(log.time[-1]), words=words)
-
-
-def _start_of_end(log: Log) -> float:
-    """Start (s) of the window ``last``, or the last instant of a flight that ended before it."""
-    duration = float(log.info["duration"])
-    return min(duration - Windows().of_flight(duration, windows_of(log)).last, float(log.time[-1]))
-
-
-def _missed_heading(log: Log) -> Iterator[Unreached]:
-    """Yield the heading reference, as the law got it, if the flight misses it by a large mean error at its end."""
-    start = _start_of_end(log)
-    at_end = log.time >= start
-    off = log.euler[at_end, 2] - log.yaw_held[at_end]
-    error = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
-    if not error <= LARGEST_TURN:
-        words = f"heading of the base, {math.degrees(error):.3g} degrees off in the mean from {start:g} s on"
-        yield Unreached(reference="heading", start=start, stop=float(log.time[-1]), words=words)
+            missed[what] = f"reference of the {body}, {error:.3g} m"
+    off = log.euler[last, 2] - log.yaw_held[last]
+    turn = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
+    if not turn <= LARGEST_TURN:
+        missed["heading"] = f"heading of the base, {math.degrees(turn):.3g} degrees"
+    for what, words in missed.items():
+        yield Unreached(reference=what, start=start, stop=end, words=f"{words} off in the mean from {start:g} s on")
 
 
 def _desired_force(log: Log) -> tuple[Array, Array]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 from skyarm.log.log_columns import LogColumn
+from skyarm.records.files import shipped_tables
 
-_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+_TABLES = shipped_tables(__file__)
 
 DEFINITIONS: Mapping[str, str] = _TABLES["definitions"]
 """Message type, without ``/msg/`` in its name -> its fields."""

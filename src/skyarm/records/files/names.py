@@ -11,6 +11,7 @@ from pathlib import Path
 
 from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, printable, shown
 from skyarm.records.files.own_inputs import note_input
+from skyarm.records.files.paths import PathLike
 from skyarm.records.files.toml import Entry, read_toml
 from skyarm.records.files.writing import output_file
 
@@ -46,6 +47,16 @@ def unreadable(path: Path) -> str:
         return NO_FILE
     note_input(path)
     return ""
+
+
+def require_file(path: PathLike, at: str) -> None:
+    """Raise an error that begins with ``at`` if no file can be read at a path; see :func:`unreadable`.
+
+    Raises:
+        ValueError: one line.
+    """
+    if reason := unreadable(Path(path)):
+        raise ValueError(f"{at}: {reason}")
 
 
 LONGEST_NAME, LONGEST_BYTES = 100, 200

@@ -7,7 +7,8 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from skyarm.records.files.messages import one_line
 
@@ -55,6 +56,11 @@ def read_toml(content: bytes) -> dict[str, Entry]:
         raise ValueError("TOML = a number of thousands of digits: must be at most 1.8e308 in size") from None
     _require_bounded(document, deep)
     return document
+
+
+def shipped_tables(module: str) -> dict[str, Any]:
+    """Tables of the TOML file beside a module of the same name, from the module's ``__file__``."""
+    return tomllib.loads(Path(module).with_suffix(".toml").read_text("utf-8"))
 
 
 def _require_bounded(document: dict[str, Entry], deep: str) -> None:

@@ -6,11 +6,11 @@ they perform is found by its row in ``shipped.toml``.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 
-_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+from skyarm.records.files import shipped_tables
+
+_TABLES = shipped_tables(__file__)
 
 
 def _rows(tables: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, tuple[str, str]]]:

@@ -40,10 +40,6 @@ POSES_HELD = 100
 """Number of poses of the reference, while a load is held, whose static hover is examined."""
 
 
-LEFT = 1e-3
-"""Least fraction of its effort limit that a servo keeps at its speed limit."""
-
-
 @positional
 class Followed:
     """Rotor speeds and joint torques of a flight with exact tracking of its reference, as fractions of their limits.
@@ -155,14 +151,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
     """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
     vehicle = part.scenario.agent.plant.vehicle
-    limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
-    for i, servo in servos(part.scenario):
-        low, high = (
-            np.broadcast_to(np.asarray(b, dtype=float), limits[i].shape) for b in servo.bounds(demand.rates[i])
-        )
-        most = np.where(demand.efforts[i] < 0.0, -low, high)
-        limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
-    return np.abs(demand.efforts) / limits
+    return np.abs(demand.efforts) / demand.effort_limits(effort_limits(vehicle)[:, None], servos(part.scenario))
 
 
 def _sample_times(part: FlightPart, end: float) -> list[Array]:
@@ -212,20 +201,20 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
     for i, link in enumerate(scenario.agent.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
-        beyond = (q < float(joint.lower)) | (q > float(joint.upper))
+        low, high = joint.ends
+        beyond = (q < low) | (q > high)
         if np.any(beyond):
             t = float(demand.time[np.argmax(beyond)])
-            worst = float(q[np.argmax(np.maximum(float(joint.lower) - q, q - float(joint.upper)))])
-            limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
+            worst = float(q[np.argmax(np.maximum(low - q, q - high))])
             findings.append(
                 Finding(
                     "reference within joint limits",
                     FAULT,
-                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {limits}, first at {t:.3g} s",
+                    f"joints[{joint.name}] is to reach {worst:.3g}, beyond {low:g} ... {high:g}, first at {t:.3g} s",
                     f"reference.joints[{i}]",
                     "a smaller motion, or joint limits as they are (rad, not degrees?)",
                     worst,
-                    float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
+                    high if worst > high else low,
                 )
             )
     return findings

@@ -115,7 +115,7 @@ def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
 def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     """Values (poses,) of joint i that minimize the potential energy with all other joints fixed."""
     joint = vehicle.links[i].joint
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
 
     def torque(value: float) -> Array:
         moved = joints.copy()
@@ -260,7 +260,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
 def joint_range(joint: Joint) -> tuple[float, float]:
     """Range of a joint to sample: its limits, or one turn about zero for a joint that turns further."""
     free = math.pi if joint.turns else 1.0
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     if math.isinf(low):
         low = min(-free, high - free)
     if math.isinf(high):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.controller import FormerNameWarning
-from skyarm.records.files import errors_as, one_line, read_toml, shown, unreadable
+from skyarm.records.files import errors_as, one_line, read_toml, require_file, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import kind_of
 from skyarm.records.files.toml_edits import (
@@ -80,8 +80,7 @@ def upgrade_file(path: Path) -> Upgrade:
     Raises:
         ValueError: one line: the file cannot be read, or is none of these kinds.
     """
-    if reason := unreadable(path):
-        raise ValueError(f"{path}: {reason}")
+    require_file(path, str(path))
     content = path.read_bytes()
     try:
         text = content.decode()
@@ -96,14 +95,11 @@ def upgrade_file(path: Path) -> Upgrade:
         fault, noted = _faults(load, text)
         try:
             found = next(_edits(fault, noted, tomllib.loads(text)), None)
-        except ValueError as error:  # of a form that only a person can change
-            return Upgrade(text=text, changes=tuple(changes), fault=fault or str(error), notes=tuple(noted))
-        if found is None or len(changes) == MOST:
-            return Upgrade(text=text, changes=tuple(changes), fault=fault, notes=tuple(noted))
-        change, edit = found
-        try:
+            if found is None or len(changes) == MOST:
+                return Upgrade(text=text, changes=tuple(changes), fault=fault, notes=tuple(noted))
+            change, edit = found
             text = edit(text)
-        except ValueError as error:
+        except ValueError as error:  # of a form that only a person can change
             return Upgrade(text=text, changes=tuple(changes), fault=fault or str(error), notes=tuple(noted))
         changes.append(change)
 

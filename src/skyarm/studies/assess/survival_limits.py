@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError
-from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.log.metrics.shortfall import LARGEST_ERROR, TILTED
 from skyarm.log.metrics.windows import LAST, Window, Windows
 from skyarm.records.arrays import AnyArray, Mask
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Windowed
@@ -30,9 +30,6 @@ from skyarm.world import NO_WIND, Disturbance, TimedPayload
 from skyarm.world.signal_vector import SignalVector
 
 QUESTION = "flight in calm air"
-
-TILTED = np.radians(80.0)
-"""Tilt (rad) above which a flight counts as lost."""
 
 LAST_ERROR, LAST_TILT = "ee_error_last_mean_continuous", "tilt_rms"
 """Metrics: mean tip error and RMS tilt of the last seconds."""

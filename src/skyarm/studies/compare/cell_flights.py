@@ -7,14 +7,13 @@ episode after the other, about a thousand times slower.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, catalogue_names, row_names
-from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.log.metrics.shortfall import LARGEST_ERROR, TILTED
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
 from skyarm.records.immutable import immutable, positional
@@ -42,9 +41,6 @@ METRICS = (
 
 ONE_BY_ONE = 8
 """Number of perturbed plants of a law whose flights fly one by one."""
-
-TILTED = math.radians(80.0)
-"""Tilt (rad) above which a flight counts as lost, even if it comes to its end."""
 
 Record = Mapping[str, Any]
 """Plain data of a results file."""

@@ -121,7 +121,7 @@ class ContactSuite(Suite[ContactFlights]):
         ]
         return [
             ContactFlights(
-                entrant=Entrant(name=law, group="own", law=law),
+                entrant=Entrant(name=law, law=law),
                 case=Case(name=task, title=TASKS[task].title, scenario=task),
                 condition=condition,
                 plant=self.plant,

@@ -42,14 +42,14 @@ class Entrant:
 
     Attributes:
         name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
-            (the centroidal law without one of its blocks).
+            (the centroidal law without one of its blocks), and "own" of any other.
         law: a preset or a law. options: options of the law, whatever the condition.
         perfect, noisy: options for either kind.
         tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
     """
 
     name: str
-    group: str
+    group: str = "own"
     law: str
     options: Mapping[str, Any] = field(default_factory=dict)
     perfect: Mapping[str, Any] = field(default_factory=dict)
@@ -77,7 +77,7 @@ def own_entrant(law: str) -> Entrant | None:
     row = registrations("law").get(law)
     if row is None or row.source == SHIPPED:
         return None
-    return Entrant(name=law_of_file_name(law), group="own", law=law)
+    return Entrant(name=law_of_file_name(law), law=law)
 
 
 def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:

@@ -124,7 +124,7 @@ def axis_flights(
     points, inside = axis.of(setting), Window(axis.start, setting.duration)
     condition = "noisy" if axis.noisy else "perfect"
     whole = AxisFlights(
-        entrant=Entrant(name=law, group="own", law=TUNED.get(law, law) if axis.vehicle else law),
+        entrant=Entrant(name=law, law=TUNED.get(law, law) if axis.vehicle else law),
         case=Case(
             name=axis.name, title=axis.title, scenario=setting.vehicle, windows=Windows(steady=inside, gust=inside)
         ),

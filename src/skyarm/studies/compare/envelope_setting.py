@@ -126,7 +126,7 @@ def _spare_thrust(vehicle: Vehicle) -> float:
 
 def _swing_range(joint: Joint) -> tuple[float, float]:
     """Mid position of a joint's swing, and its amplitude: 1 rad (or m), less near limits, 0 for a passive joint."""
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
     room = min(middle - low, high - middle)
     still = joint.effort_limit == 0

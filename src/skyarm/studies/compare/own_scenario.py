@@ -111,7 +111,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
             and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
             for name in named
         )
-        entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]
+        entrants = [Entrant(name=name, law=name) for name in (*(() if once else (OWN,)), *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:

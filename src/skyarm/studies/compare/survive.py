@@ -122,7 +122,7 @@ class SurviveSuite(Suite[SurviveFlights]):
             row = f"{each.name.replace('_', ' ')} {value:g} {each.unit}".rstrip()
             cells.append(
                 SurviveFlights(
-                    entrant=Entrant(name=law, group="own", law=law),
+                    entrant=Entrant(name=law, law=law),
                     case=Case(name=trial.name, title=trial.name, scenario=self.vehicle, windows=windows),
                     condition=Condition(
                         name=row, title=each.title, noisy=trial.noisy, episodes=len(lanes), cases=(trial.name,)

@@ -6,7 +6,7 @@ The trials and their conditions are in ``library/survive_trials.toml``, whose fi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
@@ -53,8 +53,8 @@ class SurviveCondition:
 
     name: str
     title: str
-    values: tuple[float, ...]
-    each: tuple[Mapping[str, float], ...]
+    values: Sequence[float]
+    each: Sequence[Mapping[str, float]]
     unit: str = ""
     scale: str = ""
     made: bool = False
@@ -105,7 +105,7 @@ class Trial:
 
     name: str
     duration: float
-    conditions: tuple[SurviveCondition, ...]
+    conditions: Sequence[SurviveCondition]
     motion: str = "hover"
     noisy: bool = False
     tables: Document = field(default_factory=dict)
@@ -147,16 +147,10 @@ class Trial:
         return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
 
 
-def _trial(row: Document) -> Trial:
-    tables: list[Document] = row.pop("conditions")
-    conditions = tuple(
-        SurviveCondition(**table | {key: tuple(table[key]) for key in ("values", "each") if key in table})
-        for table in tables
-    )
-    return Trial(conditions=conditions, **row)
-
-
-TRIALS: Mapping[str, Trial] = {row["name"]: _trial(row) for row in library_rows("survive_trials")}
+TRIALS: Mapping[str, Trial] = {
+    row["name"]: Trial(**row | {"conditions": [SurviveCondition(**each) for each in row["conditions"]]})
+    for row in library_rows("survive_trials")
+}
 """Trials by name."""
 
 CONDITIONS: Mapping[str, SurviveCondition] = {each.name: each for trial in TRIALS.values() for each in trial.conditions}

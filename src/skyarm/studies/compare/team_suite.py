@@ -143,7 +143,7 @@ class TeamSuite(SummarySuite[TeamFlights]):
                 refused[name] = f"is of {', '.join(laws)} alone"
             for law in flown:
                 cell = TeamFlights(
-                    entrant=Entrant(name=law, group="own", law=law),
+                    entrant=Entrant(name=law, law=law),
                     case=case,
                     condition=condition,
                     plant=plant,

@@ -15,7 +15,7 @@ import pickle
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -47,7 +47,7 @@ LONGEST = 120
 """Largest number of characters of a label in a file's name."""
 
 
-@lru_cache(maxsize=1)
+@cache
 def _parquet() -> ModuleType | None:
     """Module pyarrow.parquet; None if it is not installed, in which case results are not stored."""
     try:

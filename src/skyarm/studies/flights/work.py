@@ -7,7 +7,7 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TypeVarTuple
 
@@ -137,14 +137,14 @@ def _identity(scenario: Scenario) -> str:
     return entry[1]
 
 
-@lru_cache(maxsize=1)
+@cache
 def kinship() -> Mapping[str, str]:
     """Package versions on which the bits of results may depend, and the digest of the library's own code."""
     installed = versions("numpy", "llvmlite")
     return {**{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
 
 
-@lru_cache(maxsize=1)
+@cache
 def _source() -> str:
     """Digest of the library's source code: changed code invalidates stored results."""
     package = Path(skyarm_files.__file__).parents[2]

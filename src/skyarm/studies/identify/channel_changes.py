@@ -17,7 +17,7 @@ from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
 from skyarm.records.arrays import Array, float_array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.vehicle import Rotor, Vehicle
@@ -43,7 +43,7 @@ SHIFTS = (-200.0, -50.0, 50.0, 200.0)
 Channels: TypeAlias = Mapping[str, Channel]
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class ChannelChange:
     """Change of a flight's channels that undoes one kind of fault in logging.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.studies.identify.identify_windows import WindowSearch, first_fits, search_of
 from skyarm.studies.identify.logged_commands import highest_speeds
@@ -99,7 +99,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
     return [k for k, each in enumerate(worst.tolist()) if each >= 0.7 * worst.max()]
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Candidate:
     """Candidate multisine segment and its Fisher information matrix (P, P) about the searched parameters."""
 

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import rotations_between
 from skyarm.records.arrays import Array, IntArray, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.identify.held_out_errors import (
     CURVE,
     HOLD,
@@ -203,7 +203,7 @@ WHOLE, NOTHING = (np.array([[part], [0.0]]) * np.ones(3) for part in (1.0, 0.0))
 """Weights of a prediction by the model alone, and by holding the state."""
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Ends:
     """Predicted and measured states one horizon after K start instants, relative to a constant-velocity prediction.
 
@@ -292,7 +292,7 @@ def shares_of(ends: Ends) -> Array:
     return np.asarray(shares)
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class PastWeight:
     """Settings of a prediction that uses the flight before it, such as how long estimated disturbances last.
 

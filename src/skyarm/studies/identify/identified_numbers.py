@@ -13,7 +13,7 @@ from dataclasses import field
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.identify.held_out_errors import HeldOut
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
@@ -112,7 +112,7 @@ class Identified:
         raise KeyError(name)
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Scale:
     """Linearisation of the reported parameters about their estimates; of positive ones, of their logarithms.
 
@@ -247,7 +247,7 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     return dataclasses.replace(found, low=least, value=max(found.value, least))
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Conditioned:
     """Estimate conditioned on the start values of parameters that the flights cannot identify.
 

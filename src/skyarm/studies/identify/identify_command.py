@@ -26,11 +26,11 @@ from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     number,
     output_file,
+    require_file,
     require_replaceable,
     require_writable,
     shown,
     taken_back,
-    unreadable,
     write_atomically,
 )
 from skyarm.records.registry import RegistryError
@@ -111,9 +111,8 @@ def flights(
     if join is not None and len(files) > 1:
         raise ValueError(f"flights = {len(files)}: must be one with --join")
     for flight in (*files, *(held_out or ()), *(() if join is None else (join,))):
-        reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
-        if reason:
-            raise ValueError(f"flight = {shown(flight)}: {reason}")
+        if not Path(flight).is_dir():
+            require_file(flight, f"flight = {shown(flight)}")
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
@@ -172,8 +171,7 @@ def lags(
     Exit code 3: the flight does not tell.
     """
     require_readable(log, "flight")
-    if reason := unreadable(Path(log)):
-        raise ValueError(f"flight = {shown(log)}: {reason}")
+    require_file(log, f"flight = {shown(log)}")
     with taken_back(out and Path(out).parent):
         written, name = None if out is None else output_file(out, "--out", ".toml"), Path(log).name
         flight = _part(load_log(log), begin, end)

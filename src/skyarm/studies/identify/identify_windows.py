@@ -17,7 +17,7 @@ import numpy as np
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.identify.identified_numbers import (
     LAGS,
     NOT_SHOWN,
@@ -92,7 +92,7 @@ class SearchOptions:
 USUAL = SearchOptions()
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class WindowSearch:
     """Search for the vehicle parameters that windows of flights may identify.
 

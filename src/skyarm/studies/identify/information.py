@@ -8,11 +8,10 @@ number whose interval a flight hardly narrows is not excited.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import SHOWN, identified_numbers
 from skyarm.studies.identify.identify_windows import first_fits, search_of
@@ -22,7 +21,7 @@ from skyarm.vehicle import Vehicle
 NOT_EXCITED = "not in this flight"
 """Text for a parameter on which a flight gives less than half of the information."""
 
-TITLES: Mapping[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+TITLES: Mapping[str, str] = shipped_tables(__file__)
 """Parameter -> its readable name."""
 
 

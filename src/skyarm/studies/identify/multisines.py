@@ -16,7 +16,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.reference.signals import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
 from skyarm.vehicle import Joint, Vehicle
@@ -86,7 +86,7 @@ class Segment:
         return np.stack([[zero + each for each in signal.derivatives(times)[:3]] for signal in signals], axis=1)
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Axes:
     """Rest positions and ranges of base, heading and joints for an excitation flight.
 
@@ -119,7 +119,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
 def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
     """Rest position of a joint and the ends of its swing."""
     rest, _ = rest_and_size(joint, joints)
-    low, high = float(joint.lower), float(joint.upper)
+    low, high = joint.ends
     margin = MARGIN * (high - low) if math.isfinite(high - low) else 0.0
     return rest, max(low + margin, rest - SWING), min(high - margin, rest + SWING)
 

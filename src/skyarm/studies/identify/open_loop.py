@@ -22,7 +22,7 @@ from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import one_line
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.measured_motion import measured_motion
@@ -56,7 +56,7 @@ NEEDED = ("position", "quaternion", "gyro")
 COMMANDS = ("rotor_commands", "rotor_speed_commands")
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class BaseStates:
     """States of the base at K instants: position, attitude, velocity and rate.
 

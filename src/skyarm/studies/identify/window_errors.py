@@ -18,7 +18,7 @@ from skyarm.compile.llvm.shared_steps import cores
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array, IntArray, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
 from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
@@ -82,7 +82,7 @@ def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
     return vehicle.with_checked(links=tuple(links), drives=())
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class WindowStates:
     """Initial state, unexplained wrench and unlogged joint efforts of each of W windows.
 
@@ -112,7 +112,7 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
     return np.asarray(np.stack(list(rows.normalized()), axis=-1))
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class NormalEquations:
     """Normal equations of a least-squares fit: x unknowns of each of W windows, and P vehicle parameters.
 

@@ -19,7 +19,7 @@ import numpy as np
 from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import needs_extra
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.studies.identify.window_errors import OUTLIER, NormalEquations, WindowErrors, WindowStates
 from skyarm.studies.identify.windows import ClockedWindows
 
@@ -103,7 +103,7 @@ def variances_of(rows: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum("kp,pq,kq->k", rows, covariance, rows))
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class WindowFit:
     """Estimate of P vehicle parameters with its covariance and the noise of the sensors.
 
@@ -155,7 +155,7 @@ class WindowFit:
         )
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Reduced:
     """Normal equations of the vehicle parameters, after elimination of each window's own unknowns.
 
@@ -281,7 +281,7 @@ def _search(
     )
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Cost:
     """Cost of a fit: twice the negative log-posterior, up to a constant, with Huber's weights.
 

@@ -17,7 +17,7 @@ from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import columns_at
 from skyarm.records.arrays import Array, IntArray, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.identify.identified_parts import with_changes
 from skyarm.studies.identify.logged_commands import (
     commanded_speeds,
@@ -57,7 +57,7 @@ AROUND = 0.05
 """Time (s) to each side of an instant over which parabolas through the samples give an initial state."""
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class SensorSamples:
     """Samples of one sensor on an even clock: per step at most one, the mean of all measured within that step.
 
@@ -219,7 +219,7 @@ def _no_samples(size: int, width: int) -> SensorSamples:
     return SensorSamples(values, np.zeros(size), np.zeros(size, dtype=bool))
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Held:
     """Sampled and held commands over each of N steps, with at most one switch per step.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -21,7 +21,7 @@ RULE = (
 Column = Callable[[Record], Number]
 
 
-@lru_cache(maxsize=1)
+@cache
 def published_cells() -> tuple[PublishedNumber, ...]:
     """Published numbers of Barakou et al. 2026 by case, controller and metric, without settling times."""
     return tuple(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from functools import lru_cache
+from functools import cache
 from importlib import resources
 
 from skyarm.log.metrics.windows import Window
@@ -30,7 +30,7 @@ MOTION = 6.0
 PREDICTION = "from_cases_2_and_3"
 
 
-@lru_cache(maxsize=1)
+@cache
 def unstated_study() -> Tables:
     """Definition of the search for settings that Barakou et al. 2026 do not state, as in its TOML file."""
     return read_toml((LIBRARY / STUDY).read_bytes())

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.stability.loop_channels import LoopChannel
 
 
@@ -47,7 +47,7 @@ class OpenLoop:
     channels: tuple[LoopChannel, ...] = ()
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Closed:
     """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ diag(k) @ sent``.
 

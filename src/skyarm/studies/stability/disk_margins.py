@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skyarm.records.arrays import Array, Complex
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
 from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, LoopChannel, numbered_channels
 
@@ -120,7 +120,7 @@ def frequency_grid(z: Complex, period: float) -> Array:
     return grid[(grid >= LOWEST) & (grid <= highest)]
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Response:
     """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s, z = exp(i w period)."""
 

@@ -11,7 +11,7 @@ from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.records.arrays import Array, Complex
 from skyarm.records.files import PathLike
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.in_flight import stretches
@@ -215,7 +215,7 @@ POINTS = 500
 """Number of additional frequencies for a smooth curve."""
 
 
-@immutable(kw_only=False, eq=False)
+@positional(eq=False)
 class Locus:
     """Nyquist locus of one control loop, with its disk margin.
 

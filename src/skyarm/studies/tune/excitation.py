@@ -85,7 +85,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
         x=two(0.3, 0.11, 0.29),
         y=two(0.4, 0.13, 0.23, 2.0),
         z=Sum((Constant(HEIGHT), two(0.1, 0.19, 0.37))),
-        yaw=Product(Sine(amplitude=0.5, frequency_hz=0.1, phase=0.0), EASE),
+        yaw=Product(Sine(amplitude=0.5, frequency_hz=0.1), EASE),
         joints=tuple(joints),
     )
 
@@ -163,7 +163,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
     may do little, as a short slide, swings about its middle.
     """
-    low, high = (float(bound) for bound in (joint.lower, joint.upper))
+    low, high = joint.ends
     size = min(0.25, 0.1 * (high - low))
     return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(1.0, TOGETHER / joints)
 

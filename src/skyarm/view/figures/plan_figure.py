@@ -101,7 +101,7 @@ def _stills(plan: Plan) -> Array:
 def _lines_at(plan: Plan, times: Array) -> Array:
     """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m, world axes."""
     vehicle, x = plan.task.vehicle, states_at(plan, times)
-    position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, 13 : 13 + vehicle.n]
+    position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, plan.stage.at.joints]
     seen = Instants(vehicle=vehicle, times=times, position=position, quaternion=quaternion, joints=joints)
     ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
     ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
@@ -114,27 +114,19 @@ def _lines_at(plan: Plan, times: Array) -> Array:
 def limits_figure(plan: Plan) -> Figure:
     """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time, with their limits."""
     vehicle, limits = plan.task.vehicle, plan.task.limits
-    n, m = vehicle.n, len(vehicle.rotors)
-    most = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    thrust = 100.0 * (plan.x[:, 13 + 2 * n : 13 + 2 * n + m] * np.array(plan.stage.hover) / most) ** 2
+    at = plan.stage.at
     efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
     panels: list[tuple[str, str, Array, Array, list[float]]] = [
         ("Speed", "m/s", plan.t, np.linalg.norm(plan.x[:, 7:10], axis=1), [limits.speed]),
         ("Tilt", "degrees", plan.t, np.degrees(tilts(plan)), [math.degrees(limits.tilt)]),
-        ("Rotor thrust", "% of highest", plan.t, thrust, [100.0 * limits.thrust_share]),
+        ("Rotor thrust", "% of highest", plan.t, 100.0 * plan.thrust_shares, [100.0 * limits.thrust_share]),
     ]
-    if n:
+    if vehicle.n:
         share, fastest = 100.0 * limits.torque_share, limits.joint_rate
         panels += [
             ("Joint torque", "% of limit", plan.t[:-1], 100.0 * plan.torques / efforts, [share, -share]),
-            (
-                "Joint rate",
-                "rad/s or m/s",
-                plan.t,
-                plan.x[:, 13 + n : 13 + 2 * n],
-                [fastest, -fastest],
-            ),
-            ("Joints", "rad or m", plan.t, plan.x[:, 13 : 13 + n], []),
+            ("Joint rate", "rad/s or m/s", plan.t, plan.x[:, at.joint_rates], [fastest, -fastest]),
+            ("Joints", "rad or m", plan.t, plan.x[:, at.joints], []),
         ]
     figure, axes = PAGE.tiles(len(panels), 2, (5.5, 2.1))
     for ax, (name, unit, t, values, ends) in zip(axes, panels, strict=True):

@@ -13,6 +13,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from skyarm.plant.mujoco_model import KINDS
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
@@ -21,10 +22,7 @@ from skyarm.view.film.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
 GEOMS = {
-    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    **KINDS,
     **dict.fromkeys(("box", "patch", "mesh", "hole"), mujoco.mjtGeom.mjGEOM_BOX),
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ Rows = Iterable[Iterable[Any]]
 """Rows of cells that are text or :class:`skyarm.view.pages.sections.Mark`."""
 
 
-@lru_cache(maxsize=1)
+@cache
 def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined  # 60 ms, which only a page costs
 

@@ -21,6 +21,7 @@ joint's loop, which has less of it the lower its bandwidth is: it is lowered by 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Annotated
@@ -77,6 +78,11 @@ LEARNING, KNOWN = 0.3, 0.05
 
 SMALLER, SLOW = 1.15, 1.35
 """Ratios of modelled to measured acceleration: up to the first a lag counts as delay alone, from the second as none."""
+
+OBEYING, WIDER = 2.0, 8.0
+"""Rate (1/s) at which the share of the joints' accelerations that is measured is found; times that share, the observer
+of the joints may be wider than that of the torque. Joints that stick hardly accelerate: what their observer then finds
+sooner than that of the torque is taken for a torque on the base, and the loop swings."""
 
 LEAST = 1e-6
 """Least mean product of measured and modelled accelerations, as a divisor."""
@@ -148,7 +154,10 @@ class LagGains(OptionalPart):
         """Reduce the law's bandwidths and its model's joint damping for the estimated lags."""
         base, joints = self.shares(memory, dt)
         own = [link.joint.damping for link in par.model.vehicle.links]
-        return at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
+        par = at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
+        most = par.observer.torque * maximum(1.0, WIDER * memory.obeyed)
+        observer = dataclasses.replace(par.observer, joints=minimum(par.observer.joints, most))
+        return dataclasses.replace(par, observer=observer)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that prediction does not compensate."""
@@ -222,8 +231,12 @@ class LagGains(OptionalPart):
             gain = divide(share, z * z + x * x + floor)
             agreement.append(memory.agreement[k] * (1.0 - share) + gain * (x * z))
             size.append(memory.size[k] * (1.0 - share) + gain * (x * x))
+        pairs = list(zip(band[TILTS:], here[TILTS:], strict=True))
+        asked = total(x * x for x, _ in pairs)
+        missing = total(x * z for x, z in pairs) - memory.obeyed * asked
         return LagMemory(
             count=memory.count + running,
+            obeyed=memory.obeyed + divide(learned * (OBEYING * dt), asked + FLOOR) * missing,
             rates=tuple(data(each) for each in rates),
             disturbing=tuple(
                 d + mul(running, mul(c, f)) for d, c, f in zip(memory.disturbing, corrections, learning, strict=True)
@@ -272,6 +285,7 @@ class LagMemory:
         Unit("", "mean product of measured and modelled accelerations at the estimated lag, each axis"),
     ]
     size: Annotated[Scalars, Unit("", "mean square of the modelled accelerations at the estimated lag, each axis")]
+    obeyed: Annotated[Scalar, Unit("", "share of the joints' modelled accelerations that is measured")] = 1.0
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "estimated lags of rotor and joint loops in use")]
 
 

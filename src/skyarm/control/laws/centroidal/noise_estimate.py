@@ -122,7 +122,7 @@ class NoiseGains(OptionalPart):
         update, noise = seen.told, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
-        change, left = update.innovation - memory.velocity.last, velocity - seen.observed.velocity
+        change, left = update.innovation - memory.velocity.last, (velocity - seen.observed.velocity) * update.known
         return NoiseMemory(velocity=memory.velocity.after(change, left, self.density, dt), accelerometer=noise)
 
 
