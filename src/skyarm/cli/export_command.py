@@ -71,8 +71,8 @@ def export(
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF.
 
-    With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
-    file; with --to mjcf a vehicle or a scenario becomes MuJoCo's model with actuators and a keyframe.
+    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file; with
+    --to mjcf a vehicle or a scenario becomes MuJoCo's model.
     """
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
