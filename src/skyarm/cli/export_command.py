@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from skyarm import __version__
+from skyarm.algebra import Mat3
 from skyarm.cli.arguments import out_option, require_left_out, shipped_names
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
@@ -32,6 +34,8 @@ from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
+from skyarm.sensing.sensor_kinds import Imu, mount_rotation
+from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
@@ -128,11 +132,17 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
             float(scenario.agent.plant.gravity),
             first_state(scenario),
         )
+        units = [(each.name, each.sensor) for each in scenario.agent.sensors if isinstance(each.sensor, Imu)]
+        frames = [
+            Frame(name=each, link=BASE, position=imu.position, rotation=mount_rotation(imu.rpy) or Mat3.identity())
+            for each, imu in units
+        ]
+        vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
-        vehicle, applied, start = load_vehicle(what), 9.81, None
+        vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    exported = mjcf_text(vehicle, applied, start, timestep=step)
+    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each for each, _ in units])
     write_atomically(file, exported.text.encode())
     counts = {"bodies": exported.bodies, "joints": exported.joints}
     give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))
