@@ -160,6 +160,7 @@ def test_a_planar_model_is_refused():
         mjcf_text(vehicle, 9.8)
 
 
+@pytest.mark.filterwarnings("ignore:.*only the log has its readings")
 def test_an_inertial_unit_of_a_scenario_is_a_site_with_its_sensors(tmp_path):
     """Where its table says, with its axes, by SciPy."""
     mount = {"kind": "imu", "position": [0.1, -0.05, 0.02], "rpy": [0.3, -0.2, 2.5]}
