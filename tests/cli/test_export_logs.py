@@ -36,6 +36,24 @@ def test_a_log_goes_through_every_format_that_is_read_back(folder):
     assert np.array_equal(np.loadtxt(rows.splitlines(), delimiter=",")[:, 1:4], flown().position)
 
 
+def test_a_bag_counts_from_the_epoch_that_is_asked_for_and_has_a_clock(folder):
+    """Read by mcap's own reader; the flight inside stays the same to the bit."""
+    reader = pytest.importorskip("mcap.reader", reason="needs the extra 'test'")
+    decoder = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra 'test'")
+    assert skyarm("export", "flight.npz", "--to", "mcap", "--epoch", "1700000000.5").code == 0
+    with (folder / "flight.mcap").open("rb") as stream:
+        read = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        found = [(m.log_time, c.topic, d) for _, c, m, d in read.iter_decoded_messages(topics=["/clock", "/odom"])]
+    start, time = 1_700_000_000_500_000_000, np.rint(flown().time * 1e9).astype(int)
+    clock = [(at, each.clock.sec * 10**9 + each.clock.nanosec) for at, topic, each in found if topic == "/clock"]
+    assert clock == [(t, t) for t in (start + time).tolist()]
+    stamps = [each.header.stamp for _, topic, each in found if topic == "/odom"]
+    assert stamps[0].sec * 10**9 + stamps[0].nanosec == start
+    assert np.array_equal(library.load_log("flight.mcap").position, flown().position)
+    refused(skyarm("export", "flight.npz", "--to", "csv", "--epoch", "1"), "--epoch = 1.0: must be left out of .csv")
+    refused(skyarm("export", "flight.npz", "--to", "mcap", "--epoch", "-1"), "--epoch = -1.0: must be at least 0")
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import struct
+import subprocess
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from skyarm.compile.c_source import Floats, make_struct
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.compile.tracing.tracer import CONDITIONS, is_condition
 from skyarm.records.immutable import immutable
-from support.engines import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
+from support.engines import CAREFUL, CC, LIBM, c_function, library, needs_cc, object_file, undefined
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")
@@ -72,10 +73,8 @@ def every_operation():
     "flags",
     [
         ("-O0",),
-        ("-O2",),  # -std=c99 of GCC has no contraction
-        ("-O3", "-march=native", "-ffp-contract=off"),
-        ("-O3", "-march=native", "-ffp-contract=off", "-ffast-math"),  # the file takes fast-math back
-        ("-O2", "-ffinite-math-only"),
+        ("-O2",),
+        ("-O3", "-march=native", "-ffp-contract=fast"),  # the file switches contraction off
     ],
     ids=" ".join,
 )
@@ -89,6 +88,17 @@ def test_every_operation_at_all_special_values_has_the_bits_whatever_the_flags(t
             expected = run(steps, constants, (a, b, 1.0))
             found = built.record(call(loaded, "p", (a, b, 1.0), len(built.outputs)))
             assert [bits(float(y)) for y in found] == [bits(float(y)) for y in expected], (a, b)
+
+
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only", "-D_M_FP_FAST"])
+def test_a_build_that_would_lose_nan_ends_in_an_error_that_names_the_flag(tmp_path, flag):
+    steps, constants = every_operation()
+    text = c_function(traced(steps, constants).lowered, "p")
+    (tmp_path / "p.c").write_text(text)
+    compiler = [CC, "-std=c99", "-O2", flag, "-c", "p.c", "-o", "p.o"]
+    done = subprocess.run(compiler, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "compile without -ffast-math, -ffinite-math-only or /fp:fast" in done.stderr
 
 
 BITS = ("power_of_two", "exponent", "mantissa")

@@ -10,12 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.flight_data import PLACE, Channel, FlightData, load_flight
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import rows_of
+from skyarm.log.ros.message_bytes import decode
+from skyarm.log.ros.topics import FlightTopics
 from skyarm.simulate import Log, run
+from skyarm.studies.identify.identify_files import _place
 from support.flights import estimated
 from support.logs import flown
 
@@ -53,6 +57,43 @@ def test_a_reading_that_arrives_late_has_the_time_at_which_it_was_taken(tmp_path
     gyro = load_flight(skyarm.save_log(log, tmp_path / "flight.npz"))["gyro"]
     assert gyro.time.size == log.time.size - 2
     np.testing.assert_allclose(gyro.values, log.rate[np.rint(gyro.time * 200).astype(int)], atol=1e-12)
+
+
+def test_an_inertial_unit_beside_the_origin_is_read_in_base_axes_with_its_place(tmp_path: Path) -> None:
+    mount = {"position": [0.1, -0.05, 0.02], "rpy": [0.3, -0.2, 2.5]}
+    quiet = {f"sensors__imu__{name}": {"sigma": 0.0} for name in ("gyro", "accelerometer")}
+    log = run(estimated(duration=0.3, **quiet, **{f"sensors__imu__{name}": value for name, value in mount.items()}))
+    flight = load_flight(skyarm.save_log(log, tmp_path / "flight.npz"))
+    np.testing.assert_allclose(flight["gyro"].values, log.rate, atol=1e-12)
+    R = Rotation.from_euler("ZYX", mount["rpy"][::-1])
+    read = R.apply(log.readings["imu"]["specific_force"])
+    np.testing.assert_allclose(flight["accelerometer"].values, read, atol=1e-12)
+    assert [*flight.place.values()] == mount["position"]
+    # the topics of ROS have the frame, and the fixed transforms lead from it to the base
+    topics = FlightTopics(log)
+    found = {each.name: decode(each.kind, topics.definitions, topics.encode(each, log)[1][0].tobytes())
+             for each in topics.topics if each.name in ("/sensors/imu", "/tf_static")}  # fmt: skip
+    assert found["/sensors/imu"]["header"]["frame_id"] == "imu_link"
+    assert found["/sensors/imu"]["orientation_covariance"][0] == -1.0
+    (at,) = (each for each in found["/tf_static"]["transforms"] if each["child_frame_id"] == "imu_link")
+    assert at["header"]["frame_id"] == "base_link"
+    assert [*at["transform"]["translation"].values()] == mount["position"]
+    turn = Rotation.from_quat([at["transform"]["rotation"][axis] for axis in "xyzw"])
+    np.testing.assert_allclose(turn.as_matrix(), R.as_matrix(), atol=1e-12)
+
+
+def test_the_place_that_flights_state_is_known_unless_another_is_given() -> None:
+    gyro = Channel(time=np.arange(3.0), values=np.zeros((3, 3)), source="x")
+    facts = {
+        name: dict(zip(PLACE, place, strict=True)) for name, place in (("a", (0.1, 0.0, 0.0)), ("b", (0.2, 0.0, 0.0)))
+    }
+    a, b = (FlightData(name=name, file=name, channels={"gyro": gyro}, facts=each) for name, each in facts.items())
+    assert _place([a, a], {}) == a.place
+    assert _place([FlightData(name="c", file="c", channels={"gyro": gyro})], {}) == {}
+    with pytest.raises(ValueError, match=r"--known place.x, .y, .z: are missing: .* a \[0.1, 0.0, 0.0\], b \[0.2"):
+        _place([a, b], {})
+    assert _place([a, a], {"place.x": 0.15}) == {"place.y": 0.0, "place.z": 0.0}
+    assert _place([a, b], dict.fromkeys(PLACE, 0.15)) == {}
 
 
 def test_without_sensors_the_true_state_is_read_and_said_to_be_true(tmp_path: Path) -> None:

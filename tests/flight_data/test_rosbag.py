@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.flight_data.flight_data import load_flight
@@ -384,3 +385,46 @@ def test_messages_before_a_damaged_chunk_are_read_and_a_bag_without_any_is_refus
     else:
         with pytest.raises(ValueError, match=r"bag: must be a whole bag of ROS \(EOFError: short\)"):
             load_flight(path)
+
+
+def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_path: Path) -> None:
+    """By SciPy, over two transforms; one whose frame is the base or leads nowhere is taken as it is."""
+    rng = np.random.default_rng(5)
+    links = {"imu_link": "plate", "plate": "hull/base_link", "lost_link": "map"}
+    turns = {name: Rotation.random(random_state=k) for k, name in enumerate(links)}
+    places = {name: rng.uniform(-0.2, 0.2, 3) for name in links}
+    rates = {frame: rng.normal(size=(20, 3)) for frame in ("imu_link", "lost_link")}
+
+    def messages(store: Any, kind: str, frame: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        for child, parent in links.items():
+            at = make.make("geometry_msgs/msg/Transform", translation=make.xyz(places[child]),
+                           rotation=make.turn(turns[child].as_quat(scalar_first=True)))  # fmt: skip
+            header = make.header(START)
+            header.frame_id = parent
+            each = make.make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=at)
+            made = make.make("tf2_msgs/msg/TFMessage", transforms=[each])
+            found.append(("/tf_static", "tf2_msgs/msg/TFMessage", START, made))
+        for k, rate in enumerate(rates[frame]):
+            read = make.imu(START + k * 10**7, rate, 2.0 * rate)
+            read.header.frame_id = frame
+            found.append(("/imu", "sensor_msgs/msg/Imu", START + k * 10**7, read))
+        return found
+
+    def flight_in(frame: str, *mapping: Path) -> skyarm.FlightData:
+        folder = tmp_path / f"{frame}{len(mapping)}"
+        folder.mkdir()
+        return load_flight(write("mcap", folder, lambda store, kind: messages(store, kind, frame)), *mapping)
+
+    flight, turn = flight_in("imu_link"), turns["plate"] * turns["imu_link"]
+    np.testing.assert_allclose(flight["gyro"].values, turn.apply(rates["imu_link"]), atol=1e-12)
+    np.testing.assert_allclose(flight["accelerometer"].values, turn.apply(2.0 * rates["imu_link"]), atol=1e-12)
+    place = places["plate"] + turns["plate"].apply(places["imu_link"])
+    np.testing.assert_allclose([*flight.place.values()], place, atol=1e-12)
+    assert "gyro: is turned to base_link by /tf_static." in flight.notes
+    lost = flight_in("lost_link")
+    np.testing.assert_array_equal(lost["gyro"].values, rates["lost_link"])
+    assert lost.place == {}
+    own = tmp_path / "own.toml"
+    own.write_text('[gyro]\ncolumns = ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"]\n')
+    np.testing.assert_array_equal(flight_in("imu_link", own)["gyro"].values, rates["imu_link"])

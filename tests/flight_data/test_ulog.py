@@ -118,6 +118,18 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
     assert flight.notes == ()
 
 
+def test_the_place_of_the_inertial_unit_is_that_of_px4_s_parameters(tmp_path: Path) -> None:
+    """Front, right, down of PX4; what nobody set is zero and states nothing."""
+    rows = [combined(1_000_000 + 5_000 * k) for k in range(5)]
+    names = [f"EKF2_IMU_POS_{axis}" for axis in "XYZ"]
+    places = {
+        values: PARAMETERS | dict(zip(names, values, strict=True)) for values in ((0.05, 0.02, -0.03), (0.0,) * 3)
+    }
+    stated, unset = (load_flight(written(tmp_path, packed(rows, each))).place for each in places.values())
+    assert stated == pytest.approx({"place.x": 0.05, "place.y": -0.02, "place.z": 0.03})
+    assert unset == {}
+
+
 def test_the_rate_before_the_filter_is_taken_unless_the_other_is_faster(tmp_path: Path) -> None:
     def rates(every: int) -> list[tuple[str, tuple[float, ...]]]:
         rows = [combined(1_000_000 + 4000 * k) for k in range(1, 50)]

@@ -73,7 +73,7 @@ def test_a_log_of_a_team_is_read_back_from_its_messages_file(which, request, tmp
 def test_each_vehicle_has_the_topics_of_its_own_log_under_its_name(which, request, tmp_path):
     log = request.getfixturevalue(which)
     found = topics_of(log, tmp_path)
-    shared = {"/skyarm/flight", "/tf", "/tf_static", "/sensors/components"}
+    shared = {"/skyarm/flight", "/clock", "/tf", "/tf_static", "/sensors/components"}
     own = {
         f"/{name}{topic}" for name, each in log.agents.items() for topic in topics_of(each, tmp_path).keys() - shared
     }

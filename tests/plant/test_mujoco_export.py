@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Vec3
@@ -21,6 +22,7 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import BodyDrag
+from support.commands import skyarm as typed
 from support.vehicles import HOVER, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 
 STILL = steady_wind(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
@@ -156,3 +158,26 @@ def test_a_planar_model_is_refused():
         vehicle = replace(vehicle, links=(replace(vehicle.links[0], body=body), *vehicle.links[1:]))
     with pytest.raises(VehicleError, match="planar = True"):
         mjcf_text(vehicle, 9.8)
+
+
+@pytest.mark.filterwarnings("ignore:.*only the log has its readings")
+def test_an_inertial_unit_of_a_scenario_is_a_site_with_its_sensors(tmp_path):
+    """Where its table says, with its axes, by SciPy."""
+    mount = {"kind": "imu", "position": [0.1, -0.05, 0.02], "rpy": [0.3, -0.2, 2.5]}
+    (tmp_path / "mounted.toml").write_text(
+        'schema = 1\nname = "mounted"\nduration = 1.0\nplant.vehicle = "hummingbird_arm2_rotors"\n'
+        'controller.preset = "paper_ct"\n[sensors.imu]\n'
+        + "".join(f"{key} = {value!r}\n" for key, value in mount.items())
+    )
+    assert typed("export", f"{tmp_path}/mounted.toml", "--to", "mjcf", "-o", f"{tmp_path}/x.xml").code == 0
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "x.xml"))
+    data = mujoco.MjData(model)
+
+    data.qpos[:7] = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    data.qvel[3:6] = [0.0, 0.0, 2.0]
+    mujoco.mj_forward(model, data)
+    R = Rotation.from_euler("ZYX", mount["rpy"][::-1])
+    np.testing.assert_allclose(data.sensor("imu_gyro").data, R.inv().apply([0.0, 0.0, 2.0]), atol=1e-5)
+    np.testing.assert_allclose(model.site("imu").pos, mount["position"], atol=1e-6)
+    np.testing.assert_allclose(data.site("imu").xmat.reshape(3, 3), R.as_matrix(), atol=1e-5)
+    assert model.sensor("imu_acc").type[0] == mujoco.mjtSensor.mjSENS_ACCELEROMETER

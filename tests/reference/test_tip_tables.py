@@ -14,8 +14,9 @@ from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference import tip_plan
 from skyarm.reference.feasibility import _weakest, feasibility
 from skyarm.reference.reference_tables import reference_from
+from skyarm.reference.splines import snap_cost, snap_pieces, span_powers
 from skyarm.reference.task_records import Setting
-from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, peaks, sample_derivatives, through
+from skyarm.reference.waypoints import LIMITS, FlightLimits, _cost, allocate, peaks, sample_derivatives, through
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
 TWO, SIX = (Setting(vehicle=v, duration=4.0, thrust_to_weight=2.5) for v in (ARM2, ARM6))
@@ -193,6 +194,23 @@ def test_the_fastest_motion_meets_a_limit_and_no_faster_one_does():
     assert snap(points, times) < snap(points, even)
 
 
+def test_shares_of_many_points_have_the_bits_of_one_spline_after_the_other():
+    """Costs of all changed shares at once, and from each spline alone; the times are found once."""
+    rng = np.random.default_rng(5)
+    points = [tuple(each) for each in np.cumsum(rng.normal(size=(9, 3)), axis=0).tolist()]
+    shares = rng.dirichlet(np.ones(8)).tolist()
+    cost, slopes = _cost(points, shares)
+
+    def alone(given):
+        spans = span_powers([*itertools.accumulate(given, initial=0.0)])
+        return sum(snap_cost(spans, snap_pieces(spans, [p[axis] for p in points])) for axis in range(3))
+
+    moved = [alone([share * (1.0 + 1e-4 * (i == k)) for i, share in enumerate(shares)]) for k in range(8)]
+    assert cost == alone(shares)
+    assert slopes == [(each - cost) / 1e-4 for each in moved]
+    assert allocate(points, FlightLimits(), 9.81) is allocate([*points], FlightLimits(), 9.81)
+
+
 def snap(points, times):
     """Mean square of the snap, by samples."""
     t = np.linspace(0.0, times[-1], 4001)[:-1]
@@ -270,7 +288,7 @@ SAMPLES = {"kind": "samples", "column": "x"}
         ({"tip": TIP | {"rate": 1e6, "base_share": 0.5}}, "reference.tip.rate = 1000000.0: makes 4000001 samples"),
         ({"tip": TIP | {"speed": 1}}, "reference.tip.speed = 1: unknown field"),
         ({"base": WAYPOINTS | {"points": 1}}, "reference.base.points = 1: must be a list of points [x, y, z]"),
-        ({"base": WAYPOINTS | {"points": [[0, 0, 1]]}}, "reference.base.points = 1 points: must be 2 to 60"),
+        ({"base": WAYPOINTS | {"points": [[0, 0, 1]]}}, "reference.base.points = 1 points: must be 2 to 300"),
         ({"base": WAYPOINTS | {"points": [[0, 0, 1], [0, 1]]}}, "reference.base.points[1] = [0, 1]: must be three"),
         (
             {"base": WAYPOINTS | {"points": [[0, 0, 1]] * 2}},

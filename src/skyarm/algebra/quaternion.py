@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, SupportsIndex
 
 from skyarm.algebra.matrix import Mat3
-from skyarm.algebra.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
+from skyarm.algebra.scalars import Scalar, Scalars, atan2, cos, divide, neg, sin, sqrt, where
 from skyarm.algebra.vector import ArrayLike, Vec3
 
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800)
@@ -126,6 +126,16 @@ class Quaternion(ArrayLike):
             0.5 * (w * q + z * p - x * r),
             0.5 * (w * r + x * q - y * p),
         )
+
+
+def euler_rotation(sines: Scalars, cosines: Scalars) -> Mat3:
+    """Rotation Rz(psi) Ry(theta) Rx(phi) from sines and cosines of phi, theta, psi: the inverse of euler_angles."""
+    (sr, sp, sy), (cr, cp, cy) = sines, cosines
+    return Mat3(
+        Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        Vec3(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        Vec3(-sp, cp * sr, cp * cr),
+    )
 
 
 def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:

@@ -23,7 +23,7 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
 from skyarm.records.files import how_to_install
-from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
+from skyarm.records.files.packages import FLOORS, REINSTALL, RIVAL, below_floor, installed_versions, rival_of_mujoco
 from skyarm.records.immutable import immutable
 from skyarm.view.pages import table_of
 
@@ -37,7 +37,11 @@ FOR_DEVELOPERS = ("test", "docs")
 
 MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; require_machine_code(); print('LLVM')"
 
-MUJOCO = "import mujoco; print(mujoco.__version__)"
+MUJOCO = """
+import mujoco, sys
+version = mujoco.__version__
+print(version) if int(version.split(".")[0]) >= 4 else sys.exit(f"{version}, needs 4.0")
+"""
 
 OPENGL = """
 from skyarm.view.film.offscreen import offscreen
@@ -49,7 +53,7 @@ JAX = "import jax; print(', '.join(f'{d.platform} {d.device_kind}' for d in jax.
 
 TRIALS: dict[str, tuple[str, str, bool]] = {
     "machine code": (MACHINE_CODE, "python -m pip install --upgrade llvmlite", True),
-    "MuJoCo": (MUJOCO, "python -m pip install --upgrade mujoco-core", True),
+    "MuJoCo": (MUJOCO, REINSTALL, True),
     "OpenGL for films": (OPENGL, "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri", False),
     "JAX and its devices": (JAX, "", False),
 }
@@ -114,8 +118,12 @@ def examine() -> list[CheckResult]:
 
 
 def _libraries() -> list[CheckResult]:
-    there = installed_versions(FLOORS)
+    there = installed_versions((*FLOORS, RIVAL))
     parts = []
+    if rival := rival_of_mujoco(there):
+        finding, _, remedy = rival.partition("; ")
+        finding = finding.removeprefix(f"{RIVAL} ")
+        parts.append(CheckResult(name=RIVAL, state=BROKEN, found=finding, remedy=remedy, needed=True))
     for name, floor in FLOORS.items():
         version = there.get(name)
         state = MISSING if version is None else BROKEN if below_floor({name: version}) else WORKS

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from skyarm import __version__
+from skyarm.algebra import Mat3
 from skyarm.cli.arguments import out_option, require_left_out, shipped_names, word_completion
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, require_readable, save_log
+from skyarm.log.ros.topics import EPOCH
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     errors_as,
@@ -31,6 +34,8 @@ from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
+from skyarm.sensing.sensor_kinds import Imu, mount_rotation
+from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
@@ -73,18 +78,20 @@ def export(
     name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
     single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
     timestep: Annotated[float, typer.Option(help="with mjcf: time step of MuJoCo, s")] = 0.001,
+    epoch: Annotated[
+        float | None, typer.Option(help="with mcap: Unix time of the start of the flight, s; if left out 0")
+    ] = None,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF.
 
-    With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
-    file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
-    actuators and a keyframe to start from.
+    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file; with
+    --to mjcf a vehicle or a scenario becomes MuJoCo's model.
     """
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with bar(f"{what}: writing"):
-            return _log(what, to, file)
-    others = ("--timestep",) if to == "c" else OF_LAWS
+            return _log(what, to, file, epoch)
+    others = ("--timestep", "--epoch") if to == "c" else (*OF_LAWS, "--epoch")
     require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
@@ -95,7 +102,7 @@ def export(
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
-def _log(flight: str, to: str | None, file: str | None) -> None:
+def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> None:
     formats = names("log_format")
     if to is None and file is None:
         raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
@@ -111,7 +118,12 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
     else:
         target = Path(flight).with_suffix(f".{to}")
         require_no_input(target, "--out")
-    save_log(load_log(flight), target)
+    log = load_log(flight)
+    if epoch is not None:
+        if target.suffix != ".mcap":
+            raise ValueError(f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps are those of mcap")
+        log.info[EPOCH] = number(epoch, "--epoch", low=0.0)
+    save_log(log, target)
     tell(f"log: {target}")
     give(file=target)
 
@@ -129,11 +141,17 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
             float(scenario.agent.plant.gravity),
             first_state(scenario),
         )
+        units = [(each.name, each.sensor) for each in scenario.agent.sensors if isinstance(each.sensor, Imu)]
+        frames = [
+            Frame(name=each, link=BASE, position=imu.position, rotation=mount_rotation(imu.rpy) or Mat3.identity())
+            for each, imu in units
+        ]
+        vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
-        vehicle, applied, start = load_vehicle(what), 9.81, None
+        vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    exported = mjcf_text(vehicle, applied, start, timestep=step)
+    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each for each, _ in units])
     write_atomically(file, exported.text.encode())
     counts = {"bodies": exported.bodies, "joints": exported.joints}
     give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))
@@ -176,7 +194,7 @@ def _law(
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller).alone("the law in C")
         chosen, title = planned.agent.controller, planned.name
-        estimator = planned.agent.estimator.on_board
+        estimator = planned.agent.placed_estimator.on_board
         if any(change.of_law for change in planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)

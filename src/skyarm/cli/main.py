@@ -41,11 +41,14 @@ def main() -> None:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
             from skyarm.records.files.own_sources import begin_command
-            from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
+            from skyarm.records.files.packages import FLOORS, RIVAL, below_floor, installed_versions, rival_of_mujoco
 
             begin_command()
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
-            short = below_floor(installed_versions(name for name in FLOORS if name != REPLACEABLE))
+            there = installed_versions(name for name in (*FLOORS, RIVAL) if name != REPLACEABLE)
+            short = below_floor(there)
+            if sys.argv[1:2] != ["doctor"]:  # which lists it with the rest
+                short = short or rival_of_mujoco(there)
             if short:
                 code = say(short, WRONG_INPUT)
             else:

@@ -1,9 +1,9 @@
 """C99 source of a traced program: statements, structs of dataclasses, and a file with one step function.
 
-One assignment an operation, nothing of the library but math.h. Compiled without contraction (GCC: ``-std=c99`` or
-``-ffp-contract=off``) a double program has the bits of the Python floats; with it, a * b + c becomes one rounding.
-Every operation is IEEE's: infinities and NaN pass through. A file is its own header: with ``NAME_INTERFACE_ONLY``
-defined it declares and defines nothing.
+One assignment an operation, nothing of the library but math.h. The file switches contraction off on GCC, clang and
+MSVC, so that a double program has the bits of the Python floats; elsewhere a * b + c may become one rounding. Every
+operation is IEEE's: infinities and NaN pass through, and a build with fast-math ends in an error. A file is its own
+header: with ``NAME_INTERFACE_ONLY`` defined it declares and defines nothing.
 """
 
 from __future__ import annotations
@@ -55,29 +55,30 @@ static {kind} {name}({kind} x)
 }
 """C helper functions by operation, equal to :mod:`skyarm.algebra.scalars.floats` also for subnormal numbers."""
 
-FAST = "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)"
-
-KEEP_IEEE = f"""\
-{FAST}
-/* NaN must stay visible and every operation keep its rounding: fast-math is taken back for this code. */
+KEEP_IEEE = """\
+/* NaN must stay visible and every operation keep its rounding. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "compile without -ffast-math, -ffinite-math-only or /fp:fast: this code must see NaN and round every operation"
+#endif
+/* a * b + c rounds twice, as in Python. */
 #if defined(__clang__)
-#pragma float_control(push)
-#pragma float_control(precise, on)
+#pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__)
 #pragma GCC push_options
-#pragma GCC optimize ("no-fast-math")
-#endif
+#pragma GCC optimize ("fp-contract=off")
+#elif defined(_MSC_VER)
+#pragma fp_contract (off)
 #endif
 """
-"""C text before the generated code: it switches off fast-math."""
+"""C text before the generated code: it refuses fast-math and switches contraction off."""
 
-END_IEEE = f"""\
-{FAST}
+END_IEEE = """\
 #if defined(__clang__)
-#pragma float_control(pop)
+#pragma STDC FP_CONTRACT DEFAULT
 #elif defined(__GNUC__)
 #pragma GCC pop_options
-#endif
+#elif defined(_MSC_VER)
+#pragma fp_contract (on)
 #endif
 """
 """C text after the generated code: it restores the compiler flags of a program that includes the file."""

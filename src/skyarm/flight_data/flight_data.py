@@ -19,6 +19,9 @@ from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
 from skyarm.records.units import Unit
 
+PLACE = ("place.x", "place.y", "place.z")
+"""Facts of a flight: place of the inertial unit from the base origin, m, base axes."""
+
 
 @immutable(eq=False)
 class Channel:
@@ -120,6 +123,11 @@ class FlightData:
     def gravity(self) -> float:
         """Gravitational acceleration (m/s^2) stated in the file, else the standard value."""
         return float(self.facts.get("gravity", GRAVITY))
+
+    @property
+    def place(self) -> dict[str, float]:
+        """Place (m) of the inertial unit in the base, where the file states one: ``place.x``, ``.y``, ``.z``."""
+        return {name: float(self.facts[name]) for name in PLACE if name in self.facts}
 
     @property
     def start(self) -> float:

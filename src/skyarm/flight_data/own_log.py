@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from skyarm.algebra.frames import of_euler_angles, turn_vectors
 from skyarm.flight_data.columns_file import Columns
-from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat
+from skyarm.flight_data.flight_data import PLACE, Channel, FlightData, FlightFormat
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.flight_data.raw_tables import rising_rows
 from skyarm.log.flight_log import Log
@@ -79,12 +80,16 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     """
     require_one_vehicle(log)
     measured: dict[str, Channel] = {}
+    place: dict[str, float] = {}
     for name, source in sources_of(log.info).items():
         if name == ESTIMATE or name.startswith(COMPONENTS):
             continue
         for field, quantity in FIELDS.items():
             array = log.received.get(f"{name}.{field}")
             if array is not None and quantity not in measured and _fits(quantity, array):
+                if source.mount and quantity in ("gyro", "accelerometer"):
+                    array = turn_vectors(np.array([[*of_euler_angles(*source.mount[3:])]]), array)
+                    place = dict(zip(PLACE, source.mount[:3], strict=True))
                 channel = _reading(log, name, field, source, array)
                 if channel.time.size:
                     measured[quantity] = channel
@@ -105,6 +110,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     gravity, delay = log.info.get("plant_gravity"), written_at(log.info, "delays.command")
     given = {"gravity": gravity, "command_delay": delay, "start": log.time[0] if log.time.size else 0.0}
     facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
+    facts |= place
     channels = {name: measured[name] for name in QUANTITIES if name in measured}
     return FlightData(name=path.stem, file=str(path), channels=channels, notes=tuple(notes), facts=facts)
 

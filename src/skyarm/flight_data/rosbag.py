@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
+from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import BAG_FOLDER, FlightData, FlightFormat
+from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
@@ -45,6 +47,9 @@ NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd",
 
 LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
 """Pattern of message types that are not decoded."""
+
+IMU, STATIC, BASE = "sensor_msgs/msg/Imu", "/tf_static", "base_link"
+"""Type of the messages of inertial units, topic of fixed transforms, and frame of the base (REP 105)."""
 
 SECOND, NANO = 1_000_000_000, 1e-9
 
@@ -95,11 +100,13 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     own = {} if columns is None else columns.signals
     topics = {signal.topic for signal in own.values()}
     rows: dict[str, _Rows] = {}
+    mounts: dict[str, tuple[Vec3, Quaternion]] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             kinds = {each.topic: str(each.msgtype) for each in reader.connections}
             if chosen := [each for each in reader.connections if _is_read(each, topics)]:
                 _read(reader, chosen, rows, notes)
+                mounts = _mounts(reader)
     except OSError:
         raise
     except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
@@ -115,7 +122,45 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
             listed = ", ".join(each.topic for each in signals)
             notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
     facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
-    return flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
+    flight = flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
+    return _in_base_axes(flight, {} if {"gyro", "accelerometer"} & set(own) else mounts)
+
+
+def _in_base_axes(flight: FlightData, mounts: Mapping[str, tuple[Vec3, Quaternion]]) -> FlightData:
+    """Turn the readings of inertial units into base axes, and state the place of the accelerometer."""
+    for quantity in ("gyro", "accelerometer"):
+        topic = flight[quantity].source.partition(":")[0] if quantity in flight else ""
+        if topic in mounts:
+            place, turn = mounts[topic]
+            turned = turn_vectors(np.array([[*turn]]), flight[quantity].values)
+            changed = {quantity: replace(flight[quantity], values=turned)}
+            facts = {**flight.facts, **dict(zip(PLACE, place, strict=True))}
+            flight = replace(
+                flight.with_channels(changed, f"{quantity}: is turned to {BASE} by {STATIC}."), facts=facts
+            )
+    return flight
+
+
+def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
+    """Place (m) and axes of the inertial unit of each topic, by the fixed transforms that lead to it from the base."""
+    links = dict[str, tuple[str, Vec3, Quaternion]]()
+    mounts = dict[str, tuple[Vec3, Quaternion]]()
+    fixed = [each for each in reader.connections if each.topic.endswith(STATIC)]
+    for connection, _, data in reader.messages(connections=fixed) if fixed else ():
+        for each in reader.deserialize(data, connection.msgtype).transforms:  # type: ignore[attr-defined]
+            at, q = each.transform.translation, each.transform.rotation
+            turn = Quaternion(q.w, q.x, q.y, q.z).normalized()
+            links[each.child_frame_id] = (each.header.frame_id, Vec3(at.x, at.y, at.z), turn)
+    for connection in [each for each in reader.connections if each.msgtype == IMU] if links else ():
+        data = next((data for _, _, data in reader.messages(connections=[connection])), b"")
+        name = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
+        mount, left = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)), dict(links)
+        while name in left:  # each once, that no circle is followed
+            name, place, turn = left.pop(name)
+            mount = place + turn.rotation().apply(mount[0]), turn * mount[1]
+            if name.rpartition("/")[2] == BASE:
+                mounts[connection.topic] = mount
+    return mounts
 
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:

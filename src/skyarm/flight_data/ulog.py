@@ -15,8 +15,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import FlightData, FlightFormat
+from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import AnyArray, Array
@@ -78,6 +79,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     facts: dict[str, str | float] = {"vehicle": "PX4"}
     names = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
     facts |= {word: log.msg_info_dict[key] for key, word in names.items() if key in log.msg_info_dict}
+    facts |= _place(parameters)
     facts |= {f"parameter {name}": value for name, value in parameters.items() if KEPT.fullmatch(name)}
     return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
 
@@ -96,6 +98,12 @@ def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
         after = columns.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
         columns["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
     return RawTable(columns=columns, time=time)
+
+
+def _place(parameters: Parameters) -> dict[str, float]:
+    """Place (m) of the inertial unit by the parameters EKF2_IMU_POS_X, Y, Z (front, right, down), unless all are 0."""
+    x, y, z = (parameters.get(f"EKF2_IMU_POS_{axis}", 0.0) for axis in "XYZ")
+    return dict(zip(PLACE, to_our_axes(x, y, z), strict=True)) if x or y or z else {}
 
 
 def _number_of_rotors(parameters: Parameters) -> int:

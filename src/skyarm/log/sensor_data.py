@@ -55,17 +55,19 @@ class Source:
         fields: fields of its record, by name.
         every: control periods from one reading to the next. late: control periods of a reading's delay.
         frame: frame of the vehicle at which a force is read, in its axes; None for any other sensor.
+        mount: place (m) and roll, pitch, yaw (rad) of a sensor beside the base origin, in the base; None at it.
     """
 
     fields: dict[str, LoggedField]
     every: int = 1
     late: int = 0
     frame: str | None = None
+    mount: list[float] | None = None
 
     @property
     def plain(self) -> Info:
         """Convert the description of a sensor or estimator to plain data for a log file."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "mount" or value}
 
 
 def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Array]]:
@@ -101,6 +103,7 @@ def sources_of(info: Info) -> dict[str, Source]:
                 each["every"],
                 each["late"],
                 each["frame"],
+                each.get("mount"),
             )
             for name, each in info.get(DESCRIPTION, {}).items()
         }
@@ -119,4 +122,5 @@ def _has_valid_types(source: Source) -> bool:
     axes = [each for field in source.fields.values() for each in (field.axes, field.units) if each is not None]
     lists = all(isinstance(each, list) and each for each in axes)
     texts += [axis for each in axes for axis in each] + ([] if source.frame is None else [source.frame])
-    return counts and lists and all(isinstance(each, str) for each in texts)
+    mount = source.mount is None or [type(each) for each in source.mount] == [float] * 6
+    return counts and lists and mount and all(isinstance(each, str) for each in texts)

@@ -169,12 +169,18 @@ class RigidBodyPlant:
 
     @cached_property
     def _accelerometer(self) -> Program:
-        return trace(self._reading, *self._examples)
+        return trace(lambda *now: self._of_bases("linear", *now), *self._examples)
 
-    def _reading(self, states: tuple[State, ...], commands: tuple[Command, ...], around: Together) -> tuple[Vec3, ...]:
+    @cached_property
+    def _turning(self) -> Program:
+        return trace(lambda *now: self._of_bases("angular", *now), *self._examples)
+
+    def _of_bases(
+        self, part: str, states: tuple[State, ...], commands: tuple[Command, ...], around: Together
+    ) -> tuple[Vec3, ...]:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         accelerations = accelerate(self._worlds, states, commands, around)
-        return tuple(Vec3(*map(data, base.linear)) for base, _ in accelerations)
+        return tuple(Vec3(*map(data, getattr(base, part))) for base, _ in accelerations)
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""
@@ -242,3 +248,7 @@ class RigidBodyPlant:
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
         """Proper acceleration of each base origin, base axes, m/s^2: three numbers a vehicle."""
         return self._accelerometer.flat((*state, *command, *around))
+
+    def angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Angular acceleration of each base, base axes, rad/s^2: three numbers a vehicle."""
+        return self._turning.flat((*state, *command, *around))

@@ -89,6 +89,13 @@ class Plant(Protocol):
         """Reading of an ideal accelerometer at the base origin, base axes, m/s^2: three numbers a vehicle."""
         ...
 
+    def angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Angular acceleration of each base, base axes, rad/s^2: three numbers a vehicle.
+
+        Asked only where a sensor is beside the base origin.
+        """
+        ...
+
 
 def flat(state: State) -> tuple[float, ...]:
     """Scalars of a vehicle state as a flat sequence, in the order that plants use."""

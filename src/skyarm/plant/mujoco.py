@@ -158,7 +158,7 @@ class MujocoPlant:
         self._gravity = self.model.opt.gravity
         bodies = [self.model.body(prefix + body_name(v, BASE)).id for v, prefix in zip(vehicles, prefixes, strict=True)]
         self._bases = [
-            (self._data.qacc[at : at + 3], self._data.xmat[body].reshape(3, 3).T)
+            (self._data.qacc[at : at + 6], self._data.xmat[body].reshape(3, 3).T)
             for at, body in zip(layout.bases, bodies, strict=True)
         ]
         zeros, commands = (0.0,) * layout.end, tuple(example_command(*each.sizes) for each in vehicles)
@@ -281,11 +281,18 @@ class MujocoPlant:
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
         """Reading of an ideal accelerometer at each base origin, base axes, m/s^2: three numbers a vehicle."""
+        self._solve(state, command, around)
+        return tuple(value for at, R in self._bases for value in (R @ (at[:3] - self._gravity)).tolist())
+
+    def angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> tuple[float, ...]:
+        """Angular acceleration of each base, base axes, rad/s^2: three numbers a vehicle."""
+        self._solve(state, command, around)
+        return tuple(value for at, _ in self._bases for value in at[3:].tolist())
+
+    def _solve(self, state: Flat, command: Flat, around: Flat) -> None:
+        """Let MuJoCo solve for the accelerations at a state."""
         self._set(state, command, around)
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:
             self._forward(self.model, self._data)
-        return tuple(
-            value for linear, to_base in self._bases for value in (to_base @ (linear - self._gravity)).tolist()
-        )

@@ -10,6 +10,7 @@ MuJoCo's own writer keeps six.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -47,7 +48,14 @@ class Exported:
     actuators: tuple[str, ...]
 
 
-def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, timestep: float = 0.001) -> Exported:
+def mjcf_text(
+    vehicle: Vehicle,
+    gravity: float,
+    start: State | None = None,
+    *,
+    timestep: float = 0.001,
+    inertial: Sequence[str] = (),
+) -> Exported:
     """Export a vehicle to MJCF; return the text, the numbers of bodies and joints, and the actuators' names.
 
     Args:
@@ -55,6 +63,7 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
         gravity: m/s^2.
         start: state of the keyframe ``start``; None for level, 1 m up, joints at zero or at the limit next to it.
         timestep: s.
+        inertial: frames of the vehicle with a gyroscope and an accelerometer.
 
     Raises:
         VehicleError: no real body.
@@ -70,7 +79,10 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
     for each in vehicle.followers:
         leader = vehicle.links[each.leader].joint.name
         _tie(spec, each.link.joint.name, leader, float(each.offset), float(each.ratio))
-    names = _add_actuators(spec, vehicle)
+    names, site = _add_actuators(spec, vehicle), mujoco.mjtObj.mjOBJ_SITE
+    for frame in inertial:
+        for word, kind in (("gyro", mujoco.mjtSensor.mjSENS_GYRO), ("acc", mujoco.mjtSensor.mjSENS_ACCELEROMETER)):
+            spec.add_sensor(name=f"{frame}_{word}", type=kind, objtype=site, objname=frame)
     model = spec.compile()
     _add_start(spec, vehicle, model, start, gravity)
     spec.compile()

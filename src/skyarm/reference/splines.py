@@ -8,18 +8,23 @@ Sources: Mellinger, Kumar 2011 (minimum snap); Richter, Bry, Roy 2013 (unconstra
 
 from __future__ import annotations
 
+import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import where
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
+
+Number: TypeAlias = "float | Array"
+"""Number, or one of many lanes."""
 
 ORDERS = 5
 """Number of values of a signal: its value and derivatives one to four."""
@@ -155,28 +160,46 @@ def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials
         times: knot times, s, rising, at least two.
         values: values at these times.
     """
-    derivatives = knot_derivatives(times, values)
-    pieces = []
-    for i in range(len(times) - 1):
-        span = times[i + 1] - times[i]
+    return Polynomials(tuple(times), tuple(map(tuple, snap_pieces(span_powers(times), values))))
+
+
+def span_powers(times: Sequence[Number]) -> list[list[Number]]:
+    """Powers 0 to 7 of the durations between knots; those of lanes have the bits of the floats' own."""
+    rows = list[list[Number]]()
+    for span in (after - before for before, after in itertools.pairwise(times)):
+        if isinstance(span, np.ndarray):
+            rows.append([np.array([each**k for each in span.tolist()]) for k in range(8)])
+        else:
+            rows.append([span**k for k in range(8)])
+    return rows
+
+
+def snap_pieces(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[list[Number]]:
+    """Coefficients of the pieces of a minimum-snap spline.
+
+    Args:
+        spans: powers of the durations between knots (:func:`span_powers`); numbers, or lanes (N,).
+        values: values at the knots; of lanes also (axes, 1).
+    """
+    derivatives, pieces = knot_derivatives(spans, values), []
+    for i, powers in enumerate(spans):
         ends = [values[i], *derivatives[i], values[i + 1], *derivatives[i + 1]]
-        scaled = [ends[k] * span ** (k % 4) for k in range(8)]
+        scaled = [ends[k] * powers[k % 4] for k in range(8)]
         unit = [sum(a * d for a, d in zip(row, scaled, strict=True)) for row in HERMITE]
-        pieces.append(tuple(c / span**k for k, c in enumerate(unit)))
-    return Polynomials(tuple(times), tuple(pieces))
+        pieces.append([c / powers[k] for k, c in enumerate(unit)])
+    return pieces
 
 
-def knot_derivatives(times: Sequence[float], values: Sequence[float]) -> list[Sequence[float]]:
+def knot_derivatives(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[Sequence[Number]]:
     """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at both ends."""
-    inner = len(times) - 2
+    inner = len(spans) - 1
     size = FREE * inner
     band = 2 * FREE - 1
-    A = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
-    b = [0.0] * size
-    for i in range(len(times) - 1):
-        span = times[i + 1] - times[i]
+    A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
+    b: list[Number] = [0.0] * size
+    for i, powers in enumerate(spans):
         # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by powers of the span
-        weight = [span ** (k % 4) for k in range(8)]
+        weight = [powers[k % 4] for k in range(8)]
         fixed = {0: values[i], 4: values[i + 1]}
         if i == 0:
             fixed |= {1 + k: 0.0 for k in range(FREE)}
@@ -185,39 +208,38 @@ def knot_derivatives(times: Sequence[float], values: Sequence[float]) -> list[Se
         at = {k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in fixed}
         for k, row in at.items():
             for j in range(8):
-                value = COST[k][j] * weight[k] * weight[j] / span**7
+                value = COST[k][j] * weight[k] * weight[j] / powers[7]
                 if j in fixed:
-                    b[row] -= value * fixed[j]
+                    b[row] = b[row] - value * fixed[j]
                 elif at[j] <= row:
-                    A[row][row - at[j]] += value
+                    A[row][row - at[j]] = A[row][row - at[j]] + value
     solved = _solve_banded(A, b, band)
     rest = (0.0,) * FREE
     return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), rest]
 
 
-def snap_cost(motion: Polynomials) -> float:
-    """Integral of the squared fourth derivative of a piecewise polynomial."""
-    total = 0.0
-    for i, c in enumerate(motion.coefficients):
-        span = float(motion.knots[i + 1]) - float(motion.knots[i])
-        fourth = [float(c[k]) * k * (k - 1) * (k - 2) * (k - 3) for k in range(4, len(c))]
+def snap_cost(spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Number]]) -> Number:
+    """Integral of the squared fourth derivative of polynomials of seventh degree, by the powers of their durations."""
+    total: Number = 0.0
+    for c, powers in zip(pieces, spans, strict=True):
+        fourth = [c[k] * k * (k - 1) * (k - 2) * (k - 3) for k in range(4, 8)]
         for j, a in enumerate(fourth):
             for k, b in enumerate(fourth):
-                total += a * b * span ** (j + k + 1) / (j + k + 1)
+                total = total + a * b * powers[j + k + 1] / (j + k + 1)
     return total
 
 
-def _solve_banded(A: list[list[float]], b: list[float], band: int) -> list[float]:
+def _solve_banded(A: list[list[Number]], b: list[Number], band: int) -> list[Number]:
     """Solve a symmetric positive definite banded system by L D L^T, with the same rounding on every machine."""
     n = len(b)
-    L = [[0.0] * (band + 1) for _ in range(n)]
-    D = [0.0] * n
+    L: list[list[Number]] = [[0.0] * (band + 1) for _ in range(n)]
+    D: list[Number] = [0.0] * n
     for i in range(n):
         for d in range(min(band, i), -1, -1):
             j = i - d
             total = A[i][d]
             for m in range(max(0, i - band), j):
-                total -= L[i][i - m] * D[m] * L[j][j - m]
+                total = total - L[i][i - m] * D[m] * L[j][j - m]
             if d:
                 L[i][d] = total / D[j]
             else:
@@ -225,11 +247,11 @@ def _solve_banded(A: list[list[float]], b: list[float], band: int) -> list[float
     x = list(b)
     for i in range(n):
         for d in range(1, min(band, i) + 1):
-            x[i] -= L[i][d] * x[i - d]
+            x[i] = x[i] - L[i][d] * x[i - d]
     x = [value / scale for value, scale in zip(x, D, strict=True)]
     for i in reversed(range(n)):
         for d in range(1, min(band, n - 1 - i) + 1):
-            x[i] -= L[i + d][d] * x[i + d]
+            x[i] = x[i] - L[i + d][d] * x[i + d]
     return x
 
 

@@ -24,6 +24,7 @@ import csv
 import itertools
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ from skyarm.records.files import Fields, number, require_file, shown, three_numb
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
-from skyarm.reference.splines import minimum_snap, snap_cost
+from skyarm.reference.splines import minimum_snap, snap_cost, snap_pieces, span_powers
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Trajectory
 
@@ -87,6 +88,11 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
     The pieces' shares of the time make the snap small; then the whole is stretched until every limit holds.
     """
+    return _allocate(tuple(points), limits, gravity)
+
+
+@lru_cache(maxsize=64)  # a check, a run and a sweep of one file ask for the same times
+def _allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[float, ...]:
     spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in itertools.pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
     unit = tuple(itertools.accumulate(shares, initial=0.0))
@@ -109,30 +115,31 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
 def _shares(points: Points, shares: list[float]) -> list[float]:
     """Shares of the total time between successive waypoints that minimise snap, by gradient descent."""
-    cost = _cost(points, shares)
+    cost, slopes = _cost(points, shares)
     step = 0.3
     for _ in range(ROUNDS if len(shares) > 1 else 0):
-        small = 1e-4
-        slopes = []
-        for i, share in enumerate(shares):
-            moved = [*shares[:i], share * (1.0 + small), *shares[i + 1 :]]
-            slopes.append((_cost(points, moved) - cost) / small)
         mean = sum(slope * share for slope, share in zip(slopes, shares, strict=True))
         ways = [slope - mean for slope in slopes]
         size = max(map(abs, ways)) or 1.0
         moved = [share * math.exp(-step * way / size) for share, way in zip(shares, ways, strict=True)]
         moved = [share / sum(moved) for share in moved]
-        new_cost = _cost(points, moved)
+        new_cost, new_slopes = _cost(points, moved)
         if new_cost < cost:
-            shares, cost, step = moved, new_cost, min(1.5 * step, 0.5)
+            shares, cost, slopes, step = moved, new_cost, new_slopes, min(1.5 * step, 0.5)
         else:
             step *= 0.3
     return shares
 
 
-def _cost(points: Points, shares: Sequence[float]) -> float:
-    times = tuple(itertools.accumulate(shares, initial=0.0))
-    return sum(snap_cost(minimum_snap(times, [p[axis] for p in points])) for axis in range(3))
+def _cost(points: Points, shares: Sequence[float], small: float = 1e-4) -> tuple[float, list[float]]:
+    """Least snap for shares of the time, and its change with the logarithm of each share, by finite differences."""
+    lanes = np.tile(np.array(shares)[:, None], len(shares) + 1)
+    np.fill_diagonal(lanes, lanes.diagonal() * (1.0 + small))
+    spans = span_powers([*itertools.accumulate(lanes, initial=np.zeros(len(shares) + 1))])
+    values = [np.array(point)[:, None] for point in points]
+    x, y, z = np.asarray(snap_cost(spans, snap_pieces(spans, values))).tolist()
+    *moved, cost = (a + b + c for a, b, c in zip(x, y, z, strict=True))
+    return cost, [(each - cost) / small for each in moved]
 
 
 def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
@@ -167,7 +174,7 @@ def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=0)))
 
 
-MOST_POINTS = 60
+MOST_POINTS = 300
 MOST_ROWS = 2000
 
 

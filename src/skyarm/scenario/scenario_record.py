@@ -446,6 +446,11 @@ class Agent:
         return type(self.estimator) is not PassThrough
 
     @property
+    def placed_estimator(self) -> Estimator:
+        """Estimator with the places and angles of the sensors."""
+        return self.estimator.placing({each.name: each.sensor for each in self.sensors})
+
+    @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
         """All sensors by name: the full-state sensor first, then the named sensors."""
         return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))

@@ -184,7 +184,7 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     model, vehicle, state = scenario.agent.controller.par.model, scenario.agent.plant.vehicle, first_state(scenario)
     readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
     guards, readings.read = scenario.agent.reference.guards, set()
-    estimator = scenario.agent.estimator.believing(model.vehicle, model.gravity)
+    estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
     used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}

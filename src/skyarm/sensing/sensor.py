@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
+from skyarm.algebra.scalars import same
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
@@ -25,6 +26,26 @@ NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
 """External wrench of zero."""
 
 
+def at_origin(place: Vec3) -> bool:
+    """True if a point of the base is the base origin, of exact zeros in the compiled code."""
+    return all(same(each, 0) for each in place)
+
+
+def specific_force_at(place: Vec3, base: Motion, rate: Vec3) -> Vec3:
+    """Specific force at a point of the base, base axes: f + alpha x r + omega x (omega x r).
+
+    Args:
+        place: r, point of the base, m, base axes.
+        base: proper acceleration f (m/s^2) of the base origin and angular acceleration alpha (rad/s^2), base axes.
+        rate: omega, angular velocity, rad/s, base axes.
+
+    Source: Goldstein 1980, section 4-10.
+    """
+    if at_origin(place):
+        return base.linear
+    return base.linear + base.angular.cross(place) + rate.cross(rate.cross(place))
+
+
 class Sensor:
     """Base class of sensors: frozen dataclasses of numbers with pure, traceable methods.
 
@@ -38,6 +59,16 @@ class Sensor:
 
     feels: str | None = None
     """Vehicle frame at which ``feel`` reads the external wrench; None for a sensor of the vehicle's state."""
+
+    @property
+    def mounted_at(self) -> Vec3:
+        """Point of the base (m, base axes) whose specific force ``measure`` takes; the base origin if left out."""
+        return ZERO3
+
+    @property
+    def turned_by(self) -> Vec3:
+        """Roll, pitch and yaw (rad) of the axes of the reading in the base; zero for base axes."""
+        return ZERO3
 
     senses: ClassVar[str] = ""
     """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it is a :class:`SwitchReading`."""
@@ -76,7 +107,7 @@ class Sensor:
             memory: internal state after the last reading.
             t: s.
             state: the truth.
-            specific_force: specific force of the base origin, base axes, m/s^2.
+            specific_force: specific force at :attr:`mounted_at`, base axes, m/s^2.
             draws: ``uniforms(vehicle)`` numbers.
             dt: s between readings.
 

@@ -16,17 +16,18 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import absolute, data, divide, exp, floor, mul, sqrt, sub, where
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra.quaternion import euler_angles, euler_rotation
+from skyarm.algebra.scalars import absolute, cos, data, divide, exp, floor, mul, sin, sqrt, sub, where
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves
+from skyarm.records.plain import UNWRITTEN
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
-from skyarm.sensing.sensor import NO_PUSH, Push
+from skyarm.sensing.sensor import NO_PUSH, Push, at_origin
 from skyarm.vehicle import Vehicle, VehicleError
 
 
@@ -39,10 +40,10 @@ class Reading:
 
 @immutable
 class ImuReading(Reading):
-    """Reading of an inertial unit: angular rate and specific force of the base origin."""
+    """Reading of an inertial unit: angular rate and specific force at its place, in its own axes."""
 
-    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes")]
-    specific_force: Annotated[Vec3, Unit("m/s^2", "specific force, base axes, +g along z in hover")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, axes of the inertial unit")]
+    specific_force: Annotated[Vec3, Unit("m/s^2", "specific force, axes of the inertial unit, +g upwards in hover")]
 
 
 @immutable
@@ -95,18 +96,49 @@ TURN = 6.283185307179586
 """One turn (rad)."""
 
 
+def mount_rotation(rpy: Vec3) -> Mat3 | None:
+    """Rotation from an inertial unit's axes to base axes by its angles (rad); None for exact zeros."""
+    if at_origin(rpy):
+        return None
+    return euler_rotation(tuple(sin(data(each)) for each in rpy), tuple(cos(data(each)) for each in rpy))
+
+
 @immutable
 class Imu(ChannelSensor):
-    """Inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
+    """Inertial unit: angular rate (rad/s) and specific force (m/s^2) at its place on the base, in its own axes.
+
+    Attributes:
+        position: place. rpy: angles of its axes, Rz(yaw) Ry(pitch) Rx(roll) to base axes. gyro, accelerometer: errors,
+            in its axes.
+    """
 
     record: ClassVar[type] = ImuReading
 
+    position: Annotated[Vec3, Unit("m", "place of the inertial unit from the base origin, base axes")] = (
+        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    )
+    rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (
+        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    )
     gyro: Channel = Channel(density=0.005, walk=1e-4)
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Angular rate and specific force: name, error model and true components of each."""
-        return self.channels(gyro=state.rate, accelerometer=map(data, specific_force))
+        rate, R_BS = state.rate, mount_rotation(self.rpy)
+        if R_BS is not None:
+            rate, specific_force = R_BS.apply_T(rate), R_BS.apply_T(specific_force)
+        return self.channels(gyro=rate, accelerometer=map(data, specific_force))
+
+    @property
+    def mounted_at(self) -> Vec3:
+        """Place of the inertial unit, m, base axes."""
+        return self.position
+
+    @property
+    def turned_by(self) -> Vec3:
+        """Roll, pitch and yaw of the inertial unit's axes in the base, rad."""
+        return self.rpy
 
 
 @immutable

@@ -25,6 +25,7 @@ from skyarm.reference import Reference
 from skyarm.reference.trajectory import phase_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.sensor import at_origin
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
@@ -245,7 +246,11 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
         frame = None if sensor.feels is None else scenario.agent.plant.vehicle.frame(sensor.feels or None).name
-        keep(f"{READINGS}.{name}", reading, every=every, late=readings_waiting(scenario, i), frame=frame)
+        mount = None
+        if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
+            mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
+        late = readings_waiting(scenario, i)
+        keep(f"{READINGS}.{name}", reading, every=every, late=late, frame=frame, mount=mount)
     if flown.measurement is not None and scenario.agent.has_estimator:
         keep(ESTIMATE, flown.measurement)
     elif flown.measurement is not None:

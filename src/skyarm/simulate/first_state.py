@@ -67,7 +67,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
         memory=scenario.agent.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
-        estimate=scenario.agent.estimator.start(scenario.agent.controller.par.model.vehicle),
+        estimate=scenario.agent.placed_estimator.start(scenario.agent.controller.par.model.vehicle),
         drives=tuple(
             drive.begin(q, u, 1.0 / scenario.rates.control)
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)

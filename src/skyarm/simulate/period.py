@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import Motion, Scalar, Scalars
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -25,10 +25,10 @@ Body = TypeVar("Body")
 class PlantSteps(Protocol[Body]):
     """Interface (typing.Protocol) of plant models within one control period, over any scalar type."""
 
-    def specific_forces(
+    def proper_accelerations(
         self, states: Sequence[Body], commands: Sequence[Command], around: Together
-    ) -> tuple[Vec3, ...]:
-        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
+    ) -> tuple[Motion, ...]:
+        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at its origin, base axes."""
         ...
 
     def advance(
@@ -80,7 +80,7 @@ def measure(stages: Stages, plant: PlantSteps[State], now: LoopState, rows: Rows
     own, shared, around = stages.surround(now, rows, uniforms)
     motions = stages.motions(now, around)
     acting = [each.acting(loop.queue) for each, loop in zip(stages.agents, now.agents, strict=True)]
-    forces = plant.specific_forces([loop.state for loop in now.agents], acting, around)
+    forces = plant.proper_accelerations([loop.state for loop in now.agents], acting, around)
     measured = []
     for i, (each, loop, draws) in enumerate(
         zip(stages.agents, now.agents, stages.draws.shares(uniforms).sensors, strict=True)

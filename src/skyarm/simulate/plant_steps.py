@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra import Motion, Scalar, Vec3
 from skyarm.compile import Graph, Node, trace
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
@@ -21,6 +21,7 @@ from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.sensor import at_origin
 from skyarm.simulate.command_delay import arrivals
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import InputRow, LoopState
@@ -72,11 +73,11 @@ class RigidBodySteps:
         self._worlds, self._integrator, self._period = stages.worlds, stages.scenario.integrator, stages.period
         self._substeps, self._late = substeps, [each.arrival for each in stages.agents]
 
-    def specific_forces(
+    def proper_accelerations(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
-    ) -> tuple[Vec3, ...]:
-        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
-        return tuple(force.linear for force, _ in accelerate(self._worlds, states, commands, around))
+    ) -> tuple[Motion, ...]:
+        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at its origin, base axes."""
+        return tuple(base for base, _ in accelerate(self._worlds, states, commands, around))
 
     def advance(
         self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
@@ -235,19 +236,30 @@ class CalledPlant:
         self._end = sum(len(leaves(example_state(*each))) for each in sizes)
         self._several = getattr(plant, "several", False)
         self._impact, self._coupled = _impact_of(plant, scenario), coupled_places(self._for_plant(around))
+        self._turning = any(not at_origin(sensor.mounted_at) for each in stages.agents for _, sensor in each.sensors)
+        if self._turning and not hasattr(plant, "angular_acceleration"):
+            raise ScenarioError(
+                f"plant.kind = {self._kind!r}: must define angular_acceleration for a sensor beside the base origin"
+            )
         self._read: tuple[Flat, Flat] = ((), ())
 
     def _for_plant(self, around: Together) -> Together:
         """Surroundings as inputs of the plant; for one of one vehicle, shared models are among that vehicle's own."""
         return around if self._several else Together((around.of(0),), around.names)
 
-    def specific_forces(
+    def proper_accelerations(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
-    ) -> tuple[Vec3, ...]:
-        """Accelerometer reading of each vehicle at the base origin, base axes, m/s^2."""
+    ) -> tuple[Motion, ...]:
+        """Specific force (m/s^2) and angular acceleration (rad/s^2) of each base, at its origin, base axes.
+
+        The angular acceleration is asked of the plant where a sensor is beside the base origin, and zero elsewhere.
+        """
         groups = [leaves(tuple(states)), leaves(tuple(commands)), leaves(self._for_plant(around))]
-        numbers = iter(_graph_of(states[0]).external(self._specific_force, groups, 3 * len(states)))
-        return tuple(Vec3(next(numbers), next(numbers), next(numbers)) for _ in states)
+        graph, size = _graph_of(states[0]), 3 * len(states)
+        forces = graph.external(self._specific_force, groups, size)
+        turns = graph.external(self._angular_acceleration, groups, size) if self._turning else [0] * size
+        rows = zip(*(zip(*[iter(numbers)] * 3, strict=True) for numbers in (turns, forces)), strict=True)
+        return tuple(Motion(angular=Vec3(*turn), linear=Vec3(*force)) for turn, force in rows)
 
     def advance(
         self, states: Sequence[State], before: Sequence[Command], after: Sequence[Command], around: Together
@@ -260,6 +272,9 @@ class CalledPlant:
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
         return self._plant.specific_force(state, command, around)
+
+    def _angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> Flat:
+        return self._plant.angular_acceleration(state, command, around)
 
     def _advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
         # a plant that has just been given these tuples need not read them again

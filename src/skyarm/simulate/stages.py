@@ -14,7 +14,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, cast
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Motion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, data, logical_and, maximum, same, where
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.controller import learns_load, part_of
@@ -36,7 +36,7 @@ from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement
-from skyarm.sensing.sensor import NO_PUSH, Push
+from skyarm.sensing.sensor import NO_PUSH, Push, specific_force_at
 from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_delay import (
@@ -263,7 +263,7 @@ class AgentStages:
         self._law = checked_law(own.controller)
         model = own.controller.par.model
         self._awaits_load = learns_load(own.controller.par) and own.reference.load is None
-        self._estimator = own.estimator.believing(model.vehicle, model.gravity)
+        self._estimator = own.placed_estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if own.delays.apart else None
         self.tip_sensor = tip_sensor(self.sensors, own.plant.vehicle)
@@ -298,7 +298,7 @@ class AgentStages:
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
-        self, own: AgentLoop, ticks: Scalar, force: Vec3, acting: Command, time: Scalar,
+        self, own: AgentLoop, ticks: Scalar, base: Motion, acting: Command, time: Scalar,
         draws: Sequence[Scalars], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
         """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
@@ -311,6 +311,7 @@ class AgentStages:
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, own.sensors, strict=True)):
             every = self._every[i]
             push = felt.get(i, NO_PUSH)
+            force = specific_force_at(sensor.mounted_at, base, state.rate)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws[i], every * self.period)
             last: Tree = ()
             if every > 1:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.algebra.quaternion import euler_rotation
 from skyarm.records.coerce import TOLERANCE
 from skyarm.records.files import must_be_one_of
 from skyarm.vehicle.check import refuse
@@ -57,13 +58,7 @@ def rotation_rpy(rpy: Sequence[float]) -> Mat3:
 
     Source: URDF specification, element origin.
     """
-    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(angle), math.cos(angle)) for angle in rpy)
-    rows = (
-        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        (-sp, cp * sr, cp * cr),
-    )
-    return rotation(Mat3(*(Vec3(*row) for row in rows)))
+    return rotation(euler_rotation(tuple(map(math.sin, rpy)), tuple(map(math.cos, rpy))))
 
 
 def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:

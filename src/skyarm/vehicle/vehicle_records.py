@@ -19,7 +19,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import Names, NumberView, field_paths
+from skyarm.records.path_names import Names, NumberView
 from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery

@@ -24,6 +24,8 @@ from support.commands import skyarm as typed
 from support.engines import Loaded, needs_cc
 from support.flights import TEXT, estimated
 
+MOUNT = {"sensors__imu__position": [0.1, 0.0, -0.05], "sensors__imu__rpy": [0.1, 0.2, 1.0]}
+
 
 class WithReadings(Loaded):
     """An exported law whose measurement is readings: sensor and field make a member's name."""
@@ -40,11 +42,11 @@ class WithReadings(Loaded):
 
 
 @needs_cc
-@pytest.mark.parametrize("force", ["measured", "modelled"])
-def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force):
+@pytest.mark.parametrize(("force", "mount"), [("measured", {}), ("modelled", {}), ("modelled", MOUNT)])
+def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force, mount):
     """Fed with the readings of a flight; the filter's memory too."""
-    scenario = estimated(estimator__force=force, controller__preset="paper_ct")
-    controller, estimator = scenario.controller, scenario.estimator
+    scenario = estimated(estimator__force=force, controller__preset="paper_ct", **mount)
+    controller, estimator = scenario.controller, scenario.agent.placed_estimator
     text = export_c(controller, name="law", period=0.005, estimator=estimator).text
     assert "The law receives the estimate of an error-state filter: pose, inertial unit." in text
     in_c = WithReadings(text, tmp_path, ("-O0", "-ffp-contract=off"))

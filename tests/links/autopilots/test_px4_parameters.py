@@ -11,6 +11,7 @@ from stand_in_px4 import Mixer
 
 import skyarm
 from skyarm.dynamics.array_front import center_of_mass, forward_dynamics, inverse_dynamics
+from skyarm.links.autopilots.autopilot import place_parameters
 from skyarm.links.autopilots.effectiveness import highest_thrust, turning_inertia
 from skyarm.links.autopilots.px4_parameters import (
     LAG_SHARE,
@@ -25,6 +26,7 @@ from skyarm.links.autopilots.px4_parameters import (
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
+from skyarm.sensing.sensor_kinds import Imu
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -213,6 +215,14 @@ def test_px4_is_told_the_delays_and_the_noise_of_the_sensors() -> None:
     found = sensor_parameters(dataclasses.replace(skyarm.load_scenario("case3"), sensors=sensors))
     names = ("EKF2_GPS_DELAY", "EKF2_MAG_DELAY", "EKF2_BARO_DELAY", "EKF2_GPS_P_NOISE", "EKF2_GPS_V_NOISE")
     assert [found[name] for name in names] == pytest.approx([120.0, 20.0, 40.0, 0.3, 0.01])
+    assert not any(name.startswith("EKF2_IMU_POS") for name in found)
+
+
+def test_an_autopilot_is_told_the_place_of_its_inertial_unit_front_right_down() -> None:
+    imu = NamedSensor(name="imu", sensor=Imu(position=[0.1, 0.02, -0.03], rpy=[0.0, 0.0, 1.0]))
+    placed = dataclasses.replace(skyarm.load_scenario("case3"), sensors=(imu,))
+    assert place_parameters(placed, "INS_POS1_") == {"INS_POS1_X": 0.1, "INS_POS1_Y": -0.02, "INS_POS1_Z": 0.03}
+    assert place_parameters(skyarm.load_scenario("case3"), "INS_POS1_") == {}
 
 
 def test_the_inertia_of_a_vehicle_without_an_arm_is_its_base_s() -> None:

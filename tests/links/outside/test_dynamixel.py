@@ -16,7 +16,7 @@ from skyarm.links.outside.joint_links import open_joints
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
-def stand_in(tables, *, opens=True, answers=(1, 2)):
+def stand_in(tables, *, opens=True, answers=(1, 2), models=(1020, 1020)):
     """Module with the names of the SDK that are used: each servo is a table of bytes by address."""
     sdk = types.ModuleType("dynamixel_sdk")
 
@@ -37,6 +37,9 @@ def stand_in(tables, *, opens=True, answers=(1, 2)):
     class PacketHandler:
         def __init__(self, version):
             assert version == 2.0
+
+        def ping(self, port, number):
+            return models[number - 1], 0, 0
 
         def write1ByteTxRx(self, port, number, address, value):
             if number not in answers:
@@ -142,6 +145,18 @@ def test_positions_go_out_in_the_order_of_the_joints(sdk, tables):
         settle(lambda: get(tables[2], 116, 4) == 4096)
         assert get(tables[1], 116, 4) == 1024
         assert [tables[k][11] for k in (1, 2)] == [4, 4]  # position over several turns
+    finally:
+        arm.close()
+
+
+def test_small_servos_count_their_current_in_milliamperes(tables, monkeypatch):
+    """XL330 beside XM430, by the model number that a servo answers to a ping."""
+    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(1200, 1020)))
+    arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0, most=1.0))
+    try:
+        arm.send((-1.0, 9.0), 0.0)
+        settle(lambda: get(tables[2], 102, 2) != 0)
+        assert (get(tables[1], 102, 2), get(tables[2], 102, 2)) == (-500, round(1.0 / 2.69e-3))
     finally:
         arm.close()
 

@@ -14,10 +14,10 @@ import skyarm
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
 from skyarm.links.ros.goals import FARTHEST, base_goal, changes_to, check_reach, joint_goal
-from skyarm.links.ros.ros_link import APPLIED, CLOCK, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
+from skyarm.links.ros.ros_link import APPLIED, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
-from skyarm.log.ros.topics import FlightTopics
+from skyarm.log.ros.topics import CLOCK, FlightTopics
 from skyarm.simulate.session import Session
 from support.flights import estimated
 from support.peers import MemoryNode

@@ -66,6 +66,29 @@ def test_a_command_with_an_old_library_is_one_line_not_silence(tmp_path: Path) -
     assert done.stderr.count("\n") == 1
 
 
+CURE = "python -m pip uninstall -y mujoco, then python -m pip install --force-reinstall --no-deps mujoco-core"
+
+
+def test_a_mujoco_that_overwrites_mujoco_core_is_named_with_the_cure(tmp_path: Path) -> None:
+    """In either order of installation; a later mujoco is another package's business."""
+    distribution(tmp_path / "3", "mujoco-3.17.0")
+    done = command("show", path=tmp_path / "3")
+    named = "mujoco 3.17.0 is installed: must not stand beside mujoco-core, whose files it has too"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"skyarm: {named}; {CURE}\n")
+    told = command("doctor", path=tmp_path / "3")
+    assert told.returncode == 1
+    assert "broken   mujoco" in told.stdout
+    assert f"mujoco: {CURE}" in " ".join(told.stdout.split())
+    load = (
+        f"import sys; sys.path.insert(0, {str(tmp_path / '3')!r}); import skyarm; skyarm.run(skyarm.load_scenario("
+        "'case1', duration=0.1, plant='mujoco'))"
+    )
+    flown = subprocess.run([sys.executable, "-c", load], capture_output=True, text=True, check=False)
+    assert named in flown.stderr
+    distribution(tmp_path / "4", "mujoco-4.0.0")
+    assert command("--version", path=tmp_path / "4").returncode == 0
+
+
 def test_an_old_llvmlite_stops_nothing_that_does_without_it(tmp_path: Path) -> None:
     distribution(tmp_path, "llvmlite-0.44.0")
     done = command("--version", path=tmp_path)

@@ -133,7 +133,7 @@ def test_scalars_one_after_the_other_are_the_joint_update():
     assert surprise == pytest.approx(z @ np.linalg.inv(S) @ z, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["pose", "heading", "force"])
+@pytest.mark.parametrize("kind", ["pose", "heading", "force", "mounted"])
 def test_each_innovation_falls_by_its_derivative(kind):
     """H is minus the derivative of the innovation by what the belief takes in."""
     belief, read, modelled = navigated(), imu(), vector(9.0)
@@ -143,7 +143,8 @@ def test_each_innovation_falls_by_its_derivative(kind):
     def rows(at):
         if kind == "force":
             return of_specific_force(at, read.specific_force, modelled, 1.0)
-        return innovations(at, pose if kind == "pose" else heading, 0.1, 0.2, 0.3)
+        place = Vec3(0.2, -0.1, 0.3) if kind == "mounted" else Vec3(0, 0, 0)
+        return innovations(at, heading if kind == "heading" else pose, 0.1, 0.2, 0.3, place)
 
     h = 1e-6
     H = dense([row.H for row in rows(belief)], 18)
@@ -151,7 +152,8 @@ def test_each_innovation_falls_by_its_derivative(kind):
         ahead, back = (rows(correct_state(belief, [h * s * (i == j) for i in range(18)])) for s in (1.0, -1.0))
         found = [-(a.value - b.value) / (2 * h) for a, b in zip(ahead, back, strict=True)]
         np.testing.assert_allclose(H[:, j], found, atol=1e-7)
-    variances = {"pose": [0.01] * 3 + [0.04] * 3, "heading": [0.09], "force": [1.0] * 3}[kind]
+    of_pose = [0.01] * 3 + [0.04] * 3
+    variances = {"pose": of_pose, "mounted": of_pose, "heading": [0.09], "force": [1.0] * 3}[kind]
     np.testing.assert_allclose([row.variance for row in rows(belief)], variances, rtol=1e-12)
 
 

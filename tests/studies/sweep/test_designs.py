@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +13,9 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
+from skyarm.algebra.scalars import exp, log
 from skyarm.studies.sweep.design import extremes, values
-from skyarm.studies.sweep.distributions import distribution_from
+from skyarm.studies.sweep.distributions import distribution_from, normal_quantile
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from support.studies import MASS, WIND, small_study
 
@@ -37,6 +42,44 @@ def test_draws_follow_their_distribution(design: str, table: dict[str, Any], tru
     assert stats.kstest(column, truth.cdf).statistic < 0.014
     if design == "random":
         assert stats.kstest(column, truth.cdf).pvalue > 1e-3
+
+
+def test_draws_have_the_bits_of_no_library_and_the_values_of_scipy() -> None:
+    """Of u near 0, 1/2 and 1 too; log-uniform draws are the floats' own exponential, which every engine evaluates."""
+    ends = [1e-300, 1e-20, 1e-9, 0.0749, 0.0751, 0.5, 0.9249, 0.9251, 1.0 - 1e-9, 1.0 - 2.0**-53]
+    u = np.concatenate([ends, np.random.default_rng(1).uniform(size=2000)])
+    np.testing.assert_allclose(normal_quantile(u), stats.norm.ppf(u), rtol=2e-15, atol=1e-15)
+    drawn = distribution_from({"log_uniform": [0.0005, 0.01]}, "x").quantile(u)
+    assert drawn.tolist() == [0.0005 * exp(log(0.01 / 0.0005) * each) for each in u.tolist()]
+
+
+@pytest.mark.thorough
+def test_a_bit_exact_sweep_has_the_same_rows_where_libm_takes_no_fused_operations(tmp_path: Path) -> None:
+    plain = "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable"
+    names = []
+    for folder, more in (("with", {}), ("without", {"GLIBC_TUNABLES": plain})):
+        study = tmp_path / "study.toml"
+        study.write_text(STUDY)
+        command = [sys.executable, "-m", "skyarm", "sweep", study, "--out", tmp_path / folder]
+        subprocess.run(command, check=True, capture_output=True, env=os.environ | more)
+        names.append(sorted(each.name for each in (tmp_path / folder / "rows").iterdir()))
+    assert names[0] == names[1]
+
+
+STUDY = """
+schema = 1
+name = "bit_exact_draws"
+scenario = "case3_wind"
+controllers = ["paper_ct"]
+episodes = 1200
+design = "sobol"
+duration = 0.1
+precision = "bit_exact"
+[vary]
+"plant.payload.mass" = { uniform = [0.0, 0.2] }
+"environment.wind.force.x" = { normal = [2.0, 0.5] }
+"plant.vehicle.links.0.joint.damping" = { log_uniform = [0.0005, 0.01] }
+"""
 
 
 def test_two_parameters_are_independent_and_seeds_differ() -> None:

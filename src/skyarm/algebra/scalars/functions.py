@@ -51,6 +51,7 @@ def _array_namespace(
     namespace = SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
     namespace.exponent = lambda x: xp.frexp(x)[1] - 1.0
     namespace.mantissa = lambda x: 2.0 * xp.frexp(x)[0]
+    namespace.power_of_two = lambda k: xp.ldexp(1.0, k.astype(int))
     return namespace
 
 
@@ -106,7 +107,7 @@ def _function(name: str, meaning: str) -> Function:
 
 
 copysign = _function("copysign", "|a| with the sign of b, that of a zero too; on floats, NumPy and traced nodes.")
-power_of_two = _function("power_of_two", "2**k for whole k, exact; on floats and traced nodes.")
+power_of_two = _function("power_of_two", "2**k for whole k, exact; on floats, NumPy and traced nodes.")
 exponent = _function("exponent", "Whole e with |x| = m 2**e and 1 <= m < 2; on floats and traced nodes.")
 mantissa = _function("mantissa", "m of exponent, with the sign of x; on floats and traced nodes.")
 sin = _function("sin", "Sine of an angle in rad.")

@@ -375,7 +375,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         f"  cc -std=c99 -O2 -c {name}.c        (link with -lm)",
         "",
-        "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
+        "Doubles have the bits of the law in Python: GCC, clang and MSVC are told not to contract a * b + c.",
         f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
     ]
 

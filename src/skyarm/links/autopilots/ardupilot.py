@@ -31,6 +31,7 @@ from skyarm.links.autopilots.autopilot import (
     Preparation,
     SensedInstant,
     model_of,
+    place_parameters,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
@@ -172,7 +173,7 @@ class ArduPilotLink(ProgramLink):
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
         heading = -math.degrees(yaw_of(start.quaternion))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
-        parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0}
+        parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0, **place_parameters(scenario, "INS_POS1_")}
         parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(record.parameters)
         self._udp: socket.socket | None = None
         self._peer: Address | None = None

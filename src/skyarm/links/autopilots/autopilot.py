@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Motion, Scalar, sums
+from skyarm.algebra.frames import to_our_axes
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.controller import Controller, ControllerError, Memory
@@ -24,7 +25,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.measurement import Measurement
-from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor import Sensor, at_origin
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.vehicle import Vehicle
 
@@ -192,6 +193,20 @@ class AutopilotParameters:
     mixer: Mixer
     joint_gains: JointGains
     autopilot: Autopilot
+
+
+def inertial_unit(scenario: Scenario) -> Imu:
+    """Inertial unit that an autopilot reads."""
+    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.agent.sensors}
+    imu: Imu = sensors.get("imu", FLIGHT_IMU)
+    return imu
+
+
+def place_parameters(scenario: Scenario, prefix: str) -> dict[str, float]:
+    """Parameters with the place of the inertial unit (m; front, right, down), such as ``EKF2_IMU_POS_X``; {} at 0."""
+    place = inertial_unit(scenario).position
+    numbers = zip("XYZ", map(float, to_our_axes(*place)), strict=True)
+    return {} if at_origin(place) else {f"{prefix}{axis}": number for axis, number in numbers}
 
 
 def move_arm(

@@ -21,6 +21,7 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     SensedInstant,
     SimulatorLink,
+    inertial_unit,
     model_of,
     require_rotors,
 )
@@ -34,6 +35,7 @@ from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
+from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.session import Course, Session, Snapshot
@@ -299,6 +301,8 @@ class PilotedSession(Session):
         """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
+        # drivers turn what they read into base axes; the place is a parameter of the autopilot
+        self._axes = mount_rotation(inertial_unit(self.scenario).rpy)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
         stopped = (0.0,) * len(self.scenario.agent.plant.vehicle.rotors)
@@ -380,6 +384,9 @@ class PilotedSession(Session):
         readings = {name: row[where] for name, where in self._columns.items()}
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
+        if self._axes is not None:
+            time, *read = readings["imu"]
+            readings["imu"] = [time, *self._axes.apply(Vec3(*read[:3])), *self._axes.apply(Vec3(*read[3:]))]
         try:
             self._signals = self._link.exchange(SensedInstant(self._seconds, readings, self._state), self._goal)
             within = [each for each in self._signals if 0.0 <= each <= 1.0]

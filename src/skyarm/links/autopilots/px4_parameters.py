@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra.frames import to_our_axes
+from skyarm.links.autopilots.autopilot import place_parameters
 from skyarm.links.autopilots.effectiveness import (
     centre_of_mass,
     highest_thrust,
@@ -157,4 +158,5 @@ def sensor_parameters(scenario: Scenario) -> dict[str, float]:
         "EKF2_GPS_V_NOISE": max(float(gnss.velocity.sigma), 0.01),
         "EKF2_DECL_TYPE": 0,
         "EKF2_MAG_DECL": 0,
+        **place_parameters(scenario, "EKF2_IMU_POS_"),
     }

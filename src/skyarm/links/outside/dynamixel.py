@@ -1,9 +1,9 @@
 """Port to an arm of DYNAMIXEL servos (protocol 2.0, X series) on a serial bus, by the maker's SDK.
 
 Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of position (1/4096 turn), velocity
-(0.229 turns a minute) and current (2.69 mA). A thread of its own keeps the bus busy; the servos' own watchdog stops
-them half a second after the bus falls silent. Setpoints that are not renewed are not sent on: the servos then hold
-their places.
+(0.229 turns a minute) and current (2.69 mA; 1 mA of XL330 and XC330). A thread of its own keeps the bus busy; the
+servos' own watchdog stops them half a second after the bus falls silent. Setpoints that are not renewed are not sent
+on: the servos then hold their places.
 """
 
 from __future__ import annotations
@@ -36,8 +36,11 @@ TICK, ZERO = 2.0 * math.pi / 4096.0, 2048
 RATE = 0.229 * 2.0 * math.pi / 60.0
 """Velocity (rad/s) per count."""
 
-CURRENT = 2.69e-3
-"""Current (A) per count."""
+CURRENT, FINE_CURRENT = 2.69e-3, 1e-3
+"""Current (A) per count of most servos, and of those of :data:`FINE`."""
+
+FINE = {1190, 1200, 1210, 1220, 1230, 1240}
+"""Model numbers of XL330-M077, XL330-M288, XC330-T181, XC330-T288, XC330-M181, XC330-M288, which count in mA."""
 
 WATCHDOG = 25
 """Time without a packet after which a servo stops, in units of 20 ms."""
@@ -88,6 +91,7 @@ class DynamixelJoints(JointLink):
         address, size = (GOAL_POSITION, 4) if bus.torque is None else (GOAL_CURRENT, 2)
         self._goals: Any = sdk.GroupSyncWrite(self._port, self._packets, address, size)
         self._size = size
+        self._currents: list[float] = []
         self._newest: JointReading | None = None
         self._setpoints: tuple[float, ...] | None = None
         self._given = -math.inf
@@ -153,6 +157,8 @@ class DynamixelJoints(JointLink):
             if not (done and self._write(number, TORQUE_ENABLE, 1)):
                 raise JointPortError(f"--joints: servo {number} on {shown(bus.device)} does not answer")
             self._states.addParam(number)
+            model, _, _ = self._packets.ping(self._port, number)
+            self._currents.append(FINE_CURRENT if model in FINE else CURRENT)
 
     def _write(self, number: int, address: int, value: int) -> bool:
         result, error = self._packets.write1ByteTxRx(self._port, number, address, value)
@@ -183,8 +189,8 @@ class DynamixelJoints(JointLink):
         if setpoints is not None and old:
             self._hold()
         elif setpoints is not None:
-            for number, setpoint in zip(self._bus.ids, setpoints, strict=True):
-                ticks = self._ticks(setpoint) & (1 << 8 * self._size) - 1
+            for number, unit, setpoint in zip(self._bus.ids, self._currents, setpoints, strict=True):
+                ticks = self._ticks(setpoint, unit) & (1 << 8 * self._size) - 1
                 self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
             self._goals.txPacket()
             self._goals.clearParam()
@@ -203,12 +209,12 @@ class DynamixelJoints(JointLink):
         velocity, position = (_twos_complement(self._states.getData(number, at, 4)) for at in (PRESENT, PRESENT + 4))
         return (position - ZERO) * TICK, velocity * RATE
 
-    def _ticks(self, setpoint: float) -> int:
-        """Convert a setpoint to the servo's units of position or current."""
+    def _ticks(self, setpoint: float, current: float) -> int:
+        """Convert a setpoint to the servo's units of position or current (A)."""
         if self._bus.torque is None:
             return round(setpoint / TICK) + ZERO
         amperes = min(max(setpoint / self._bus.torque, -self._bus.most), self._bus.most)
-        return round(amperes / CURRENT)
+        return round(amperes / current)
 
 
 def _twos_complement(value: int) -> int:

@@ -44,12 +44,10 @@ from skyarm.vehicle import Vehicle
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
 """Topics that are subscribed to."""
 
-APPLIED, ROTORS, CLOCK = "/skyarm/applied", "/rotor_states", "/clock"
+APPLIED, ROTORS = "/skyarm/applied", "/rotor_states"
 """Topics in addition to those of a log."""
 
-NUMBERS, POSE, JOINTS, TIME = (
-    "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "rosgraph_msgs/Clock"
-)  # fmt: skip
+NUMBERS, POSE, JOINTS = "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped", "sensor_msgs/JointState"
 
 TIMEOUT = 0.1
 """Time of flight (s) after the last command until the law takes over again."""
@@ -121,7 +119,7 @@ class RosLink:
             of_log = (topic for topic in FlightTopics(self._log).topics if topic.kind != FLIGHT)
             vehicles = session.scenario.vehicles
             own = {name: _own_topics(vehicles[name], log) for name, log in self._log.agents.items()}
-            self._topics = (*of_log, Topic(CLOCK, TIME, 1, lambda part: {"clock": part.stamps}), *topics_of_all(own))
+            self._topics = (*of_log, *topics_of_all(own))
             for topic in self._topics:
                 node.advertise(topic.name, topic.kind, latched=topic.every == 0)
             self._agents = {

@@ -34,11 +34,12 @@ class LogSection:
         log: log of the flight.
         chosen: its instants.
         within: beginning of the names of all arrays that are read, such as ``left/`` of one of several vehicles.
+        epoch: ns, time stamp of the start of the flight.
     """
 
-    def __init__(self, log: TimedArrays, chosen: slice, within: str = "") -> None:
-        self.log, self._chosen, self._within = log, chosen, within
-        self.stamps = nanoseconds(log.time[chosen])
+    def __init__(self, log: TimedArrays, chosen: slice, within: str = "", epoch: int = 0) -> None:
+        self.log, self._chosen, self._within, self._epoch = log, chosen, within, epoch
+        self.stamps = nanoseconds(log.time[chosen]) + epoch
 
     def __getitem__(self, array: str) -> Array:
         """Array of a log by name, at the selected control instants."""
@@ -46,11 +47,11 @@ class LogSection:
 
     def of(self, within: str) -> LogSection:
         """The same instants of one of several vehicles, by the beginning of its arrays' names."""
-        return LogSection(self.log, self._chosen, within)
+        return LogSection(self.log, self._chosen, within, self._epoch)
 
     def header(self, frame: str, time: Array | None = None) -> Values:
         """Fields of a std_msgs/Header: time stamps and frame name."""
-        stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
+        stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time)) + self._epoch
         return {"stamp": stamps, "frame_id": frame}
 
 

@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 
-from skyarm.algebra.frames import to_base, unit_rows
+from skyarm.algebra.frames import of_euler_angles, to_base, unit_rows
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
@@ -42,7 +42,10 @@ from skyarm.vehicle import Vehicle
 FAST, SLOW = 200.0, 50.0
 """Rates (Hz) of messages of base and joints, and of the others; a slower control writes each of its instants."""
 
-FLIGHT_TOPIC = "/skyarm/flight"
+FLIGHT_TOPIC, CLOCK = "/skyarm/flight", "/clock"
+
+EPOCH = "epoch"
+"""Key of a log's description with the Unix time (s) of the start of the flight, from which time stamps count."""
 
 MARKERS = "visualization_msgs/MarkerArray"
 
@@ -87,6 +90,7 @@ class FlightTopics:
         every = columns(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(every)}
         self.period = period_of(log)
+        self._epoch = round(float(log.info.get(EPOCH, 0.0)) * 1e9)
 
         def row(part: LogSection) -> Values:
             return {each.name: each.of(part) for each in every}
@@ -96,6 +100,7 @@ class FlightTopics:
         first = next(iter(log.agents.values()))
         self.topics = (
             Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
+            Topic(CLOCK, "rosgraph_msgs/Clock", 1, lambda part: {"clock": part.stamps}),
             *topics_of_all(own),
             *_sensor_topics(first, lambda source, field: source == COMPONENTS and field in shared),
         )
@@ -108,7 +113,7 @@ class FlightTopics:
             log: the part, which begins at a multiple of :attr:`period`.
         """
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
-        part = LogSection(log, chosen)
+        part = LogSection(log, chosen, epoch=self._epoch)
         with np.errstate(all="ignore"):
             values = topic.values(part)
         return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
@@ -121,7 +126,7 @@ def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
     return [
         _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
         *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
-        *_transforms(slow, vehicle_of(log)),
+        *_transforms(slow, vehicle_of(log), _mounts(log)),
         Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
         _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
         _topic("/tip", POINT, slow, {"position": "tool"}, {}),
@@ -181,7 +186,7 @@ def period_of(log: Log) -> int:
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
-def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
+def _transforms(every: int, vehicle: Vehicle | None, mounts: Sequence[Values]) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
     def moving(part: LogSection) -> Values:
@@ -194,7 +199,7 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = {"transforms": frames.fixed_transforms()}, {"markers": markers(vehicle, frames)}
+    fixed, drawn = {"transforms": [*frames.fixed_transforms(), *mounts]}, {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -320,7 +325,20 @@ def _reading(topic: str, every: int, offset: int, source: str, described: Source
         OWN: {"name": endings},
     }
     time, arrays = f"{source}.time" if stamped else "", {field: f"{source}.{field}" for field in sizes}
-    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=described.frame)
+    frame = described.frame if described.mount is None else mount_frame(source)
+    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=frame)
+
+
+def mount_frame(source: str) -> str:
+    """Frame of a sensor beside the base origin: ``imu_link`` for a sensor ``imu``."""
+    return f"{word(last_of(source))}_link"
+
+
+def _mounts(log: Log) -> list[Values]:
+    """Fields of ROS transform messages of the sensors beside the base origin."""
+    sources = {name: each.mount for name, each in sources_of(log.info).items() if each.mount}
+    turns = {name: np.array([*of_euler_angles(*mount[3:])]) for name, mount in sources.items()}
+    return [transform(0, BASE_LINK, mount_frame(name), mount[:3], turns[name]) for name, mount in sources.items()]
 
 
 def last_of(source: str) -> str:

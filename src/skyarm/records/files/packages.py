@@ -75,6 +75,22 @@ def below_floor(versions: dict[str, str]) -> str | None:
     return None
 
 
+RIVAL = "mujoco"
+"""Package whose versions below 4 hold the same files as mujoco-core: whichever is installed last overwrites them."""
+
+REINSTALL = "python -m pip install --force-reinstall --no-deps mujoco-core"
+"""Command that writes the files of mujoco-core again."""
+
+
+def rival_of_mujoco(versions: dict[str, str]) -> str | None:
+    """Message about a mujoco of before version 4, with the cure; None without one."""
+    version = versions.get(RIVAL)
+    if version is None or _order(version) >= _order(FLOORS["mujoco-core"]):
+        return None
+    cure = f"python -m pip uninstall -y {RIVAL}, then {REINSTALL}"
+    return f"{RIVAL} {version} is installed: must not stand beside mujoco-core, whose files it has too; {cure}"
+
+
 def _entries(folder: str) -> list[str]:
     try:
         return os.listdir(folder or os.curdir)

@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files.packages import RIVAL, installed_versions, rival_of_mujoco
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import positional
 from skyarm.records.registry.shipped import OPTIONS, reserved_for
@@ -81,6 +82,8 @@ class Registration:
             return self.target
         module, _, attribute = self.target.partition(":")
         try:
+            if "mujoco" in module and (rival := rival_of_mujoco(installed_versions([RIVAL]))):
+                raise ImportError(rival)
             return getattr(import_module(module), attribute)
         except (ImportError, AttributeError) as error:
             raise RegistryError(f"{self.kind} {self.name!r} of {self.source}: cannot be loaded ({error})") from error

@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
+from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, same, sin, sqrt, sub, total, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading
@@ -124,10 +124,13 @@ def gate_of(deviations: Scalar, count: int) -> Scalar:
 
 @immutable
 class Navigated:
-    """Nominal state of the error-state filter: position, velocity, attitude, biases, unmodelled acceleration."""
+    """Nominal state of the error-state filter: position, velocity, attitude, biases, unmodelled acceleration.
 
-    position: Annotated[Vec3, Unit("m", "estimated position of the base origin, world axes")]
-    velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the base origin, world axes")]
+    Position and velocity are those of the inertial unit, at the base origin unless it has a place of its own.
+    """
+
+    position: Annotated[Vec3, Unit("m", "estimated position of the inertial unit, world axes")]
+    velocity: Annotated[Vec3, Unit("m/s", "estimated velocity of the inertial unit, world axes")]
     quaternion: Annotated[Quaternion, Unit("", "estimated attitude w x y z, base to world")]
     gyro_bias: Annotated[Vec3, Unit("rad/s", "estimated bias of the gyroscope, base axes")]
     accelerometer_bias: Annotated[Vec3, Unit("m/s^2", "estimated bias of the accelerometer, base axes")]
@@ -196,13 +199,19 @@ class ScalarInnovation:
 
 
 def innovations(
-    belief: Navigated, reading: Aid, position: Scalar, attitude: Scalar, heading: Scalar
+    belief: Navigated, reading: Aid, position: Scalar, attitude: Scalar, heading: Scalar, place: Vec3 = ZERO3
 ) -> list[ScalarInnovation]:
-    """Innovations of a pose, position or heading reading, with given standard deviations of the sensors' noise."""
+    """Innovations of a pose, position or heading reading, with given standard deviations of the sensors' noise.
+
+    Of an inertial unit at a place r (m, base axes) from the base origin, the position is read R r away from the
+    believed one, and an attitude's error e moves it by (R r) x e.
+    """
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
-    off = enumerate(reading.position - belief.position)
-    rows = [ScalarInnovation(H={POSITION + i: 1}, value=c, variance=position * position) for i, c in off]
+    arm = belief.quaternion.rotation().apply(place)
+    turned = [{ATTITUDE + j: c for j, c in enumerate(row) if not same(c, 0)} for row in Mat3.cross(arm).rows]
+    off = enumerate(reading.position - (belief.position - arm))
+    rows = [ScalarInnovation(H={POSITION + i: 1, **turned[i]}, value=c, variance=position * position) for i, c in off]
     if isinstance(reading, PoseReading):
         turns = enumerate(turn_between(belief.quaternion, reading.quaternion))
         rows += [ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude) for i, c in turns]

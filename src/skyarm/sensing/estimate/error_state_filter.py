@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import data, logical_and, logical_not, where
+from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
+from skyarm.algebra.scalars import data, exp, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
@@ -44,6 +44,7 @@ from skyarm.sensing.estimate.filter_constants import (
     BLANK_BELIEF,
     BLANK_INERTIAL,
     BLANK_READINGS,
+    TURNING,
     FilterMemory,
     FilterNumbers,
     in_turn,
@@ -51,7 +52,8 @@ from skyarm.sensing.estimate.filter_constants import (
 )
 from skyarm.sensing.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
 from skyarm.sensing.measurement import Measurement
-from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading
+from skyarm.sensing.sensor import Sensor, at_origin, specific_force_at
+from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading
 from skyarm.vehicle import Vehicle
 
 
@@ -67,6 +69,13 @@ class ErrorStateFilter(FilterNumbers):
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
         """Filter that uses the given nominal vehicle and gravity (m/s^2) as its model."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
+
+    def placing(self, sensors: Mapping[str, Sensor]) -> ErrorStateFilter:
+        """Filter that takes place and angles of the inertial unit from the sensor, unless its own fields state them."""
+        imu = only(Imu, sensors) or Imu()
+        position = imu.position if self.imu_position is None else self.imu_position
+        rpy = imu.rpy if self.imu_rpy is None else self.imu_rpy
+        return self if at_origin(position) and at_origin(rpy) else replace(self, imu_position=position, imu_rpy=rpy)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
         """Initial filter state with the initial covariance; the first readings initialise the estimate."""
@@ -84,6 +93,7 @@ class ErrorStateFilter(FilterNumbers):
             taken=0.0,
             refused=0.0,
             surprise=0.0,
+            slow_rate=ZERO3 if at_origin(self.lever) else zero,
         )
 
     def step(
@@ -91,7 +101,7 @@ class ErrorStateFilter(FilterNumbers):
     ) -> tuple[FilterMemory, Measurement]:
         """Process the sensor readings that arrived; return the next filter state and the present state estimate."""
         started = memory.started > 0.5
-        imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
+        imu, encoders = self.in_base_axes(only(ImuReading, readings)), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
         before = tuple(blend(started, old, imu) for old in memory.inertial)
         belief = blend(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
@@ -109,7 +119,14 @@ class ErrorStateFilter(FilterNumbers):
             ),
         )
         following = self._apply_aiding(self._predict(now, before[0]), before[0].time)
-        return following, self._measurement(following, imu, encoders)
+        measurement = self._measurement(following, imu, encoders)
+        if at_origin(self.lever):
+            return following, measurement
+        slow = blend(started, memory.slow_rate, measurement.rate)
+        share = 1.0 - exp(-TURNING * dt)
+        off = measurement.rate - slow
+        placed = _at_base_origin(measurement, self.lever, off * (share / dt))
+        return replace(following, slow_rate=slow + off * share), placed
 
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
@@ -123,11 +140,12 @@ class ErrorStateFilter(FilterNumbers):
             return replace(memory, rotor_speeds=speeds)
         belief, joints = memory.belief, memory.joints
         old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
-        velocity = belief.quaternion.rotation().apply_T(belief.velocity)
         rate = imu.rate - belief.gyro_bias
+        velocity = belief.quaternion.rotation().apply_T(belief.velocity) - rate.cross(self.lever)
         # servos of tilting rotors count as at their commanded angles
         leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
-        force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
+        moving = joints.joints, joints.rates
+        force = modelled_force(leaning, velocity, rate, *moving, (old, speeds), command.efforts, self.lever)
         queue = tuple(blend(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*queue, force))
 
@@ -152,7 +170,7 @@ class ErrorStateFilter(FilterNumbers):
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
         for queue in memory.aiding:
             due, reading = in_turn(queue, after, memory.inertial[0].time)
-            rows = innovations(belief, reading, self.position, self.attitude, self.heading)
+            rows = innovations(belief, reading, self.position, self.attitude, self.heading, self.lever)
             allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
             belief, updated, test_value = _apply_innovations(belief, P, rows, due, allowed)
             passed, failed = logical_and(due, test_value < allowed), logical_and(due, logical_not(test_value < allowed))
@@ -183,6 +201,24 @@ class ErrorStateFilter(FilterNumbers):
             joint_rates=rates,
             rotor_speeds=memory.rotor_speeds,
         )
+
+
+def _at_base_origin(at_imu: Measurement, place: Vec3, turning: Vec3) -> Measurement:
+    """Measurement at an inertial unit carried to the base origin.
+
+    Args:
+        at_imu: with position, velocity and specific force of the inertial unit.
+        place: of the inertial unit from the base origin, m, base axes.
+        turning: angular acceleration, rad/s^2, base axes.
+    """
+    R = at_imu.quaternion.rotation()
+    there = Motion(angular=turning, linear=at_imu.specific_force)
+    return replace(
+        at_imu,
+        position=at_imu.position - R.apply(place),
+        velocity=at_imu.velocity - R.apply(at_imu.rate.cross(place)),
+        specific_force=specific_force_at(-place, there, at_imu.rate),
+    )
 
 
 def _apply_innovations(

@@ -40,6 +40,10 @@ class Estimator:
         """
         return self
 
+    def placing(self, sensors: Mapping[str, Sensor]) -> Estimator:
+        """Estimator with the places and angles of the sensors (by name), unless its own table states them."""
+        return self
+
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
         """Refuse sensors that the estimator cannot use.
 

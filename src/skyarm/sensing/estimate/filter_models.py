@@ -24,6 +24,7 @@ from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.sensing.sensor import specific_force_at
 from skyarm.sensing.sensor_kinds import EncoderReading
 from skyarm.vehicle import Vehicle
 
@@ -86,8 +87,9 @@ def modelled_force(
     joint_rates: Sequence[Scalar],
     speeds: tuple[Sequence[Scalar], Sequence[Scalar]],
     efforts: Sequence[Scalar],
+    place: Vec3 = ZERO3,
 ) -> Vec3:
-    """Specific force of the base by the vehicle model in still air, mean over a period, base axes, m/s^2.
+    """Specific force at a point of the base by the vehicle model in still air, mean over a period, base axes, m/s^2.
 
     With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
 
@@ -99,6 +101,7 @@ def modelled_force(
         joint_rates: rad/s or m/s, at the end of the period.
         speeds: speeds of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
         efforts: efforts of the joints over the period, N m or N: setpoints of drives that give torques.
+        place: the point, m, base axes.
     """
     mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
     # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters
@@ -110,4 +113,4 @@ def modelled_force(
         for link, effort, q, qd in zip(vehicle.links, efforts, joints, joint_rates, strict=True)
     ]
     base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
-    return Vec3(*map(data, base.linear))
+    return Vec3(*map(data, specific_force_at(place, base, rate)))

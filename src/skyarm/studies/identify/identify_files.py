@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
-from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.flight_data.flight_data import PLACE, FlightData, load_flight
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -91,7 +91,8 @@ def identify_files(
         ValueError: one line: a file that cannot be read, a fault, or options that do not fit the flights.
     """
     fitted, held_out, clocks = files.read(start, progress)
-    given, faults = dict(options.known), list[LogFault]()
+    known = {**_place([*fitted, *held_out], options.known), **options.known}
+    given, faults = dict(known), list[LogFault]()
     full = given.pop(VOLTAGE, 0.0)
     if full and not any("voltage" in flight for flight in fitted):
         raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
@@ -118,9 +119,7 @@ def identify_files(
         progress=lambda words: progress(last=words),
     )
     counted = [each for each, counts in zip(fitted, identified.counted, strict=True) if counts]
-    return IdentifiedReport(
-        found=identified, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
-    )
+    return IdentifiedReport(found=identified, start=start, flights=counted, known=known, faults=faults, clocks=clocks)
 
 
 def _require_measurements(flights: Sequence[FlightData]) -> None:
@@ -133,6 +132,15 @@ def _require_measurements(flights: Sequence[FlightData]) -> None:
                 same = shown(measured[rates])
                 raise ValueError(f"flight = {shown(flight.file)}: must be another measurement than {same}")
             measured[rates] = flight.file
+
+
+def _place(flights: Sequence[FlightData], known: Mapping[str, float]) -> dict[str, float]:
+    """Place (m) of the inertial unit that all flights state, of the axes that are not ``known``."""
+    places = [each.place for each in flights]
+    if any(each != places[0] for each in places) and not set(PLACE) <= set(known):
+        listed = ", ".join(f"{each.name} {[*each.place.values()]}" for each in flights)
+        raise ValueError(f"--known {PLACE[0]}, .y, .z: are missing: the flights state several, m: {listed}")
+    return {axis: value for axis, value in places[0].items() if axis not in known}
 
 
 def _gravity(flights: Sequence[FlightData]) -> float:
