@@ -83,7 +83,7 @@ class Cell:
     @property
     def upright(self) -> Mask:
         """True for each episode in which the vehicle never tipped over."""
-        return self.metrics["tilt_max"] <= TILTED
+        return np.asarray(self.metrics["tilt_max"] <= TILTED)
 
     @property
     def tracked_to_end(self) -> Mask:
