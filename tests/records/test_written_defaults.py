@@ -217,8 +217,8 @@ direction = "ccw"
 thrust_table = { speed = [300.0, 900.0], thrust = [1.0, 9.0], torque = [0.02, 0.15] }
 """
 
-OTHER_KIND = re.compile("unknown field")
-"""Refusal of a key that another kind of the same table has."""
+OTHER_KIND = re.compile("unknown field|must be a table")
+"""Refusal of a key that another kind of the same table has, or has as a table of errors."""
 
 
 def literal(cell: str, kind: str) -> Any:

@@ -45,7 +45,8 @@ class Truth:
 
     def with_views(self, values: Mapping[str, Scalar]) -> Truth:
         """Plant with payloads (kg) added at the frames of given names."""
-        added = [self.vehicle.point_mass(mass, frame) for frame, mass in values.items()]
+        loads = [(mass, frame) for frame, mass in values.items() if not coerce.concrete(mass) or mass]
+        added = [self.vehicle.point_mass(mass, frame) for mass, frame in loads]
         return replace(self, vehicle=self.vehicle.with_views(values), loads=(*self.loads, *added))
 
     def path_names(self) -> Names:

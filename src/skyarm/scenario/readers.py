@@ -104,8 +104,8 @@ def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     fields, beside = Fields(entry, path), ["kind", "integrator", "closure", "drives"]
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
-    held = fields.table.get("payload")
-    loads = () if held is None else (carrier.point_mass(held["mass"], held.get("frame")),)
+    held = fields.table.get("payload", {})
+    loads = (carrier.point_mass(held["mass"], held.get("frame")),) if held.get("mass") else ()
     return Truth(vehicle=carrier, gravity=gravity, loads=loads)
 
 
