@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, minimum, where
+from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -17,7 +17,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, StopNumbers, joint_rate, stop_numbers, stop_rate
+from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, StopNumbers, joint_rate, stop_numbers, touch_steps
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -56,19 +56,6 @@ class Steps(NamedTuple):
     stops: tuple[StopNumbers, ...] = ()
 
 
-def touch_steps(
-    worlds: Sequence[Truth], stops: Sequence[StopNumbers], states: Sequence[State], seconds: Scalar, largest: float
-) -> Scalar:
-    """Number of integration steps that joints need at the stops that they may meet within ``seconds``, or 0.
-
-    ``largest`` is the largest product of a rate and a step.
-    """
-    rate: Scalar = 0.0
-    for world, numbers, state in zip(worlds, stops, states, strict=True):
-        rate = maximum(rate, stop_rate(world.vehicle, numbers, state, seconds))
-    return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))
-
-
 def hold(
     worlds: Sequence[Truth],
     integrator: str,
@@ -95,7 +82,8 @@ def hold(
     touch: Scalar = 0.0
     if count.stops:
         held = count.verlet or integrator == "euler"
-        touch = touch_steps(worlds, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
+        vehicles = [each.vehicle for each in worlds]
+        touch = touch_steps(vehicles, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
         finer = maximum(finer, touch)
 
     def step(both: Moved) -> Moved:

@@ -9,11 +9,12 @@ The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import absolute, maximum, sqrt, where
+from skyarm.algebra.scalars import absolute, floor, maximum, minimum, sqrt, where
 from skyarm.dynamics import State
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.workspace import nearest_to_zero
@@ -22,6 +23,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import Joint, Vehicle, VehicleError
+from skyarm.world.component import MOST_STEPS
 
 SAMPLES = 64
 """Number of arm configurations that are evaluated; the effective inertia of a joint changes with the others' angles."""
@@ -203,3 +205,16 @@ def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Sca
             stiffness = joint.stop_stiffness * (1.0 + 2.0 * joint.stop_damping * speed)
             square = square + where(near, mobility * stiffness, 0.0)
     return sqrt(square)
+
+
+def touch_steps(
+    vehicles: Sequence[Vehicle], stops: Sequence[StopNumbers], states: Sequence[State], seconds: Scalar, largest: float
+) -> Scalar:
+    """Number of integration steps that joints need at the stops that they may meet within ``seconds``, or 0.
+
+    ``largest`` is the largest product of a rate and a step.
+    """
+    rate: Scalar = 0.0
+    for vehicle, numbers, state in zip(vehicles, stops, states, strict=True):
+        rate = maximum(rate, stop_rate(vehicle, numbers, state, seconds))
+    return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))

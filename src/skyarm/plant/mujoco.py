@@ -21,9 +21,8 @@ from skyarm.compile import Program, trace
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State, example_state
-from skyarm.plant.compiled import touch_steps
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers
+from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, joint_rate, stop_numbers, touch_steps
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -190,7 +189,7 @@ class MujocoPlant:
         states = tuple(example_state(*each.sizes) for each in vehicles)
 
         def steps(now: Sequence[State], seconds: Scalar) -> Scalar:
-            return touch_steps(self._worlds, stops, now, seconds, largest)
+            return touch_steps([each.vehicle for each in self._worlds], stops, now, seconds, largest)
 
         return trace(steps, states, 0.0) if any(stops) else None
 
