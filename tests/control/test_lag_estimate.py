@@ -452,11 +452,11 @@ def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_differ
     assert GAINS.shares(memory, DT) == pytest.approx((1.0, 0.012 / (0.012 + 0.02 - IGNORED)), rel=0.02)
 
 
-@pytest.mark.parametrize("weaker", [1.0, 6.0, 1e9])
+@pytest.mark.parametrize("weaker", [0.3, 1.0, 6.0, 1e9])
 def test_joints_that_stick_have_an_observer_no_wider_than_that_of_the_torque(weaker):
-    """Joints that accelerate as modelled, by a sixth of it, not at all."""
+    """Joints that accelerate by more than modelled, as modelled, by a sixth of it, not at all."""
     memory = flown(0, weaker=(1.0,) * 3 + (weaker,) * 2)
-    assert memory.obeyed == pytest.approx(1.0 / weaker**2, abs=0.03)
+    assert memory.obeyed == pytest.approx(min(1.0, 1.0 / weaker**2), abs=0.03)
     par = make_centroidal(MODEL, mode="tip", observer=[27.0, 31.0, 51.0, 60.0]).par
     observer = GAINS.adjust_gains(memory, par, DT).observer
     joint = GAINS.shares(memory, DT)[1]
