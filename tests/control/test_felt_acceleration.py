@@ -271,7 +271,16 @@ LOOSE, AT_LIMIT = (1.0, 1.0, 1.0), (0.0, 1.0, 1.0)
 
 
 def pushed(
-    force, velocity, free, pair=None, leap=0.0, gains=NUDGED, rate=(0.0,) * 3, joint_rates=(1e-9,) * 2, repeats=()
+    force,
+    velocity,
+    free,
+    pair=None,
+    leap=0.0,
+    gains=NUDGED,
+    rate=(0.0,) * 3,
+    joint_rates=(1e-9,) * 2,
+    repeats=(),
+    dt=DT,
 ):
     """The observer's memory after a measured motion, of a hover in which the force is only believed."""
     command = standing_command(ARM)
@@ -288,9 +297,9 @@ def pushed(
     last = dataclasses.replace(before.readings, **{name: getattr(sums, name) for name in repeats})
     before = dataclasses.replace(before, readings=last)
     known = Unknown(force=before.force, torque=before.torque, efforts=before.efforts)
-    done = actuation(ARM, command.rotor_speeds, command, DT)
+    done = actuation(ARM, command.rotor_speeds, command, dt)
     gains = dataclasses.replace(gains, accelerometer=pair)
-    return observe(ARM, gains, before, measured, done, known, 1.0, free, DT)[0]
+    return observe(ARM, gains, before, measured, done, known, 1.0, free, dt)[0]
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])
@@ -363,6 +372,14 @@ def test_a_reading_that_repeats_makes_no_leap_of_the_others_but_is_remembered():
     moves = pushed((0.0,) * 3, (3.0, 0.0, 0.0), LOOSE, rate=(0.5, 0.0, 0.0), repeats=("velocity",))
     assert moves.torque.x == pytest.approx(calm.torque.x, rel=1e-6)
     assert moves.leap == pytest.approx(100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("dt", "most"), [(0.0025, 1.0), (0.005, 1.0), (0.02, 4.0)])
+def test_what_is_a_leap_grows_with_a_longer_period(dt, most):
+    """A disturbance turns a vehicle by more in it."""
+    leaps = pushed((0.0,) * 3, (0.0,) * 3, LOOSE, rate=(2.0, 0.0, 0.0), dt=dt)
+    jumps = pushed((0.0,) * 3, (0.6, 0.0, 0.0), LOOSE, dt=dt)
+    assert (leaps.leap, jumps.leap) == pytest.approx(((2.0 / most) ** 2,) * 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [1.0, 20.0])

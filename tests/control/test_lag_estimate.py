@@ -462,8 +462,8 @@ def test_joints_that_stick_have_an_observer_no_wider_than_that_of_the_torque(wea
     joint = GAINS.shares(memory, DT)[1]
     assert observer.torque == pytest.approx(31.0, rel=0.02)
     assert observer.joints == pytest.approx(min(51.0 * joint, observer.torque * max(1.0, 8.0 * memory.obeyed)))
-    # joints that stand still tell nothing
-    assert flown(0, active=0.0).obeyed == 1.0
+    # joints that stand still tell nothing, nor do those of an arm in contact
+    assert flown(0, active=0.0).obeyed == flown(0, isolated=0.0, weaker=9.0, seconds=1.0).obeyed == 1.0
 
 
 def test_what_makes_up_for_friction_is_lowered_with_the_joints_bandwidth():
