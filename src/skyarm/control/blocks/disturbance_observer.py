@@ -297,7 +297,7 @@ def observe(
     # what leaps twice was a blow: velocities take what it left, disturbances only what is slight
     longer = maximum(1.0, dt * (1.0 / USUAL))
     per = divide(1.0, longer * longer)
-    jump, twist = ev.dot(ev) * (per * (1.0 / JUMP**2)), ew.dot(ew) * (per * (1.0 / LEAP**2))
+    jump, twist = ev.dot(ev) * divide(per, gains.jump * gains.jump), ew.dot(ew) * (per * (1.0 / LEAP**2))
     leap = maximum(jump, twist)
     slight = divide(1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0))
     known = minimum(1.0, (1.0 + memory.leap) * slight)
@@ -589,6 +589,10 @@ class ObserverGains:
         ),
     ]
     accelerometer: AccelerometerGains | None = None
+    jump: Annotated[
+        Scalar,
+        Unit("m/s", "innovation of the velocity within 5 ms up to which it may be a disturbance"),
+    ] = JUMP
 
 
 UNFILTERED = 1e6
