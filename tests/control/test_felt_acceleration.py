@@ -26,7 +26,7 @@ from skyarm.control.blocks.disturbance_observer import (
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
 from skyarm.control.blocks.prediction import acceleration, actuation, rotor_wrench
-from skyarm.control.blocks.stale_readings import Fresh
+from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness
@@ -270,7 +270,18 @@ NUDGED = ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0)
 LOOSE, AT_LIMIT = (1.0, 1.0, 1.0), (0.0, 1.0, 1.0)
 
 
-def pushed(force, velocity, free, pair=None, leap=0.0, gains=NUDGED, rate=(0.0,) * 3, joint_rates=(1e-9,) * 2):
+def pushed(
+    force,
+    velocity,
+    free,
+    pair=None,
+    leap=0.0,
+    gains=NUDGED,
+    rate=(0.0,) * 3,
+    joint_rates=(1e-9,) * 2,
+    repeats=(),
+    dt=DT,
+):
     """The observer's memory after a measured motion, of a hover in which the force is only believed."""
     command = standing_command(ARM)
     before = dataclasses.replace(first_observed(2, command.rotor_speeds, pair is not None), force=vec(force))
@@ -282,10 +293,13 @@ def pushed(force, velocity, free, pair=None, leap=0.0, gains=NUDGED, rate=(0.0,)
         specific_force=Vec3(1e-9, 0.0, G),
         joint_rates=joint_rates,
     )
+    sums = ReadingSums.of(measured)
+    last = dataclasses.replace(before.readings, **{name: getattr(sums, name) for name in repeats})
+    before = dataclasses.replace(before, readings=last)
     known = Unknown(force=before.force, torque=before.torque, efforts=before.efforts)
-    done = actuation(ARM, command.rotor_speeds, command, DT)
+    done = actuation(ARM, command.rotor_speeds, command, dt)
     gains = dataclasses.replace(gains, accelerometer=pair)
-    return observe(ARM, gains, before, measured, done, known, 1.0, free, DT)[0]
+    return observe(ARM, gains, before, measured, done, known, 1.0, free, dt)[0]
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])
@@ -346,6 +360,26 @@ def test_a_blow_to_the_body_rate_is_motion_and_no_torque():
         turned, bent = (1.0 - np.exp(-2.0 * bandwidth * DT) * left for bandwidth in (NUDGED.torque, NUDGED.joints))
         assert [each.rate.x for each in found] == pytest.approx(turned * sizes, rel=1e-6)
         assert [each.joint_rates[1] for each in found] == pytest.approx(bent * 0.3 * sizes, rel=1e-6)
+
+
+def test_a_reading_that_repeats_makes_no_leap_of_the_others_but_is_remembered():
+    """What is far off since its sensor stands still is believed as soon as it is new."""
+    slight = pushed((0.0,) * 3, (0.15, 0.0, 0.0), LOOSE)
+    turns = pushed((0.0,) * 3, (0.15, 0.0, 0.0), LOOSE, rate=(3.0, 0.0, 0.0), repeats=("rate",))
+    assert turns.force.x == pytest.approx(slight.force.x, rel=1e-6)
+    assert turns.leap == pytest.approx(9.0, rel=1e-6)
+    calm = pushed((0.0,) * 3, (0.0,) * 3, LOOSE, rate=(0.5, 0.0, 0.0))
+    moves = pushed((0.0,) * 3, (3.0, 0.0, 0.0), LOOSE, rate=(0.5, 0.0, 0.0), repeats=("velocity",))
+    assert moves.torque.x == pytest.approx(calm.torque.x, rel=1e-6)
+    assert moves.leap == pytest.approx(100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("dt", "most"), [(0.0025, 1.0), (0.005, 1.0), (0.02, 4.0)])
+def test_what_is_a_leap_grows_with_a_longer_period(dt, most):
+    """A disturbance turns a vehicle by more in it."""
+    leaps = pushed((0.0,) * 3, (0.0,) * 3, LOOSE, rate=(2.0, 0.0, 0.0), dt=dt)
+    jumps = pushed((0.0,) * 3, (0.6, 0.0, 0.0), LOOSE, dt=dt)
+    assert (leaps.leap, jumps.leap) == pytest.approx(((2.0 / most) ** 2,) * 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [1.0, 20.0])

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
+from scipy.stats import chi2
 
 import skyarm
 from skyarm.algebra import Vec3
@@ -174,7 +175,20 @@ def test_the_observer_alone_answers():
     assert slower.observer.force == pytest.approx(27.0 * memory.velocity.share(GAINS.density, DT))
     assert dataclasses.replace(slower, observer=par.observer) == par
     heard = par.observer.accelerometer
-    assert dataclasses.replace(slower.observer, force=27.0, accelerometer=heard) == par.observer
+    assert dataclasses.replace(slower.observer, force=27.0, accelerometer=heard, jump=0.3) == par.observer
+
+
+@pytest.mark.parametrize(
+    ("deviation", "jump"), [(0.0, 0.3), (0.05, 0.3), (0.1, 27.0**0.5 * 0.1), (0.4, 27.0**0.5 * 0.4)]
+)
+def test_noise_is_no_leap(deviation, jump):
+    """Three deviations of three axes are no blow: 97 % of white noise is below."""
+    par = make_centroidal(MODEL, mode="tip").par
+    memory = NoiseMemory(velocity=of_variance(deviation**2), accelerometer=White())
+    found = par.parts.noise.adjust_gains(memory, par, DT).observer.jump
+    assert found == pytest.approx(jump)
+    if deviation > 0.05:
+        assert chi2(3).cdf((found / deviation) ** 2) > 0.97
 
 
 @pytest.mark.parametrize(

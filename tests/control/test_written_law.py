@@ -142,6 +142,22 @@ def test_a_law_written_from_the_page_turns_back_from_upside_down() -> None:
     assert differences(recorded(scenario), written(scenario)).max() < CLOSE
 
 
+def test_a_law_written_from_the_page_takes_blows() -> None:
+    """Of one period: one after which no rotor is at its limit, and a larger one; under five times the bench's noise."""
+    blows = [
+        {
+            "kind": "disturbance",
+            "force": [{"kind": "constant", "value": 100.0 * size, "start": start, "stop": start + 0.005}, 0.0, 0.0],
+            "torque": [0.0, {"kind": "constant", "value": 4.0 * size, "start": start, "stop": start + 0.005}, 0.0],
+        }
+        for start, size in ((0.05, 1.0), (0.15, 5.0))
+    ]
+    noise = NOISE | {"velocity": 0.05}
+    scenario = scenario_of("case3", duration=0.3, environment={"forces": blows}, sensors=noise)
+    rows, law = recorded(scenario), written(scenario)
+    assert differences(rows, law).max() < CLOSE
+
+
 def test_a_wrong_number_of_the_page_is_found(short: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, rows = short
     monkeypatch.setattr(written_parts.NUMBERS, "shift_rate", 3.03)

@@ -326,7 +326,8 @@ class WrittenLaw(WrittenParts):
         ahead = velocity + linear * dt, w + angular * dt, qd + bend * dt
         seen, flags = (x.velocity, x.rate, x.joint_rates), (new["velocity"], new["rate"], new["joint_rates"])
         errors = [flag * (a - b) for a, b, flag in zip(seen, ahead, flags, strict=True)]
-        leap = [((a - b) / most) @ ((a - b) / most) for a, b, most in zip(seen, ahead, (0.3, 1.0), strict=False)]
+        most = max(1.0, dt / 0.005) * np.array([max(0.3, np.sqrt(27 * max(self.noise.V, 0))), 1.0])
+        leap = [((a - b) / each) @ ((a - b) / each) for a, b, each in zip(seen, ahead, most, strict=False)]
         slight = 1 / max(1, leap[0] * flags[0], leap[1] * flags[1])
         known = min(1.0, (1 + self.leap) * slight)
         errors[0] = errors[0] * known

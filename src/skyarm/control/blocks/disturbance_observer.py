@@ -127,9 +127,9 @@ LEFT = 2.0
 """Largest difference of measured and integrated velocity that is left after a period, over the accepted one: what a
 single false reading leaves must fade, what a wrong accelerometer adds in each period must show."""
 
-JUMP, LEAP = 0.3, 1.0
-"""Largest innovations of velocity (m/s) and body rate (rad/s) that a disturbance makes within a period: 6 g, and what
-all rotors of a small vehicle give."""
+JUMP, LEAP, USUAL = 0.3, 1.0, 0.005
+"""Largest innovations of velocity (m/s) and body rate (rad/s) that a disturbance makes within a period of ``USUAL`` s:
+6 g, and what all rotors of a small vehicle give. In a longer one it makes more; in a shorter one noise is not less."""
 
 SMALL = 1e-9
 """Added to the square of a speed, an acceleration or a force, as a divisor."""
@@ -295,7 +295,9 @@ def observe(
     ev, ew = measurement.velocity - v, measurement.rate - w
     er = [(a - b) * fresh.joint_rates for a, b in zip(measurement.joint_rates, rates, strict=True)]
     # what leaps twice was a blow: velocities take what it left, disturbances only what is slight
-    jump, twist = ev.dot(ev) * (1.0 / JUMP**2), ew.dot(ew) * (1.0 / LEAP**2)
+    longer = maximum(1.0, dt * (1.0 / USUAL))
+    per = divide(1.0, longer * longer)
+    jump, twist = ev.dot(ev) * divide(per, gains.jump * gains.jump), ew.dot(ew) * (per * (1.0 / LEAP**2))
     leap = maximum(jump, twist)
     slight = divide(1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0))
     known = minimum(1.0, (1.0 + memory.leap) * slight)
@@ -587,6 +589,10 @@ class ObserverGains:
         ),
     ]
     accelerometer: AccelerometerGains | None = None
+    jump: Annotated[
+        Scalar,
+        Unit("m/s", "innovation of the velocity within 5 ms up to which it may be a disturbance"),
+    ] = JUMP
 
 
 UNFILTERED = 1e6

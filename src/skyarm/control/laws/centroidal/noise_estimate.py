@@ -48,6 +48,10 @@ SLOWEST, QUICKEST = 2.0, 60.0
 """Bounds (rad/s) of the bandwidth below which measured velocities outweigh the accelerometer."""
 
 
+DEVIATIONS = 27.0
+"""Square of an innovation over the variance of an axis that noise hardly exceeds: three deviations of three axes."""
+
+
 @immutable
 class White:
     """Estimate of one sensor's white noise: last residual, last change, and variance as the mean of the axes."""
@@ -115,7 +119,10 @@ class NoiseGains(OptionalPart):
             agreement = divide(heard.agreement, calm * calm)
             heard = dataclasses.replace(heard, force=heard.force * share, velocity=pole, agreement=agreement)
         force = observer.force * seen.share(self.density, dt)
-        return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
+        # noise is no blow
+        jump = sqrt(maximum(observer.jump * observer.jump, DEVIATIONS * seen.variance))
+        observer = dataclasses.replace(observer, force=force, accelerometer=heard, jump=jump)
+        return dataclasses.replace(par, observer=observer)
 
     def after(self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar) -> NoiseMemory:
         """Noise estimates one control period later, from the measured velocity and the observer's output."""
