@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from operator import attrgetter
-from typing import Any, TypeVar, cast, dataclass_transform, overload
+from typing import TypeVar, cast, dataclass_transform, overload
 
 T = TypeVar("T")
 
@@ -100,8 +100,16 @@ def immutable(
     return make if kind is None else make(kind)
 
 
+@overload
+def positional(kind: type[T], /) -> type[T]: ...
+
+
+@overload
+def positional(**options: bool) -> Callable[[type[T]], type[T]]: ...
+
+
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def positional(kind: type[T] | None = None, /, **options: bool) -> Any:
+def positional(kind: type[T] | None = None, /, **options: bool) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a class an immutable record whose fields may be given by position; see :func:`immutable`."""
     make = immutable(kw_only=False, **options)
     return make if kind is None else make(kind)

@@ -25,9 +25,10 @@ of their difference. Beyond ``agreement`` velocity and force go over to those of
 (agreement / |e|)^4, and return slowly.
 
 With z the larger of |e| / ``JUMP`` of the velocity and |e| / ``LEAP`` of the body rate, no disturbance makes z > 1:
-there all disturbances learn 1 / z^2 of what they would. It is a false reading, or a blow, which has passed: where z has
-been as large before, velocity, rate and joint rates take e but for b^2 / z^2 of it. Of a velocity that leaps for the
-first time 1 / z^2 is believed. A blow that is taken for a torque holds rotors at their limits, and itself (below).
+there all learn 1 / z^2 of what they would, but from the accelerometer. It is a false reading, or a blow, which has
+passed: where z has been as large before, velocity, rate and joint rates take e but for b^2 / z^2 of it. Of a velocity
+that leaps for the first time 1 / z^2 is believed. A blow that is taken for a torque holds rotors at their limits, and
+itself (below).
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
 predict over them. Joint sensors of 50 Hz leave the estimate of the joints a quarter of its bandwidth. That is too slow
 for a sliding joint, on which a load acts in full, without a lever: its next rate after n periods without has

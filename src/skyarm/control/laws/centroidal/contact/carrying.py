@@ -56,7 +56,7 @@ QUICK = 30.0
 """Rate (1/s) at which gains become those of carrying: full gains excite a heavy base about its held hand by 15 1/s."""
 
 FIRM = 0.18
-"""Part of a vehicle's inertia about its held tip that turns it in free flight, from which the gains of leaning rise.
+"""Part of a vehicle's inertia about its held tip that turns it in free flight, below which the gains of leaning rise.
 
 In drawn teams vehicles of 0.19 and more shake with 0.8 of their gains and fly with 0.6; five teams with one of 0.12 or
 less fell over slowly with 0.6 and fly with 0.8.
