@@ -91,6 +91,14 @@ def test_it_stands_on_a_slope_up_to_the_angles_of_friction_and_tipping(degrees, 
         on_slope(angles, 0.97 * math.tan(math.radians(degrees)))
 
 
+def test_on_a_level_floor_it_stands_without_friction():
+    """Tilts that the equilibrium leaves by rounding ask for 1e-13 N of friction: none."""
+    state = skyarm.Session(on_slope((0.0, 0.0, 0.0), 0.0)).state
+    assert [*state.rate] == [0.0, 0.0, 0.0]
+    with pytest.raises(ValueError, match="it is 0 N at most, and it slides"):
+        on_slope((1e-6, 0.0, 0.0), 0.0)
+
+
 def test_beyond_the_tipping_angle_it_is_refused():
     with pytest.raises(ValueError, match="tips over"):
         on_slope((math.radians(41.0), 0.0, 0.0), 3.0)

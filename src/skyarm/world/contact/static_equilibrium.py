@@ -43,6 +43,9 @@ DEEPER = 0.1
 OTHER = 0.2
 """Distance (m or rad) from the first contact beyond which the object has tipped over into another equilibrium."""
 
+ROUNDING = 1e-9
+"""Fraction of the weight by which a level surface seems to tilt: the equilibrium is found to so much."""
+
 UP = np.array([1.0, 0.0, 0.0])
 """Displacement upwards: of a height and two tilts."""
 
@@ -167,7 +170,7 @@ def _require_friction(pushes: Sequence[tuple[Meeting, Vec3, Vec3]], contact: Con
     most = sum(float(frictions[each.surface] * each.touch.normal) for each, *_ in pushes)
     across = Vec3(0.0, 0.0, weight) - sum((push for *_, push in pushes), ZERO3)
     needed = math.sqrt(float(across.dot(across)))
-    if needed > most:
+    if needed > most + ROUNDING * weight:
         words = f"must stand where friction holds it, by {needed:.3g} N; it is {most:.3g} N at most, and it slides"
         raise ValueError(f"initial.standing = true: {words}")
 
