@@ -52,6 +52,8 @@ def test_a_bag_counts_from_the_epoch_that_is_asked_for_and_has_a_clock(folder):
     assert np.array_equal(library.load_log("flight.mcap").position, flown().position)
     refused(skyarm("export", "flight.npz", "--to", "csv", "--epoch", "1"), "--epoch = 1.0: must be left out of .csv")
     refused(skyarm("export", "flight.npz", "--to", "mcap", "--epoch", "-1"), "--epoch = -1.0: must be at least 0")
+    for late in ("2147483648", "1e30"):  # seconds of a ROS message are an int32
+        refused(skyarm("export", "flight.npz", "--to", "mcap", "--epoch", late), "must be at most 2147483647 s")
 
 
 @pytest.mark.parametrize(

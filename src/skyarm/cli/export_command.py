@@ -44,6 +44,9 @@ RATE, SLOWEST = 200.0, 1e-3
 LONGEST_STEP = 0.1
 """Longest plausible step (s) of MuJoCo."""
 
+LATEST = 2.0**31 - 1.0
+"""Latest Unix time (s) of a ROS message, whose seconds are an int32: in January 2038."""
+
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
 """Format of a law or vehicle -> suffixes of its files."""
 
@@ -122,7 +125,9 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> 
     if epoch is not None:
         if target.suffix != ".mcap":
             raise ValueError(f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps are those of mcap")
-        log.info[EPOCH] = number(epoch, "--epoch", low=0.0)
+        if number(epoch, "--epoch", low=0.0) > LATEST:
+            raise ValueError(f"--epoch = {epoch!r}: must be at most {LATEST:.0f} s, which is in January 2038")
+        log.info[EPOCH] = epoch
     save_log(log, target)
     tell(f"log: {target}")
     give(file=target)
