@@ -92,8 +92,8 @@ class SwitchReading(Reading):
 
 
 LOG_2 = 0.6931471805599453
-TURN = 6.283185307179586
-"""One turn (rad)."""
+TURN = 2.0 * math.pi
+"""One turn, rad."""
 
 
 def mount_rotation(rpy: Vec3) -> Mat3 | None:
@@ -185,10 +185,6 @@ class Position(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Base position: name, error model and true components."""
         return self.channels(position=state.position)
-
-
-TURN = 2.0 * math.pi
-"""One turn, rad."""
 
 
 @immutable
