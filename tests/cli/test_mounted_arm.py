@@ -144,3 +144,10 @@ def test_a_vehicle_that_can_fly_reads_as_the_page_shows(here):
     assert found.code == 0
     for line in lines.strip().split("\n\n"):
         assert words(line) in words(found.out)
+
+
+def test_the_scenario_of_a_new_vehicle_can_fly(here):
+    """Its loop too, about a hover in which all readings repeat."""
+    assert skyarm("new", "vehicle", "my_copter").code == 0
+    found = skyarm("check", "my_copter_hover.toml")
+    assert (found.code, "can fly: no fault, 0 warnings" in found.out) == (0, True)

@@ -360,7 +360,7 @@ class WrittenLaw(WrittenParts):
 
     def _new(self, x: Any) -> dict[str, float]:
         """Of each reading, 1 if it is new: it differs from the last one, or its rate is zero."""
-        rates = {"position": "velocity", "quaternion": "rate", "joints": "joint_rates"}
+        rates = {"position": "velocity", "quaternion": "rate", "specific_force": "rate", "joints": "joint_rates"}
         last, self.last, new = self.last, x, {}
         for name in ("position", "quaternion", "velocity", "rate", "specific_force", "joints", "joint_rates"):
             repeats = last is not None and np.all(getattr(x, name) == getattr(last, name))

@@ -31,12 +31,12 @@ RATES = {
     "quaternion": "rate",
     "velocity": "velocity",
     "rate": "rate",
-    "specific_force": "",
+    "specific_force": "rate",
     "joints": "joint_rates",
     "joint_rates": "joint_rates",
 }
 """Quantities of a measurement, each with the one that tells whether it may repeat: its rate, or for a rate itself. A
-specific force always changes."""
+specific force repeats only where a body does not turn: in the equilibrium about which a loop is linearised."""
 
 MOTION = ("position", "quaternion", "velocity", "rate")
 """Quantities whose repetition is limited in time."""
@@ -86,7 +86,7 @@ class ReadingSums:
 
         ``dt`` is the time from one measurement to the next, s.
         """
-        rows = [(name, getattr(now, rate) if rate else 1.0) for name, rate in RATES.items()]
+        rows = [(name, getattr(now, rate)) for name, rate in RATES.items()]
         flags = {name: _is_new(getattr(self, name), getattr(now, name), rate) for name, rate in rows}
         share: Scalar = 1.0
         for name in MOTION:

@@ -111,15 +111,14 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 def without_adaptation(scenario: Scenario) -> Scenario:
     """Scenario whose controller adapts neither load nor damping: projection onto bounds is not differentiable.
 
-    Of a law under layers, its own constants are looked at.
+    The friction of the model that may be false stays as it is at first. Of a law under layers, its own constants are
+    looked at.
     """
     adaptation = part_of(scenario.agent.controller.par, "adaptation")
     if not hasattr(adaptation, "damping_limits"):  # of other laws these are gains
         return scenario
-    return _with_part(
-        scenario,
-        adaptation=dataclasses.replace(adaptation, load=None, damping_limits=((0.0, 0.0),) * len(adaptation.slow)),
-    )
+    held = tuple((damping, damping) for damping in adaptation.doubted)
+    return _with_part(scenario, adaptation=dataclasses.replace(adaptation, load=None, damping_limits=held))
 
 
 def with_held_lag(scenario: Scenario) -> Scenario:
