@@ -30,7 +30,8 @@ DESCRIBED = {"joint": Joint, "rotors": Rotor, "drag": BodyDrag, "body": Body, "t
 
 
 def words_of(kind: type) -> list[str]:
-    return [unit.unit for unit in units(kind).values()]
+    """Units of a record's fields; the observer's threshold of leaps is no option."""
+    return [unit.unit for name, unit in units(kind).items() if name != "jump"]
 
 
 @pytest.mark.parametrize("block", DESCRIBED)

@@ -37,7 +37,7 @@ TUNED = (
 )
 """Records whose numbers people tune."""
 
-NOT_TUNED = {"TipGains.shift_rate", "TipGains.preview", "Limits.joint_step"}
+NOT_TUNED = {"TipGains.shift_rate", "TipGains.preview", "Limits.joint_step", "ObserverGains.jump"}
 
 
 def module_of(name: str) -> ModuleType | None:
