@@ -66,6 +66,14 @@ def test_what_has_no_word_is_written_as_a_number_by_its_path(case3, tmp_path):
     assert sorted(written.values()) == [0.4, 0.4, 0.8, 4.5]  # a circle's radius is the amplitude of two sines
 
 
+def test_a_varied_payload_is_written_as_the_numbers_of_its_link(case3, tmp_path):
+    scenario = skyarm.with_numbers(case3, {"plant.payload.mass": 0.1})
+    read = skyarm.load_scenario(skyarm.save_scenario(tmp_path / "found.toml", scenario, "case3"))
+    assert read.agent.plant.vehicle == scenario.agent.plant.vehicle != case3.agent.plant.vehicle
+    # no sensor of it feels the load by itself
+    assert identity(read) == identity(scenario.with_loads_of(case3))
+
+
 def test_what_follows_from_numbers_is_not_written(case3, tmp_path):
     path = "model.vehicle.rotors.0.thrust_coefficient"
     stronger = skyarm.with_numbers(

@@ -123,7 +123,7 @@ def test_alone_they_fight_until_a_joint_is_at_its_limit():
     at = {t: float(log.team_pull[np.searchsorted(log.time, 1.4 + t), 0]) for t in (1.0, 2.0, 4.0)}
     # b times 2 cm each second, b = 85 to 115 N/(m s) measured by an independent loop, on which it grows in a second
     assert all(-3.2 < (late - early) / (b - a) < -1.0 for (a, early), (b, late) in pairwise(at.items()))
-    assert np.abs(log.team_pull).max() > 8.0
+    assert np.abs(log.team_pull).max() > 7.0
 
 
 @pytest.mark.thorough

@@ -151,6 +151,8 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     read, rate = scenario_from(tables, folder), target.rates.control
     if in_order(read.changes, rate) == in_order(target.changes, rate):
         target = dataclasses.replace(target, changes=read.changes)
+    # a varied payload is written as the numbers of the body that holds it
+    target = target.with_loads_of(read)
     numbers = _numbers(read, target)
     written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)

@@ -662,6 +662,17 @@ class Scenario:
         """True if the laws of all vehicles can be traced into machine code."""
         return all(each.controller.compiled for each in self.agents.values())
 
+    def with_loads_of(self, other: Scenario) -> Scenario:
+        """Scenario with another one's list of payloads for vehicles without force sensors, which alone need it."""
+        pairs = zip(self.agents.values(), other.agents.values(), strict=True)
+        records = tuple(
+            mine
+            if any(each.sensor.feels is not None for each in mine.sensors)
+            else dataclasses.replace(mine, plant=dataclasses.replace(mine.plant, loads=its.plant.loads))
+            for mine, its in pairs
+        )
+        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=records))
+
     def with_agent(self, agent: Agent) -> Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
         return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))

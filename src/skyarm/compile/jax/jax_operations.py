@@ -119,10 +119,12 @@ def copysign(size: Array, sign: Array) -> Array:
     return lax.select(_negative(sign), -lax.abs(size), lax.abs(size))
 
 
-@copysign.defjvps
-def _(dsize: Array, _: Array, size: Array, sign: Array) -> Array:
+def _slope_of_size(dsize: Array, _: Array, size: Array, sign: Array) -> Array:
     turned = lax.ne(_negative(size), _negative(sign))
     return dsize * lax.select(turned, _like(size, -1.0), _like(size, 1.0))
+
+
+copysign.defjvps(_slope_of_size, None)
 
 
 def at_most(a: Array, b: Array) -> Array:
