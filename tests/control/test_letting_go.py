@@ -58,6 +58,10 @@ def test_at_most_the_normal_force_is_compensated_across_the_normal():
         assert math.hypot(given.x, given.y) == pytest.approx(min(across, bound), abs=1e-5)
 
 
+HELD = "of 216 pegs one, 2 mm off towards 55 degrees, is still held by the wall of its hole at the end"
+"""An open fault: no peg may be held there, as the bound below says."""
+
+
 def pegs(offsets, sides, seeds, noisy):
     """Status, depth reached (mm) and last contact force (N) of pegs beside their hole towards all sides."""
     scenario = skyarm.load_scenario("peg_in_hole")
@@ -76,13 +80,10 @@ def pegs(offsets, sides, seeds, noisy):
 
 
 def require_in_and_out(status, deep, last, noisy):
-    """Measured: at the end one peg of 216 is still held by the wall of its hole.
-
-    Under noise three of 432 are, and one does not find its hole.
-    """
+    """Measured under noise: of 432 pegs one does not find its hole, and three are still held by its wall at the end."""
     assert set(status) == {"completed"}
     assert np.mean(deep > 27.0) > (0.995 if noisy else 0.9999)
-    assert np.mean(last < 0.02) > 0.99
+    assert np.mean(last < 0.02) > (0.99 if noisy else 0.9999)
 
 
 def test_a_peg_that_its_hole_holds_sideways_comes_out():
@@ -96,7 +97,7 @@ def test_a_peg_that_its_hole_holds_sideways_comes_out():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("noisy", [pytest.param(False, marks=pytest.mark.xfail(strict=True, reason=HELD)), True])
 def test_pegs_go_in_and_come_out_towards_all_sides(noisy):
     require_in_and_out(*pegs((0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004), 36, 2 if noisy else 1, noisy), noisy)
 
