@@ -436,7 +436,7 @@ def test_rotors_at_their_limit_hold_the_force_with_and_without_an_accelerometer(
     speeds = (500.0,) * 4
     readings = blank_measurement(2, 4)
     measured = dataclasses.replace(readings, velocity=Vec3(0.1, 0.0, 0.0), specific_force=Vec3(2.0, 0.0, G))
-    observed, _ = observe(
+    observed, told = observe(
         ARM,
         ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=pair),
         first_observed(2, speeds, pair is not None),
@@ -449,6 +449,7 @@ def test_rotors_at_their_limit_hold_the_force_with_and_without_an_accelerometer(
     )
     assert list(observed.force) == [0.0] * 3
     assert list(observed.torque) == [0.0] * 3
+    assert list(told.angular_correction) == [0.0] * 3
 
 
 def test_what_turns_a_joint_is_hardly_taken_for_a_force_on_the_base():
@@ -499,10 +500,16 @@ def test_beside_a_joint_at_its_limit_the_force_is_that_of_the_velocities_alone()
         done = actuation(ARM, speeds, Command(rotor_speeds=speeds, efforts=(0.0, 0.0)), DT)
         known = Unknown(force=ZERO3, torque=ZERO3, efforts=(0.0, 0.0))
         start = first_observed(2, speeds, pair is not None)
-        observed, _ = observe(ARM, gains, start, measured, done, known, 1.0, (1.0, 0.0, 1.0), DT)
+        (observed, told), (alike, most) = (
+            observe(ARM, gains, start, measured, done, known, 1.0, (1.0, free, 1.0), DT) for free in (0.0, 1.0)
+        )
         found.append([*observed.force, *observed.torque, *observed.efforts])
-    assert np.abs(found[0][:2]).min() > 0.01
-    assert found[0][6] == 0.0
+        # at its limit a joint's disturbance follows a tenth as fast, and the other's as ever
+        if pair is None:
+            assert observed.efforts == pytest.approx([0.1 * alike.efforts[0], alike.efforts[1]], rel=1e-12)
+        tenth = [0.1 * most.joint_corrections[0], most.joint_corrections[1]]
+        assert told.joint_corrections == pytest.approx(tenth, rel=1e-12)
+    assert np.abs([*found[0][:2], *found[0][6:]]).min() > 1e-4
     np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
 
 

@@ -293,12 +293,14 @@ def test_known_delays_of_40_ms_and_more_are_checked(period, periods, stride, ear
     assert estimate(first.base, period, earlier) == pytest.approx(0.0, abs=2e-8)
 
 
-def test_at_a_limit_the_observers_disturbance_stands_still():
-    """Of the base for both axes, of each joint for itself."""
+def test_the_observers_disturbance_is_the_sum_of_its_changes():
+    """From the second measurement on."""
     told = told_by(Vec3(0.0, 0.0, 0.0), (0.0, 0.0), Vec3(1.0, 2.0, 3.0), (4.0, 5.0))
     still = Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0))
-    for free, moved in (((0.0, 1.0, 0.0), (0.0, 0.0, 4.0, 0.0)), ((1.0, 0.0, 1.0), (1.0, 2.0, 0.0, 5.0))):
-        assert learn(GAINS, GAINS.start(2), told, still, 1.0, free, 1.0, DT).disturbing == moved
+    memory = GAINS.start(2)
+    for started, sums in ((0.0, (0.0,) * 4), (1.0, (1.0, 2.0, 4.0, 5.0)), (1.0, (2.0, 4.0, 8.0, 10.0))):
+        memory = learn(GAINS, memory, told, still, started, (1.0,) * 3, 1.0, DT)
+        assert memory.disturbing == sums
 
 
 @pytest.mark.parametrize(("periods", "earlier"), [(0, 0), (2, 0), (2, 1), (2, 2)])

@@ -188,8 +188,6 @@ class LagGains(OptionalPart):
         last, sent = self.stride * self.earlier - step.par.delay_periods - 1, step.timing.past
         _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
-        # the observer's disturbance stands still at limits of actuators
-        learning = (*free[:1] * TILTS, *free[1:])
         corrections = (update.angular_correction.x, update.angular_correction.y, *update.joint_corrections)
         own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
         seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
@@ -238,9 +236,7 @@ class LagGains(OptionalPart):
             count=memory.count + running,
             obeyed=memory.obeyed + divide(learned * (OBEYING * dt), asked + FLOOR) * missing,
             rates=tuple(data(each) for each in rates),
-            disturbing=tuple(
-                d + mul(running, mul(c, f)) for d, c, f in zip(memory.disturbing, corrections, learning, strict=True)
-            ),
+            disturbing=tuple(d + mul(running, c) for d, c in zip(memory.disturbing, corrections, strict=True)),
             believed=believed,
             measured=measured,
             past=(band, *memory.past[:-1]),
