@@ -29,6 +29,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push, at_origin
 from skyarm.vehicle import Vehicle, VehicleError
+from skyarm.vehicle.check import FARTHEST
 
 
 @immutable
@@ -114,7 +115,7 @@ class Imu(ChannelSensor):
 
     record: ClassVar[type] = ImuReading
 
-    position: Annotated[Vec3, Unit("m", "place of the inertial unit from the base origin, base axes")] = (
+    position: Annotated[Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)] = (
         dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
     )
     rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (

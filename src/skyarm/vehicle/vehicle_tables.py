@@ -16,7 +16,7 @@ from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
@@ -217,7 +217,10 @@ def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
             refuse(fields.at("quaternion_wxyz"), wxyz, "must be four numbers of unit length")
         R = description.rotation_quaternion(fields.at("quaternion_wxyz"), four)
     elif rpy is not None:
-        R = description.rotation_rpy(fields.vector("rpy"))
+        angles = fields.vector("rpy")
+        if max(map(abs, angles)) > TURN[0]:
+            refuse(fields.at("rpy"), rpy, "must be within a turn: rad, not degrees")
+        R = description.rotation_rpy(angles)
     return R, description.vector(fields.vector("position", (0.0, 0.0, 0.0)))
 
 

@@ -32,6 +32,7 @@ from skyarm.sensing.sensor_kinds import (
     mount_rotation,
 )
 from skyarm.vehicle import Vehicle
+from skyarm.vehicle.check import FARTHEST
 
 AIDS: dict[str, tuple[type, ...]] = {
     "pose": (PoseReading,),
@@ -273,7 +274,12 @@ class FilterNumbers(Estimator):
         nonnegative("m/s^2", "gravitational acceleration of the filter; None: that of the controller's model"),
     ] = None
     imu_position: Annotated[
-        Vec3 | None, Unit("m", "assumed place of the inertial unit from the base origin, base axes; None: the sensor's")
+        Vec3 | None,
+        Unit(
+            "m",
+            "assumed place of the inertial unit from the base origin, base axes; None: the sensor's",
+            usual=FARTHEST,
+        ),
     ] = field(default=None, metadata=WRITTEN_IF_ANY)
     imu_rpy: Annotated[
         Vec3 | None, Unit("rad", "assumed angles of the inertial unit's axes in the base; None: the sensor's")
