@@ -11,7 +11,7 @@ from skyarm.cli.commands import COMMANDS
 from skyarm.records.registry.shipped import SECTIONS
 from support.commands import skyarm
 
-LINES, COLUMNS, MOST = 25, 100, 18
+LINES, COLUMNS, MOST = 26, 100, 18
 
 
 def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
@@ -31,7 +31,21 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
 
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
-BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", PAGE.read_text("utf-8"), re.S))
+TEXT = PAGE.read_text("utf-8")
+BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", TEXT, re.S))
+COMMON = re.findall(r"<!-- generated: common -->\n(.*?)<!-- /", TEXT, re.S)[0]
+"""Rows of the page for the options of every command."""
+
+
+def rows_of(block: str) -> list[dict[str, str]]:
+    head, _, *rows = (
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in block.splitlines()
+    )
+    return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def test_the_page_has_every_option_of_all_commands() -> None:
+    assert [row["option"].split("`")[1] for row in rows_of(COMMON)] == ["--json", "--quiet", "--plugin", "--debug"]
 
 
 @pytest.mark.parametrize("command", BLOCKS)
@@ -40,12 +54,8 @@ def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
     shown = skyarm(*command.split(), "--help", columns=COLUMNS).out
     assert not re.search(r"[<>{}]|Annotated|str\b", shown), shown
     words = " ".join(shown.split())
-    head, _, *rows = (
-        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in BLOCKS[command].splitlines()
-    )
-    for row in rows:
-        cells = dict(zip(head, row, strict=True))
-        name = cells["argument or option"].split("`")[1]
+    for cells in (*rows_of(BLOCKS[command]), *rows_of(COMMON)):
+        name = cells.get("argument or option", cells.get("option", "")).split("`")[1]
         value = cells.get("value", "-").strip("`-")
         line = " ".join([name, *([value] if value else []), *cells["meaning"].split()]).replace("\\|", "|")
         assert line.partition(" [default")[0] in words, shown

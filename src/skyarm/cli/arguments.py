@@ -99,7 +99,7 @@ EVERY: Mapping[str, Any] = {
     "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
     "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
     "plugin": Plugins,
-    "debug": Annotated[bool, typer.Option("--debug", hidden=True, help="show where an error of skyarm itself arose")],
+    "debug": Annotated[bool, typer.Option("--debug", help="show where an error of skyarm itself arose")],
 }
 """Options that every command has, by parameter."""
 

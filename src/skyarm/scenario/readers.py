@@ -316,6 +316,10 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
         raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):
         entry = {name: each for name, each in entry.items() if name != "object" or path != "reference"}
+        agents = [each.agent for each in team.members]
+        if path == "reference" and reading.name not in agents:
+            words = f"{must_be_one_of(agents, reading.name)} of [team], or have a reference of its own"
+            raise ValueError(f"{AGENTS}.{reading.name}: {words}")
         for member in team.members:
             if member.agent == reading.name:
                 turned = (team.motion.roll, team.motion.pitch, team.motion.yaw) if member.kind == "fixed" else ()

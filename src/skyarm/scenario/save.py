@@ -131,8 +131,8 @@ def _with_agents(tables: Tables, names: Iterable[str]) -> Tables:
     """Scenario-file tables with a table for each vehicle by name; without one if the only vehicle has no name there."""
     if AGENTS not in tables and [*names] == [SOLE]:
         return tables
-    stated = Fields(tables, "").inner(AGENTS)
-    return tables | {AGENTS: {name: stated.inner(name).table for name in names}}
+    stated, further = Fields(tables, "").inner(AGENTS), {} if "reference" in tables else {"reference": {}}
+    return tables | {AGENTS: {name: stated.inner(name).table or further for name in names}}
 
 
 def _of_agent(tables: Tables, name: str) -> Tables:
