@@ -106,4 +106,6 @@ def test_the_log_of_one_of_several_vehicles_is_written(tmp_path, monkeypatch):
     assert skyarm("export", "team.npz", "--vehicle", "right", "-o", "right.npz").code == 0
     assert same(library.load_log("right.npz"), team.agents["right"])
     assert skyarm("show", "right.npz").code == 0
-    refused(skyarm("export", "team.npz", "--vehicle", "rihgt", "-o", "x.npz"), "--vehicle = 'rihgt': did you mean 'right'?")
+    refused(
+        skyarm("export", "team.npz", "--vehicle", "rihgt", "-o", "x.npz"), "--vehicle = 'rihgt': did you mean 'right'?"
+    )

@@ -38,9 +38,7 @@ COMMON = re.findall(r"<!-- generated: common -->\n(.*?)<!-- /", TEXT, re.S)[0]
 
 
 def rows_of(block: str) -> list[dict[str, str]]:
-    head, _, *rows = (
-        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in block.splitlines()
-    )
+    head, _, *rows = ([cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in block.splitlines())
     return [dict(zip(head, row, strict=True)) for row in rows]
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import must_be_one_of, require_file, shown
 from skyarm.records.files.names import READS, names_in
 from skyarm.records.registry import names as names_of_kind
 
@@ -211,8 +211,21 @@ def names_of(option: str, values: Sequence[str] | None) -> list[str]:
 
 
 def law_names(laws: Sequence[str] | None) -> list[str]:
-    """Control laws named in the values of ``--laws``; empty if it was not given."""
-    return names_of("--laws", laws)
+    """Control laws named in the values of ``--laws``; empty if it was not given.
+
+    Raises:
+        ValueError: one line: a name of no law, or no such file of gains.
+    """
+    from skyarm.control.catalogue import is_named, must_be_named
+    from skyarm.scenario.controller_table import is_gains_file
+
+    named = names_of("--laws", laws)
+    for name in named:
+        if is_gains_file(name):
+            require_file(name, f"--laws = {shown(name)}")
+        elif not is_named(name):
+            raise ValueError(f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file")
+    return named
 
 
 def one_law(laws: Sequence[str] | None) -> str | None:

@@ -115,9 +115,9 @@ class Imu(ChannelSensor):
 
     record: ClassVar[type] = ImuReading
 
-    position: Annotated[Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)] = (
-        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
-    )
+    position: Annotated[
+        Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)
+    ] = dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
     rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (
         dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
     )
