@@ -89,7 +89,7 @@ surfaces = [{{name = "wall", shape = "box", size = [1.0, 1.0, 1.0], position = [
     ],
 )
 def test_degrees_and_millimetres_of_a_mount_are_told(tmp_path, table, text, line):
-    tables = {name: "" for name in ("imu", "filter", "surface")}
+    tables = dict.fromkeys(("imu", "filter", "surface"), "")
     file = tmp_path / "mounted.toml"
     lines = []
     for given in ("", text):

@@ -234,10 +234,10 @@ def one_law(laws: Sequence[str] | None) -> str | None:
     Raises:
         ValueError: several between commas, or none at all.
     """
-    names = law_names((laws or ())[-1:])
-    if len(names) > 1:
+    last = (laws or ())[-1:]
+    if len(names := names_of("--laws", last)) > 1:
         raise ValueError(f"--laws = {shown(','.join(names))}: must be one law")
-    return names[0] if names else None
+    return next(iter(law_names(last)), None)
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
-from skyarm.sensing.sensor_kinds import Imu, mount_rotation
+from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -152,17 +152,15 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
             float(scenario.agent.plant.gravity),
             first_state(scenario),
         )
-        units = [(each.name, each.sensor) for each in scenario.agent.sensors if isinstance(each.sensor, Imu)]
-        frames = [
-            Frame(name=each, link=BASE, position=imu.position, rotation=mount_rotation(imu.rpy) or Mat3.identity())
-            for each, imu in units
-        ]
+        units = [each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)]
+        mounts = [(each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by)) for each in units]
+        frames = [Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity()) for name, p, R in mounts]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
         vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each for each, _ in units])
+    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each.name for each in units])
     write_atomically(file, exported.text.encode())
     counts = {"bodies": exported.bodies, "joints": exported.joints}
     give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))

@@ -107,7 +107,8 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
         "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "world": scenario.world,
         **dict(scenario.placed_winds_and_forces), "payloads": scenario.agent.payloads,
         "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
-        **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors}, "estimator": scenario.agent.estimator,
+        "estimator": scenario.agent.estimator,
+        **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},
     }  # fmt: skip
     declared = (line for where, record in records.items() for line in _unusual(record, where))
     return (*_model(scenario), *declared, *_reference(scenario))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
@@ -22,7 +22,7 @@ from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt, arm_direction
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rolling, Rotor, Vehicle
 
 SOURCES: Mapping[str, tuple[str, ...]] = {
     "urdf": (".urdf",),
@@ -267,15 +267,12 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
 
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
-ROLLING = ("rotors_sim", "signed")
-"""Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
-
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
-    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=ROLLING))):
+    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
         if fields.take(name, None) is not None:
             values[name] = read(name)
     if fields.take("thrust_table", None) is not None:
