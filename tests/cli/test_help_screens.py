@@ -9,6 +9,7 @@ import pytest
 
 from skyarm.cli.commands import COMMANDS
 from skyarm.records.registry.shipped import SECTIONS
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from support.commands import skyarm
 
 LINES, COLUMNS, MOST = 26, 100, 18
@@ -81,3 +82,12 @@ def test_heads_of_a_wide_table_keep_their_words(columns: int) -> None:
     assert all(head in joints for head in ("position, m ", "coulomb, N m or N ", "stop stiffness, N m/rad or N/m "))
     assert (len(joints.splitlines()) > 10) == (columns == 80)
     assert max(map(len, joints.splitlines())) <= columns
+
+
+@pytest.mark.parametrize("vehicle", list_vehicles())
+def test_no_word_of_a_table_is_broken_at_80_columns(vehicle: str) -> None:
+    """Joints that do not fit beside each other stand below; paths of sources alone are longer than a column."""
+    narrow, wide = (skyarm("show", vehicle, columns=columns).out.partition("\nsources\n")[0] for columns in (80, 300))
+    assert max(map(len, narrow.splitlines())) <= 80
+    assert {*narrow.split()} <= {*wide.split()}
+    assert all(link.joint.name in narrow.split() for link in load_vehicle(vehicle).links)
