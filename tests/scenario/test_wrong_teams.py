@@ -68,7 +68,10 @@ base = { kind = "hover", position = [0.0, 3.0, 1.0] }
 
 @pytest.mark.parametrize("table", ["sensors.imu]\nkind = 'imu'", "sensors]\nposition = 0.1", "delays]", "payloads]"])
 def test_a_table_of_an_agent_that_is_misspelt_makes_no_further_agent(table: str) -> None:
-    with pytest.raises(skyarm.ScenarioError, match=r"^agents\.lefft\.reference: is missing; did you mean 'left'\?"):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"^agents\.lefft: did you mean 'left'\? must have a reference of its own, or be one of left, right$",
+    ):
         skyarm.scenario_from(tomllib.loads(f"{PAIR}[agents.lefft.{table}\n"), TEAMS)
 
 
@@ -96,7 +99,10 @@ def test_an_agent_that_is_added_is_saved_with_a_reference(tmp_path: Path) -> Non
 def test_a_misspelt_agent_beside_a_team_is_told_of_the_members() -> None:
     tables = tomllib.loads((TEAMS / "long_bar.toml").read_text("utf-8"))
     tables["agents"]["midle"] = {"delays": {}}
-    with pytest.raises(skyarm.ScenarioError, match=r"^agents\.midle: did you mean 'middle'\? must be one of left, "):
+    with pytest.raises(
+        skyarm.ScenarioError,
+        match=r"^agents\.midle: did you mean 'middle'\? must have a reference of its own, or be one of left, ",
+    ):
         skyarm.scenario_from(tables, TEAMS)
 
 

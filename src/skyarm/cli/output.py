@@ -21,7 +21,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
 from pathlib import Path, PurePath
-from typing import Any, Literal
+from typing import Any
 
 import typer
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -94,8 +94,8 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
         names = [name.removeprefix(">") for name in part.head]
         tables.append(table := Table(box=None, pad_edge=False, show_header=any(names), header_style="dim"))
         for name, head in zip(names, part.head, strict=True):
-            side: Literal["left", "right"] = "left" if name == head else "right"
-            table.add_column(Text(name, overflow="fold"), justify=side, no_wrap=not table.columns)
+            text, first = Text(name, overflow="fold"), not table.columns
+            table.add_column(text, justify="left" if name == head else "right", no_wrap=first)
         for row in part.rows:  # rich would read [s] in a cell as markup
             table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
     return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), *tables)

@@ -56,7 +56,6 @@ from typing import Any
 from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
-from skyarm.records.files.messages import comma_list, did_you_mean, nearest
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
@@ -211,11 +210,7 @@ def _scenario_of(document: Document) -> Scenario:
     readers.require_plugins(top)
     agents, changes = dict[str, Agent](), document.word("changes")
     changes = [each for each in changes if not (each.of_law and document.law is not None)]
-    flown = [name for name, each in members.items() if each.at("reference") != "reference"]
     for name, each in members.items():
-        if flown and name not in flown and "reference" not in top.table:
-            words = f"is missing; {did_you_mean(name, flown)}agents that have one: {comma_list(nearest(name, flown))}"
-            raise ValueError(f"{AGENTS}.{name}.reference: {words}")
         with each.errors_at():
             controller = each.stated_table("controller")
             require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
