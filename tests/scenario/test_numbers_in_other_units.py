@@ -1,13 +1,17 @@
 """Warnings about numbers that are probably in other units, and about models of another mass."""
 
 import dataclasses
+from typing import Annotated
 
 import pytest
 
 import skyarm
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Constant, Signal
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
-from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle, unlikely_numbers
+from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle, unlikely_numbers, unlikely_units
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from skyarm.world.component import Component
 
 CASE = skyarm.load_scenario("case1")
 OCTO = skyarm.load_vehicle("octo_coaxial_two_arms")
@@ -110,3 +114,15 @@ def test_a_frame_of_degrees_is_refused(tmp_path, angles):
     file.write_text(f"{text}{frame}[{angles}]\n")
     with pytest.raises(ValueError, match=r"degrees\.toml: frames\[camera\]\.rpy = .* rad, not degrees"):
         skyarm.load_vehicle(file)
+
+
+@dataclasses.dataclass(frozen=True)
+class Nodding(Component):
+    """A user's own force whose angle is a signal."""
+
+    angle: Annotated[Signal, Unit("rad", "angle of the force")] = Constant(90.0)
+
+
+def test_an_angle_that_is_a_signal_is_no_number_to_look_at():
+    environment = dataclasses.replace(CASE.environment, forces=(Nodding(),))
+    assert unlikely_units(dataclasses.replace(CASE, environment=environment)) == ()

@@ -151,7 +151,7 @@ def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, st
             unit = unit.split(" or ")[slides]
         if unit == "rad" and most == math.inf:
             most = TURN[0]  # no angle of a mount or a body is more than a turn
-        if most != math.inf and value is not None:
+        if most != math.inf:
             for line in _too_large(f"{at} =", _size(value), most, unit):
                 yield (type(record), name), line
 
@@ -164,7 +164,9 @@ def _too_large(before: str, size: float, most: float, unit: str, behind: str = "
 
 
 def _size(value: Any) -> float:
-    """Magnitude of a field's value: absolute value, vector length, or largest entry of a list."""
+    """Absolute value of a number, length of a vector, or largest entry of a list; 0 of a signal or None."""
+    if value is None or (parts(value) and not isinstance(value, Iterable)):
+        return 0.0
     if isinstance(value, tuple):
         return max(map(abs, map(float, value)), default=0.0)
     return _norm(value) if parts(value) else float(value)
