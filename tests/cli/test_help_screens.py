@@ -91,3 +91,7 @@ def test_no_word_of_a_table_is_broken_at_80_columns(vehicle: str) -> None:
     assert max(map(len, narrow.splitlines())) <= 80
     assert {*narrow.split()} <= {*wide.split()}
     assert all(link.joint.name in narrow.split() for link in load_vehicle(vehicle).links)
+
+
+def test_a_name_is_not_broken_beside_a_long_text() -> None:
+    assert "rotor_defaults.rolling_moment_coefficient  " in skyarm("show", "crazyflie_arm1", columns=80).out

@@ -163,6 +163,8 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         kind = np.asarray(values).dtype
         if name != "vehicle" and kind.kind not in "fiu":
             raise ValueError(f"{at}: {name} of type {kind}: must be an array of numbers")
+        if name != "vehicle" and not (np.abs(values) <= LARGEST).all():
+            raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     t = arrays["t"]
     if t.ndim != 1 or len(t) < 2:
         raise ValueError(f"{at}: t of shape {t.shape}: must be a list of two times or more")
@@ -172,9 +174,6 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         if first != rows or len(more) != len(axes) or any(x and k not in x for x, k in zip(axes, more, strict=True)):
             words = ",".join(f" {lengths[0]}" if lengths else " any number" for lengths in axes)
             raise ValueError(f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})")
-    for name, values in arrays.items():
-        if name != "vehicle" and not (np.abs(values) <= LARGEST).all():
-            raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")
     if not (np.linalg.norm(arrays["quaternion"], axis=1) > SHORTEST).all():

@@ -131,7 +131,8 @@ def _with_agents(tables: Tables, names: Iterable[str]) -> Tables:
     """Scenario-file tables with a table for each vehicle by name; without one if the only vehicle has no name there."""
     if AGENTS not in tables and [*names] == [SOLE]:
         return tables
-    stated, further = Fields(tables, "").inner(AGENTS), {} if "reference" in tables else {"reference": {}}
+    stated = Fields(tables, "").inner(AGENTS)
+    further: Tables = {} if "reference" in tables else {"reference": {}}
     return tables | {AGENTS: {name: stated.inner(name).table or further for name in names}}
 
 

@@ -317,8 +317,7 @@ class FilterNumbers(Estimator):
         """
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         lag = self.delay_periods / rate
-        name_of = dict[type, str]()
-        aids = AIDS[self.aiding]
+        aids, imu = AIDS[self.aiding], ""
         for kind in (ImuReading, *aids, *((EncoderReading,) if vehicle.n else ())):
             names = [name for name, sensor in sensors.items() if reads(sensor, kind)]
             if len(names) != 1:
@@ -327,13 +326,12 @@ class FilterNumbers(Estimator):
                     f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
                     f"there are {len(names)} of kind {word!r}"
                 )
-            name_of[kind], sensor = names[0], sensors[names[0]]
+            imu, sensor = imu or names[0], sensors[names[0]]
             if kind in aids and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
                     f"{sensor.latency:g} s, or those readings are never used"
                 )
-            imu = name_of[ImuReading]
             if kind in aids and sensor.latency < sensors[imu].latency - 1e-9:
                 raise ValueError(
                     f"sensors.{imu}.latency = {sensors[imu].latency:g} s: must be at most sensors."
