@@ -101,6 +101,10 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
     [
         ("run", "case1", "--laws", "{}"),
         ("margins", "case1", "--laws", "{}"),
+        ("compare", "case1", "--laws", "own,{}x"),
+        ("sweep", "carrying", "--laws", "{}"),
+        ("film", "case1", "x.webp", "--laws", "{}"),
+        ("studio", "case1", "--laws", "{}"),
         ("export", "--to", "c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
@@ -110,9 +114,17 @@ def test_an_unknown_name_is_refused_in_short_with_where_to_see_all(
 ) -> None:
     words = ("must be", "a preset, a law or LAW_tuned (", " ...; 'skyarm show' shows all)")
     outcome = skyarm(*(each.format(name) for each in command))
-    refused(outcome, f"controller = {name!r}: ", *words)
+    name += "x" * (command[0] == "compare")
+    refused(outcome, f"{'--laws' if '--laws' in command else 'controller'} = {name!r}: ", *words)
     assert outcome.err.partition(" ...;")[0].count(", ") < 6
     assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize("command", ["run", "compare", "margins", "tune"])
+def test_a_misspelt_law_is_told_its_name_under_the_option(folder: Path, command: str) -> None:
+    told = skyarm(command, "case1", "--laws", "centroidal_joit")
+    refused(told, "skyarm: --laws = 'centroidal_joit': did you mean 'centroidal_joint'? must be")
+    refused(skyarm(command, "case1", "--laws", "gains.toml"), "skyarm: --laws = 'gains.toml': no such file")
 
 
 def test_the_list_is_given_as_data() -> None:
@@ -180,7 +192,7 @@ def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, 
 def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, words: tuple[str, ...], word: str) -> None:
     refused(
         skyarm(*words, word),
-        f"controller = '{word}'",
+        f"{'--laws' if '--laws' in words else 'controller'} = '{word}'",
         "FILE.py:make, its function named behind a colon",
         "mylqr.py:make",
     )

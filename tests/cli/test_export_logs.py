@@ -95,3 +95,17 @@ def test_a_format_of_ones_own_may_write_more_than_one_file(folder):
     assert skyarm("run", "case1", "--duration", "0.25", "--plugin", "own.py", "--log", "deep/flight.mine").code == 0
     shutil.rmtree(folder / "__pycache__", ignore_errors=True)
     assert sorted(path.name for path in (folder / "deep").iterdir()) == ["flight.mine", "flight.more"]
+
+
+def test_the_log_of_one_of_several_vehicles_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    team = library.run(library.load_scenario("two_on_cables", duration=0.1))
+    library.save_log(team, "team.npz")
+    for words in (("show", "team.npz"), ("identify", "lags", "team.npz")):
+        refused(skyarm(*words), "skyarm export LOG --vehicle left -o NEW.npz")
+    assert skyarm("export", "team.npz", "--vehicle", "right", "-o", "right.npz").code == 0
+    assert same(library.load_log("right.npz"), team.agents["right"])
+    assert skyarm("show", "right.npz").code == 0
+    refused(
+        skyarm("export", "team.npz", "--vehicle", "rihgt", "-o", "x.npz"), "--vehicle = 'rihgt': did you mean 'right'?"
+    )

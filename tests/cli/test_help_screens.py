@@ -9,9 +9,10 @@ import pytest
 
 from skyarm.cli.commands import COMMANDS
 from skyarm.records.registry.shipped import SECTIONS
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from support.commands import skyarm
 
-LINES, COLUMNS, MOST = 25, 100, 18
+LINES, COLUMNS, MOST = 26, 100, 18
 
 
 def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
@@ -31,7 +32,19 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
 
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
-BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", PAGE.read_text("utf-8"), re.S))
+TEXT = PAGE.read_text("utf-8")
+BLOCKS = dict(re.findall(r"<!-- generated: command ([\w ]+) -->\n(.*?)<!-- /", TEXT, re.S))
+COMMON = re.findall(r"<!-- generated: common -->\n(.*?)<!-- /", TEXT, re.S)[0]
+"""Rows of the page for the options of every command."""
+
+
+def rows_of(block: str) -> list[dict[str, str]]:
+    head, _, *rows = ([cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in block.splitlines())
+    return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def test_the_page_has_every_option_of_all_commands() -> None:
+    assert [row["option"].split("`")[1] for row in rows_of(COMMON)] == ["--json", "--quiet", "--plugin", "--debug"]
 
 
 @pytest.mark.parametrize("command", BLOCKS)
@@ -40,12 +53,8 @@ def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
     shown = skyarm(*command.split(), "--help", columns=COLUMNS).out
     assert not re.search(r"[<>{}]|Annotated|str\b", shown), shown
     words = " ".join(shown.split())
-    head, _, *rows = (
-        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in BLOCKS[command].splitlines()
-    )
-    for row in rows:
-        cells = dict(zip(head, row, strict=True))
-        name = cells["argument or option"].split("`")[1]
+    for cells in (*rows_of(BLOCKS[command]), *rows_of(COMMON)):
+        name = cells.get("argument or option", cells.get("option", "")).split("`")[1]
         value = cells.get("value", "-").strip("`-")
         line = " ".join([name, *([value] if value else []), *cells["meaning"].split()]).replace("\\|", "|")
         assert line.partition(" [default")[0] in words, shown
@@ -73,3 +82,16 @@ def test_heads_of_a_wide_table_keep_their_words(columns: int) -> None:
     assert all(head in joints for head in ("position, m ", "coulomb, N m or N ", "stop stiffness, N m/rad or N/m "))
     assert (len(joints.splitlines()) > 10) == (columns == 80)
     assert max(map(len, joints.splitlines())) <= columns
+
+
+@pytest.mark.parametrize("vehicle", list_vehicles())
+def test_no_word_of_a_table_is_broken_at_80_columns(vehicle: str) -> None:
+    """Joints that do not fit beside each other stand below; paths of sources alone are longer than a column."""
+    narrow, wide = (skyarm("show", vehicle, columns=columns).out.partition("\nsources\n")[0] for columns in (80, 300))
+    assert max(map(len, narrow.splitlines())) <= 80
+    assert {*narrow.split()} <= {*wide.split()}
+    assert all(link.joint.name in narrow.split() for link in load_vehicle(vehicle).links)
+
+
+def test_a_name_is_not_broken_beside_a_long_text() -> None:
+    assert "rotor_defaults.rolling_moment_coefficient  " in skyarm("show", "crazyflie_arm1", columns=80).out

@@ -9,7 +9,7 @@ import pytest
 from command_files import FALLS
 from every_command import CHOOSES
 
-from skyarm.cli.arguments import OLDER, law_names
+from skyarm.cli.arguments import OLDER, names_of
 from skyarm.cli.run_command import _files_by_law
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import load_scenario
@@ -56,7 +56,7 @@ def test_run_flies_each_law_into_a_log_of_its_name(monkeypatch: pytest.MonkeyPat
 def test_files_of_gains_may_have_commas_in_their_path_and_one_name() -> None:
     Path("b,c").mkdir()
     Path("b,c/tuned.toml").touch()
-    names = law_names(["a/tuned.toml , indi", "b,c/tuned.toml", "my law.py:make"])
+    names = names_of("--laws", ["a/tuned.toml , indi", "b,c/tuned.toml", "my law.py:make"])
     assert names == ["a/tuned.toml", "indi", "b,c/tuned.toml", "my law.py:make"]
     stems = [files[0].stem for files in _files_by_law(Path(), [load_scenario("case3")] * 4, names)]
     assert stems == ["case3_tuned_0", "case3_indi", "case3_tuned_2", "case3_make_of_my_law_py"]

@@ -158,7 +158,7 @@ def test_the_command_line_keeps_blas_to_one_thread_and_leaves_what_the_user_set(
 
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
-    refused(skyarm("margins", "short.toml", "--laws", "best"), "controller = 'best': must be a preset")
+    refused(skyarm("margins", "short.toml", "--laws", "best"), "--laws = 'best': must be a preset")
     refused(skyarm("margins", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
 
 

@@ -131,6 +131,6 @@ def test_a_mapping_is_refused_and_one_beside_the_log_is_for_other_files(tmp_path
 
 def test_a_log_of_several_vehicles_is_refused_by_their_names_and_with_a_cure() -> None:
     team: Any = SimpleNamespace(agents={"left": None, "right": None})
-    words = re.escape("vehicles = left, right: must be one; Python writes the log of one: skyarm.save_log(")
-    with pytest.raises(ValueError, match=f"^{words}.*'left'"):
+    words = re.escape("vehicles = left, right: must be one; the log of one is written by: skyarm export ")
+    with pytest.raises(ValueError, match=f"^{words}LOG --vehicle left -o NEW.npz$"):
         measured_flight(team, Path("team.npz"))

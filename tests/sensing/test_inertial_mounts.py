@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -16,6 +16,7 @@ from skyarm import dynamics
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.links.autopilots.autopilot import inertial_unit
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force
@@ -27,12 +28,14 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.estimate.filter_models import modelled_force
 from skyarm.sensing.sensor import specific_force_at
-from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading, PoseReading
+from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading, PoseReading, mount_rotation
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.plant_steps import CalledPlant
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
+from support import commands, flights
+from support.components import registry_kept
 from support.flights import estimated
 from support.one_vehicle import acceleration, motion_of
 from support.vehicles import HOVER, WIND, random_flyer, tumbling
@@ -235,6 +238,53 @@ def test_the_filter_predicts_the_force_at_its_place_from_the_velocity_of_the_bas
     arm = after.joints.joints, after.joints.rates
     wanted = modelled_force(model.vehicle, velocity, rate, *arm, (speeds, speeds), orders.efforts, place)
     np.testing.assert_allclose([*after.modelled[-1]], [*wanted], rtol=0.0, atol=1e-12)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mine(skyarm.Sensor):
+    """A user's own inertial unit, of no shipped kind: one that reads Imu's ``ImuReading``."""
+
+    record = ImuReading
+
+    @property
+    def mounted_at(self) -> Vec3:
+        return Vec3(*MOUNT["sensors__imu__position"])
+
+    @property
+    def turned_by(self) -> Vec3:
+        return Vec3(*MOUNT["sensors__imu__rpy"])
+
+    def measure(self, memory: Any, t: Any, state: State, specific_force: Vec3, draws: Any, dt: float) -> Any:
+        R = mount_rotation(self.turned_by)
+        force = R.apply_T(specific_force)
+        return memory, ImuReading(time=t, rate=R.apply_T(state.rate), specific_force=force)
+
+
+class Bare(Mine):
+    def measure(self, memory: Any, t: Any, *rest: Any) -> Any:
+        return memory, (t, 0.0)
+
+
+def test_an_inertial_unit_of_one_s_own_is_one_to_filter_export_and_autopilots(tmp_path):
+    with registry_kept():
+        skyarm.register.sensor("mine")(Mine)
+        skyarm.register.sensor("bare")(Bare)
+        text = flights.TEXT.replace('kind = "imu"', 'kind = "mine"')
+        rows = [line for line in text.splitlines() if not line.startswith(("gyro", "accelerometer"))]
+        (tmp_path / "mine.toml").write_text("\n".join(rows), "utf-8")
+        given = {name: each for name, each in EXACT.items() if "mocap" in name}
+        scenario = estimated(duration=0.1, **given, sensors__imu={"kind": "mine"})
+        assert same(skyarm.run(scenario), skyarm.run(estimated(duration=0.1, **EXACT, **MOUNT)))
+        assert inertial_unit(scenario).mounted_at == Mine().mounted_at
+        done = commands.skyarm("export", str(tmp_path / "mine.toml"), "--to", "mjcf", "-o", str(tmp_path / "mine.xml"))
+        assert done.code == 0, done.err
+        with pytest.raises(ValueError, match=r"gives a reading that is .*: must be a ImuReading"):
+            skyarm.run(estimated(duration=0.1, sensors__imu={"kind": "bare"}))
+        with pytest.raises(ValueError, match=r"needs one sensor of kind 'imu'.*there are 2"):
+            estimated(sensors__more={"kind": "mine"})
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mine.xml"))
+    np.testing.assert_allclose(model.site("imu").pos, MOUNT["sensors__imu__position"])
+    assert {model.sensor(i).name for i in range(model.nsensor)} >= {"imu_gyro", "imu_acc"}
 
 
 def test_a_plant_that_knows_no_turning_is_refused_in_one_line():

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import must_be_one_of, require_file, shown
 from skyarm.records.files.names import READS, names_in
 from skyarm.records.registry import names as names_of_kind
 
@@ -99,7 +99,7 @@ EVERY: Mapping[str, Any] = {
     "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
     "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
     "plugin": Plugins,
-    "debug": Annotated[bool, typer.Option("--debug", hidden=True, help="show where an error of skyarm itself arose")],
+    "debug": Annotated[bool, typer.Option("--debug", help="show where an error of skyarm itself arose")],
 }
 """Options that every command has, by parameter."""
 
@@ -211,8 +211,21 @@ def names_of(option: str, values: Sequence[str] | None) -> list[str]:
 
 
 def law_names(laws: Sequence[str] | None) -> list[str]:
-    """Control laws named in the values of ``--laws``; empty if it was not given."""
-    return names_of("--laws", laws)
+    """Control laws named in the values of ``--laws``; empty if it was not given.
+
+    Raises:
+        ValueError: one line: a name of no law, or no such file of gains.
+    """
+    from skyarm.control.catalogue import is_named, must_be_named
+    from skyarm.scenario.controller_table import is_gains_file
+
+    named = names_of("--laws", laws)
+    for name in named:
+        if is_gains_file(name):
+            require_file(name, f"--laws = {shown(name)}")
+        elif not is_named(name):
+            raise ValueError(f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file")
+    return named
 
 
 def one_law(laws: Sequence[str] | None) -> str | None:
@@ -221,10 +234,10 @@ def one_law(laws: Sequence[str] | None) -> str | None:
     Raises:
         ValueError: several between commas, or none at all.
     """
-    names = law_names((laws or ())[-1:])
-    if len(names) > 1:
+    last = (laws or ())[-1:]
+    if len(names := names_of("--laws", last)) > 1:
         raise ValueError(f"--laws = {shown(','.join(names))}: must be one law")
-    return names[0] if names else None
+    return next(iter(law_names(last)), None)
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:

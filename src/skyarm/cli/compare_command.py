@@ -14,6 +14,7 @@ from skyarm.cli.arguments import (
     chosen_names,
     law_names,
     name_completion,
+    names_of,
     out_option,
     require_left_out,
     require_within,
@@ -34,6 +35,7 @@ from skyarm.studies.compare.envelope import ENVELOPE, TUNED_LAWS
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
+from skyarm.studies.compare.own_scenario import OWN
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.compare.survive import SURVIVE
@@ -109,7 +111,7 @@ def compare(
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     _require_effect(context, suite)
-    names, options = law_names(laws), dict[str, Any](seed=seed, plant=plant)
+    names, options = names_of("--laws", laws), dict[str, Any](seed=seed, plant=plant)
     if suite == ENVELOPE:
         options |= {"axes": chosen_names("--only", only, AXES), "vehicle": vehicle, "quick": quick}
         if vehicle != PAPER:
@@ -127,6 +129,7 @@ def compare(
         options["conditions"] = {name: there[name] for name in chosen_names("--only", only, there)}
     elif suite.endswith(".toml") or suite in shipped_names("scenario"):
         # two names of one law are refused with its plan, where "own" does not count
+        law_names([name for name in names if name != OWN])
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:

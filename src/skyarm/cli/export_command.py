@@ -34,7 +34,7 @@ from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
-from skyarm.sensing.sensor_kinds import Imu, mount_rotation
+from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -50,7 +50,7 @@ LATEST = 2.0**31 - 1.0
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
 """Format of a law or vehicle -> suffixes of its files."""
 
-OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
+OF_LAWS = ("--rate", "--name", "--float32")
 
 
 def export(
@@ -71,7 +71,9 @@ def export(
         ),
     ] = None,
     file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
-    vehicle: Annotated[str | None, typer.Option(help="with c: vehicle in the model of a preset or law")] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="with c: vehicle in the model of a preset or law; of a log of several: which")
+    ] = None,
     gravity: Annotated[
         float | None, typer.Option(help="with c and mjcf: gravity, m/s^2; if left out the scenario's, or 9.81")
     ] = None,
@@ -93,8 +95,8 @@ def export(
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with bar(f"{what}: writing"):
-            return _log(what, to, file, epoch)
-    others = ("--timestep", "--epoch") if to == "c" else (*OF_LAWS, "--epoch")
+            return _log(what, to, file, epoch, vehicle)
+    others = ("--timestep", "--epoch") if to == "c" else ("--vehicle", *OF_LAWS, "--epoch")
     require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
@@ -105,7 +107,7 @@ def export(
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
-def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> None:
+def _log(flight: str, to: str | None, file: str | None, epoch: float | None, vehicle: str | None) -> None:
     formats = names("log_format")
     if to is None and file is None:
         raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
@@ -122,6 +124,10 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None) -> 
         target = Path(flight).with_suffix(f".{to}")
         require_no_input(target, "--out")
     log = load_log(flight)
+    if vehicle is not None:
+        if vehicle not in log.agents:
+            raise ValueError(f"--vehicle = {shown(vehicle)}: {must_be_one_of(log.agents, vehicle)}")
+        log = log.agents[vehicle]
     if epoch is not None:
         if target.suffix != ".mcap":
             raise ValueError(f"--epoch = {epoch!r}: must be left out of {target.suffix}; time stamps are those of mcap")
@@ -146,17 +152,15 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
             float(scenario.agent.plant.gravity),
             first_state(scenario),
         )
-        units = [(each.name, each.sensor) for each in scenario.agent.sensors if isinstance(each.sensor, Imu)]
-        frames = [
-            Frame(name=each, link=BASE, position=imu.position, rotation=mount_rotation(imu.rpy) or Mat3.identity())
-            for each, imu in units
-        ]
+        units = [each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)]
+        mounts = [(each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by)) for each in units]
+        frames = [Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity()) for name, p, R in mounts]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
         vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each for each, _ in units])
+    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each.name for each in units])
     write_atomically(file, exported.text.encode())
     counts = {"bodies": exported.bodies, "joints": exported.joints}
     give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))

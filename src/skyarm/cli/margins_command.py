@@ -10,11 +10,9 @@ import typer
 from skyarm.cli.arguments import Law, Scenario, one_law, out_option, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import bar, give, plain, plugin_facts, tell, tell_report, write_json
-from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
-from skyarm.records.files import output_file, shown, taken_back, write_atomically
-from skyarm.scenario.controller_table import is_gains_file
+from skyarm.records.files import output_file, taken_back, write_atomically
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
 
@@ -87,8 +85,6 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     Raises:
         ValueError: one line.
     """
-    if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"controller = {shown(controller)}: {must_be_named(controller)}")
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=controller).alone("stability margins")
     say_suspicious(loaded)

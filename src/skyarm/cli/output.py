@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
 from pathlib import Path, PurePath
 from typing import Any
@@ -89,36 +89,45 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
         return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
     if not isinstance(line, pages.Table):
         return line
-    line = _transpose(line) if _is_squeezed(line) else line
-    names = [name.removeprefix(">") for name in line.head]
-    table = Table(box=None, pad_edge=False, show_header=any(names), header_style="dim")
-    for name, head in zip(names, line.head, strict=True):
-        table.add_column(Text(name, overflow="fold"), justify="left" if name == head else "right")
-    for row in line.rows:  # rich would read [s] in a cell as markup
-        table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
-    return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), table)
-
-
-def _is_squeezed(table: pages.Table) -> bool:
-    """True if the screen is too narrow for the words of a table's heads, and wide enough for them as rows."""
-    words = [max(len(word) for word in (*name.split(), "")) for name in table.head]
-    cells = [max((len(str(row[i])) for row in table.rows), default=0) for i in range(len(words))]
-    widths = [max(pair) for pair in zip(words, cells, strict=True)]
-    if len(words) < WIDE or sum(widths) + 2 * len(widths) <= console.width:
-        return False
-    return max(map(len, table.head)) + sum(len(str(row[0])) + 2 for row in table.rows) <= console.width
+    tables = []
+    for part in _in_parts(line):
+        names = [name.removeprefix(">") for name in part.head]
+        tables.append(table := Table(box=None, pad_edge=False, show_header=any(names), header_style="dim"))
+        for name, head in zip(names, part.head, strict=True):
+            text, first = Text(name, overflow="fold"), not table.columns
+            table.add_column(text, justify="left" if name == head else "right", no_wrap=first)
+        for row in part.rows:  # rich would read [s] in a cell as markup
+            table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
+    return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), *tables)
 
 
 WIDE = 4
 """Least number of columns of a table that may be turned."""
 
 
-def _transpose(table: pages.Table) -> pages.Table:
-    """Transpose a table: its columns become rows."""
-    head, *columns = zip(*table.rows, strict=True)
-    names = [name.removeprefix(">") for name in table.head[1:]]
-    rows = [(name, *column) for name, column in zip(names, columns, strict=True)]
-    return replace(table, head=["", *(f">{name}" for name in head)], rows=rows)
+def _in_parts(table: pages.Table) -> list[pages.Table]:
+    """The table itself; or, where the words of its heads do not fit, its columns as rows, a few rows beside each other.
+
+    A table with a row that alone is too wide stays as it is.
+    """
+    words = [max(len(word) for word in (*name.split(), "")) for name in table.head]
+    cells = [max((len(str(row[i])) for row in table.rows), default=0) for i in range(len(words))]
+    if len(words) < WIDE or sum(map(max, words, cells)) + 2 * len(words) <= console.width:
+        return [table]
+    first = max(map(len, table.head))
+    parts, used = list[list[Sequence[Any]]](), console.width
+    for row in table.rows:
+        width = max(len(str(c)) for c in row) + 2
+        if first + width > console.width:
+            return [table]
+        if used + width > console.width:
+            parts.append([])
+            used = first
+        parts[-1].append(row)
+        used += width
+    names = [name.removeprefix(">") for name in table.head]
+    turned = [[*zip(names, *rows, strict=True)] for rows in parts]
+    return [pages.Table(head=["", *(f">{name}" for name in head[1:])], rows=rows) for head, *rows in turned]
 
 
 def tell_report(lines: Sequence[str]) -> None:

@@ -21,7 +21,6 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import bar, give, plugin_facts, tell, tell_report
-from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.records.files import (
     must_be_one_of,
     read_toml,
@@ -164,8 +163,6 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     from skyarm.studies.tune.excitation import of_vehicle
     from skyarm.studies.tune.tuning import subject_of
 
-    if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"--laws = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
     of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
     if not (of_a_vehicle or target in names or Path(target).suffix or os.path.lexists(target)):
         allowed = must_be_one_of((*names, *shipped_names("vehicle")), target)

@@ -122,8 +122,8 @@ def require_one_vehicle(log: Log) -> None:
         ValueError: one line with their names and how the log of one is written.
     """
     if len(log.agents) > 1:
-        cure = f"skyarm.save_log(skyarm.load_log(FILE).agents[{next(iter(log.agents))!r}], NEW)"
-        raise ValueError(f"vehicles = {', '.join(log.agents)}: must be one; Python writes the log of one: {cure}")
+        cure = f"skyarm export LOG --vehicle {next(iter(log.agents))} -o NEW.npz"
+        raise ValueError(f"vehicles = {', '.join(log.agents)}: must be one; the log of one is written by: {cure}")
 
 
 def _fits(quantity: str, array: Array) -> bool:

@@ -125,7 +125,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
             arrays = {name: archive[name] for name in archive.files}
     except UNREADABLE:
         raise ValueError(f"{at}: must be a file of 'skyarm plan'") from None
-    if {"format", "t", *SHAPES} - {*LATER} - set(arrays) or not np.array_equal(arrays["format"], FORMAT):
+    if {"format", "t", *SHAPES} - {*LATER, *UNREAD} - set(arrays) or not np.array_equal(arrays["format"], FORMAT):
         raise ValueError(f"{at}: must be a file of 'skyarm plan' of this version")
     arrays = {name: np.zeros((np.size(arrays["t"]), columns)) for name, columns in LATER.items()} | arrays
     _require_arrays(arrays, at)
@@ -137,12 +137,17 @@ UNREADABLE = (
 )  # fmt: skip
 """Errors of numpy and zipfile for a file that is no archive of arrays, or a damaged one."""
 
-SHAPES: dict[str, tuple[int, ...]] = {
-    "position": (3,), "center": (3,), "tip": (3, 0), "quaternion": (4,), "yaw": (), "joints": (-1,),
-    "rotor_speeds": (-1,), "torques": (), "force": (3,),
-}  # fmt: skip
-"""Allowed numbers of columns of each array of a plan, a row for each node; -1: any number, none: no columns."""
+ANY: tuple[int, ...] = ()
 
+SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "position": ((3,),), "center": ((3,),), "tip": ((3, 0),), "quaternion": ((4,),), "yaw": (), "joints": (ANY,),
+    "rotor_speeds": (ANY,), "torques": (), "force": ((3,),),
+    "velocity": ((3,),), "rate": ((3,),), "joint_rates": (), "phase": (), "inputs": (ANY,), "gains": (ANY, ANY),
+}  # fmt: skip
+"""Allowed lengths of each further axis of each array of a plan, whose first is that of the nodes."""
+
+UNREAD = ("velocity", "rate", "joint_rates", "phase", "inputs", "gains")
+"""Arrays that no law reads and a file may lack."""
 
 LATER = {"torques": 0, "force": 3}
 """Arrays that a file of an earlier version lacks, and the number of columns that stand for them."""
@@ -154,22 +159,21 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
     Raises:
         ValueError: one line that begins with ``at``.
     """
-    for name in ("t", *SHAPES):
-        kind = np.asarray(arrays[name]).dtype
-        if kind.kind not in "fiu":
+    for name, values in arrays.items():  # those that no law reads, too
+        kind = np.asarray(values).dtype
+        if name != "vehicle" and kind.kind not in "fiu":
             raise ValueError(f"{at}: {name} of type {kind}: must be an array of numbers")
+        if name != "vehicle" and not (np.abs(values) <= LARGEST).all():
+            raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     t = arrays["t"]
     if t.ndim != 1 or len(t) < 2:
         raise ValueError(f"{at}: t of shape {t.shape}: must be a list of two times or more")
-    for name, usual in SHAPES.items():
-        columns = (arrays["joints"].shape[1], 0) if name == "torques" else usual
-        shape, rank = arrays[name].shape, 2 if columns else 1
-        if len(shape) != rank or shape[0] != len(t) or (columns and columns != (-1,) and shape[1] not in columns):
-            words = "" if not columns else " any number" if columns == (-1,) else f" {columns[0]}"
-            raise ValueError(f"{at}: {name} of shape {shape}: must be ({len(t)},{words})")
-    for name, values in arrays.items():  # those that no law reads, too
-        if np.asarray(values).dtype.kind in "fiuc" and not (np.abs(values) <= LARGEST).all():
-            raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
+    for name in (each for each in SHAPES if each in arrays):
+        axes = ((arrays["joints"].shape[1], 0),) if name in ("torques", "joint_rates") else SHAPES[name]
+        (first, *more), rows = arrays[name].shape or (0,), len(t) - (name in ("inputs", "gains"))  # between nodes
+        if first != rows or len(more) != len(axes) or any(x and k not in x for x, k in zip(axes, more, strict=True)):
+            words = ",".join(f" {lengths[0]}" if lengths else " any number" for lengths in axes)
+            raise ValueError(f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})")
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")
     if not (np.linalg.norm(arrays["quaternion"], axis=1) > SHORTEST).all():

@@ -21,6 +21,7 @@ from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import accept_scalar, rules
 from skyarm.records.files import Fields, errors_as, filled_text, must_be_one_of, number, shown
 from skyarm.records.files.fields import list_of_tables
+from skyarm.records.files.messages import comma_list, did_you_mean
 from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
 from skyarm.records.path_names import AGENTS
@@ -312,6 +313,12 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
     vehicle, setting, team = reading.word("plant").vehicle, reading.setting, reading.word("team")
+    if path == "reference" and reading.name and (team is not None or not entry):
+        stated = Fields(reading.entry_at(AGENTS), AGENTS).table.items()
+        flown = [each.agent for each in team.members] if team else [name for name, own in stated if "reference" in own]
+        if flown and reading.name not in flown:
+            words = f"{did_you_mean(reading.name, flown)}must have a reference of its own, or be one of"
+            raise ValueError(f"{AGENTS}.{reading.name}: {words} {comma_list(flown)}")
     if team is None and isinstance(entry, dict) and "object" in entry:
         raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):

@@ -132,7 +132,8 @@ def _with_agents(tables: Tables, names: Iterable[str]) -> Tables:
     if AGENTS not in tables and [*names] == [SOLE]:
         return tables
     stated = Fields(tables, "").inner(AGENTS)
-    return tables | {AGENTS: {name: stated.inner(name).table for name in names}}
+    further: Tables = {} if "reference" in tables else {"reference": {}}
+    return tables | {AGENTS: {name: stated.inner(name).table or further for name in names}}
 
 
 def _of_agent(tables: Tables, name: str) -> Tables:

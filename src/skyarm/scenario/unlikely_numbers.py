@@ -104,8 +104,11 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
     records = {
-        "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "environment.wind": scenario.wind,
+        "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "world": scenario.world,
+        **dict(scenario.placed_winds_and_forces), "payloads": scenario.agent.payloads,
         "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
+        "estimator": scenario.agent.estimator,
+        **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},
     }  # fmt: skip
     declared = (line for where, record in records.items() for line in _unusual(record, where))
     return (*_model(scenario), *declared, *_reference(scenario))
@@ -146,6 +149,8 @@ def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, st
         most = usual[slides] if isinstance(usual, tuple) else usual
         if kind in ("revolute", "prismatic") and " or " in unit:
             unit = unit.split(" or ")[slides]
+        if unit == "rad" and most == math.inf:
+            most = TURN[0]  # no angle of a mount or a body is more than a turn
         if most != math.inf:
             for line in _too_large(f"{at} =", _size(value), most, unit):
                 yield (type(record), name), line
@@ -159,9 +164,11 @@ def _too_large(before: str, size: float, most: float, unit: str, behind: str = "
 
 
 def _size(value: Any) -> float:
-    """Magnitude of a field's value: absolute value, vector length, or largest entry of a list."""
+    """Absolute value of a number, length of a vector, or largest entry of a list; 0 of a signal or None."""
+    if value is None or (parts(value) and not isinstance(value, Iterable)):
+        return 0.0
     if isinstance(value, tuple):
-        return max(map(float, value), default=0.0)
+        return max(map(abs, map(float, value)), default=0.0)
     return _norm(value) if parts(value) else float(value)
 
 

@@ -27,8 +27,9 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.records.plain import UNWRITTEN
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
-from skyarm.sensing.sensor import NO_PUSH, Push, at_origin
+from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin
 from skyarm.vehicle import Vehicle, VehicleError
+from skyarm.vehicle.check import FARTHEST
 
 
 @immutable
@@ -91,6 +92,11 @@ class SwitchReading(Reading):
     closed: Annotated[Scalar, Unit("", "state of the switch: 1 closed, 0 open")]
 
 
+def reads(sensor: Sensor, reading: type) -> bool:
+    """True if a sensor declares, by ``record`` of its class, readings of a given type."""
+    return issubclass(getattr(sensor, "record", object), reading)
+
+
 LOG_2 = 0.6931471805599453
 TURN = 2.0 * math.pi
 """One turn, rad."""
@@ -114,9 +120,9 @@ class Imu(ChannelSensor):
 
     record: ClassVar[type] = ImuReading
 
-    position: Annotated[Vec3, Unit("m", "place of the inertial unit from the base origin, base axes")] = (
-        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
-    )
+    position: Annotated[
+        Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)
+    ] = dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
     rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (
         dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
     )
@@ -148,6 +154,8 @@ class Pose(ChannelSensor):
     The attitude's errors are a rotation vector in base axes (rad), after the true attitude: it has no scale and no
     resolution.
     """
+
+    record: ClassVar[type] = PoseReading
 
     frequency: SampleRate = 50.0
     position: Channel = Channel(sigma=0.005)
@@ -221,6 +229,8 @@ class Encoders(ChannelSensor):
         span: range that the bits divide, rad or m.
         joints: errors of the positions. rates: "difference" or "measured". rate: errors of measured rates.
     """
+
+    record: ClassVar[type] = EncoderReading
 
     bits: Annotated[
         Scalar,

@@ -423,11 +423,14 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
 def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, sensor = scenario.agent.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
+    declared: type = getattr(sensor, "record", object)
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
         seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
         result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
         following, reading = part.pair(result, "reading")
+        if not isinstance(reading, declared):
+            raise part.refusal(f"gives a reading that is {kind_of(reading)}: must be a {declared.__name__}, its record")
         part.require_numbers("measure", "a reading", reading, also=bool)
         return following
 

@@ -32,6 +32,9 @@ from skyarm.vehicle.tilt import Tilt
 LOAD = nonnegative("kg", "mass of the payload, in addition to the vehicle's", high=1e4)
 """Declaration of a carried mass; a larger one would leave nothing of the vehicle in the sum of both."""
 
+Rolling = Literal["rotors_sim", "signed"]
+"""Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
+
 
 def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
@@ -106,7 +109,7 @@ class Rotor:
     ] = 0.025
     max_speed: Annotated[Scalar, positive("rad/s", "largest speed of the rotor", infinite=True, rule=number)] = math.inf
     rolling: Annotated[
-        Literal["rotors_sim", "signed"],
+        Rolling,
         Unit("", "sign of the rolling moment: of every rotor against the velocity, or by its direction of rotation"),
     ] = field(default="rotors_sim", metadata={UNWRITTEN: "rotors_sim"})
     reversible: Annotated[bool, Unit("", "true: the rotor also turns backwards, up to `max_speed`")] = field(

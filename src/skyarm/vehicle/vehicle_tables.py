@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
@@ -16,13 +16,13 @@ from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt, arm_direction
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rolling, Rotor, Vehicle
 
 SOURCES: Mapping[str, tuple[str, ...]] = {
     "urdf": (".urdf",),
@@ -217,7 +217,10 @@ def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
             refuse(fields.at("quaternion_wxyz"), wxyz, "must be four numbers of unit length")
         R = description.rotation_quaternion(fields.at("quaternion_wxyz"), four)
     elif rpy is not None:
-        R = description.rotation_rpy(fields.vector("rpy"))
+        angles = fields.vector("rpy")
+        if max(map(abs, angles)) > TURN[0]:
+            refuse(fields.at("rpy"), rpy, "must be within a turn: rad, not degrees")
+        R = description.rotation_rpy(angles)
     return R, description.vector(fields.vector("position", (0.0, 0.0, 0.0)))
 
 
@@ -264,15 +267,12 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
 
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
-ROLLING = ("rotors_sim", "signed")
-"""Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
-
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
-    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=ROLLING))):
+    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
         if fields.take(name, None) is not None:
             values[name] = read(name)
     if fields.take("thrust_table", None) is not None:

@@ -195,16 +195,14 @@ class AutopilotParameters:
     autopilot: Autopilot
 
 
-def inertial_unit(scenario: Scenario) -> Imu:
+def inertial_unit(scenario: Scenario) -> Sensor:
     """Inertial unit that an autopilot reads."""
-    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.agent.sensors}
-    imu: Imu = sensors.get("imu", FLIGHT_IMU)
-    return imu
+    return {each.name: each.sensor for each in scenario.agent.sensors}.get("imu", FLIGHT_IMU)
 
 
 def place_parameters(scenario: Scenario, prefix: str) -> dict[str, float]:
     """Parameters with the place of the inertial unit (m; front, right, down), such as ``EKF2_IMU_POS_X``; {} at 0."""
-    place = inertial_unit(scenario).position
+    place = inertial_unit(scenario).mounted_at
     numbers = zip("XYZ", map(float, to_our_axes(*place)), strict=True)
     return {} if at_origin(place) else {f"{prefix}{axis}": number for axis, number in numbers}
 

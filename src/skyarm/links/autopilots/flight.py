@@ -302,7 +302,7 @@ class PilotedSession(Session):
         engine = self._engine
         self._columns, self._source = engine.reading_columns, engine
         # drivers turn what they read into base axes; the place is a parameter of the autopilot
-        self._axes = mount_rotation(inertial_unit(self.scenario).rpy)
+        self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
         stopped = (0.0,) * len(self.scenario.agent.plant.vehicle.rotors)

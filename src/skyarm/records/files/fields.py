@@ -111,7 +111,7 @@ class Fields:
 
     def done(self, beside: Sequence[str] = ()) -> None:
         """Raise an error if a field of the table was not read; ``beside`` lists fields that are read elsewhere."""
-        names = [*dict.fromkeys(self._asked), *beside]
+        names = [*dict.fromkeys([*self._asked, *beside])]
         for name, value in self.table.items():
             if name not in self._asked:
                 allowed, meant = comma_list(names), did_you_mean(name, names)

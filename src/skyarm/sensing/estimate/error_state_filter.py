@@ -53,7 +53,7 @@ from skyarm.sensing.estimate.filter_constants import (
 from skyarm.sensing.estimate.filter_models import FilteredJoints, filter_joints, modelled_force
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor, at_origin, specific_force_at
-from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading
+from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading, reads
 from skyarm.vehicle import Vehicle
 
 
@@ -72,9 +72,9 @@ class ErrorStateFilter(FilterNumbers):
 
     def placing(self, sensors: Mapping[str, Sensor]) -> ErrorStateFilter:
         """Filter that takes place and angles of the inertial unit from the sensor, unless its own fields state them."""
-        imu = only(Imu, sensors) or Imu()
-        position = imu.position if self.imu_position is None else self.imu_position
-        rpy = imu.rpy if self.imu_rpy is None else self.imu_rpy
+        imu = next((each for each in sensors.values() if reads(each, ImuReading)), Sensor())
+        position = imu.mounted_at if self.imu_position is None else self.imu_position
+        rpy = imu.turned_by if self.imu_rpy is None else self.imu_rpy
         return self if at_origin(position) and at_origin(rpy) else replace(self, imu_position=position, imu_rpy=rpy)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:

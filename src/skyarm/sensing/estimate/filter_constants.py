@@ -20,18 +20,16 @@ from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.estimate.filter_models import FilteredJoints
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import (
-    Encoders,
-    Heading,
+    EncoderReading,
     HeadingReading,
-    Imu,
     ImuReading,
-    Pose,
     PoseReading,
-    Position,
     PositionReading,
     mount_rotation,
+    reads,
 )
 from skyarm.vehicle import Vehicle
+from skyarm.vehicle.check import FARTHEST
 
 AIDS: dict[str, tuple[type, ...]] = {
     "pose": (PoseReading,),
@@ -119,12 +117,14 @@ def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
-NEEDED: Mapping[str, tuple[type, ...]] = {
-    "pose": (Pose,),
-    "position": (Position,),
-    "position_heading": (Position, Heading),
+NEEDED: Mapping[type, str] = {
+    ImuReading: "imu",
+    PoseReading: "pose",
+    PositionReading: "position",
+    HeadingReading: "heading",
+    EncoderReading: "encoders",
 }
-"""Value of the filter's ``aiding`` -> sensors that it needs."""
+"""Reading that the filter may need -> kind of the shipped sensor that takes it."""
 
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:
@@ -273,7 +273,12 @@ class FilterNumbers(Estimator):
         nonnegative("m/s^2", "gravitational acceleration of the filter; None: that of the controller's model"),
     ] = None
     imu_position: Annotated[
-        Vec3 | None, Unit("m", "assumed place of the inertial unit from the base origin, base axes; None: the sensor's")
+        Vec3 | None,
+        Unit(
+            "m",
+            "assumed place of the inertial unit from the base origin, base axes; None: the sensor's",
+            usual=FARTHEST,
+        ),
     ] = field(default=None, metadata=WRITTEN_IF_ANY)
     imu_rpy: Annotated[
         Vec3 | None, Unit("rad", "assumed angles of the inertial unit's axes in the base; None: the sensor's")
@@ -312,25 +317,24 @@ class FilterNumbers(Estimator):
         """
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         lag = self.delay_periods / rate
-        name_of = dict[type, str]()
-        needed = (Imu, *NEEDED[self.aiding], *((Encoders,) if vehicle.n else ()))
-        for kind in needed:
-            names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
+        aids, imu = AIDS[self.aiding], ""
+        for kind in (ImuReading, *aids, *((EncoderReading,) if vehicle.n else ())):
+            names = [name for name, sensor in sensors.items() if reads(sensor, kind)]
             if len(names) != 1:
-                word = kind.__name__.lower()
+                word = NEEDED[kind]
                 raise ValueError(
                     f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
                     f"there are {len(names)} of kind {word!r}"
                 )
-            name_of[kind], sensor = names[0], sensors[names[0]]
-            if kind in NEEDED[self.aiding] and sensor.latency > lag + 1e-9:
+            imu, sensor = imu or names[0], sensors[names[0]]
+            if kind in aids and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
                     f"{sensor.latency:g} s, or those readings are never used"
                 )
-            if kind in NEEDED[self.aiding] and sensor.latency < sensors[name_of[Imu]].latency - 1e-9:
+            if kind in aids and sensor.latency < sensors[imu].latency - 1e-9:
                 raise ValueError(
-                    f"sensors.{name_of[Imu]}.latency = {sensors[name_of[Imu]].latency:g} s: must be at most sensors."
+                    f"sensors.{imu}.latency = {sensors[imu].latency:g} s: must be at most sensors."
                     f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
                 )
 
