@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import data, logical_and, minimum, where
+from skyarm.algebra.scalars import clip, data, logical_and, minimum, where
+from skyarm.compile.tracing.lower import repeat
+from skyarm.dynamics.actuators import speeds_after
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Rotor
 from skyarm.vehicle.battery import Battery
 from skyarm.world.component import Column, Component
+
+HALVINGS = 40
+"""Number of halvings of the interval from half to all of the voltage without a load, to its last digits."""
 
 
 @immutable
@@ -29,19 +34,39 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     def supply(
         self, memory: tuple[Scalar, Scalar], dt: float, state: State, commands: Sequence[Scalar]
     ) -> tuple[Scalar, Scalar]:
-        """Battery charge after the control period, and its voltage under the rotors' load."""
-        battery, (charge, before) = self.battery, memory
-        power = battery.power(self.rotors, state.rotor_speeds)
-        voltage = battery.voltage(charge, power)
-        over, sagged, current = battery.overload(charge, before, lambda at: self._power_at(at, commands))
-        over = logical_and(over, charge > 0.0)
-        after = battery.drain(charge, sagged, current, dt)
-        return where(over, after, battery.discharge(charge, power, dt)), where(over, sagged, voltage)
+        """Battery charge after the control period, and its voltage under the rotors' load.
 
-    def _power_at(self, voltage: Scalar, commands: Sequence[Scalar]) -> Scalar:
-        """Power (W) at a voltage (V) of the rotors as fast as they turn under commands, and of all other loads."""
-        power: Scalar = self.battery.power(self.rotors, self.rotor_commands((1.0, voltage), self.rotors, commands))
-        return power
+        The voltage is that at the speeds which the rotors reach with it by the end of the period (implicit Euler): one
+        at their speeds before would alternate near the peak power, where a volt moves the load by more than itself.
+        """
+        battery, (charge, before), rotors = self.battery, memory, self.rotors
+
+        def load(voltage: Scalar) -> Scalar:
+            """Power (W) at the end of the period."""
+            reached = self.rotor_commands((1.0, voltage), rotors, commands)
+            power: Scalar = battery.power(rotors, speeds_after(rotors, state.rotor_speeds, reached, dt))
+            return power
+
+        def full(voltage: Scalar) -> Scalar:
+            """Power (W) of rotors that have followed a voltage (V) and their commands."""
+            power: Scalar = battery.power(rotors, self.rotor_commands((1.0, voltage), rotors, commands))
+            return power
+
+        idle = battery.open_circuit_voltage(charge)
+
+        def halve(bounds: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            """Bounds (V) of the voltage, half as far apart: the load rises with the voltage, what is given falls."""
+            low, high = bounds
+            middle = 0.5 * (low + high)
+            enough = battery.resistance * load(middle) < middle * (idle - middle)
+            return where(enough, middle, low), where(enough, high, middle)
+
+        low, high = repeat(HALVINGS, halve, (0.5 * idle, idle))
+        voltage = where(charge > 0.0, 0.5 * (low + high), 0.0)
+        over, sagged, current = battery.overload(charge, before, full)
+        over = logical_and(over, charge > 0.0)
+        drained = battery.discharge(charge, load(voltage), dt)
+        return where(over, battery.drain(charge, sagged, current, dt), drained), where(over, sagged, voltage)
 
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
@@ -51,7 +76,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":
             return [minimum(each, rotor.max_speed) * supply for each, rotor in pairs]
-        return [minimum(each, rotor.max_speed * supply) for each, rotor in pairs]
+        return [clip(each, rotor.min_speed * supply, rotor.max_speed * supply) for each, rotor in pairs]
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
