@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, sums
-from skyarm.algebra.scalars import add, data, mul
+from skyarm.algebra.scalars import add, data, mul, where
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import example_command
-from skyarm.plant.loads import follow_commands
+from skyarm.plant.loads import felt_in_step, follow_commands
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
@@ -29,13 +29,13 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, parts, rebuild
 
 STAGES = (
-    (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
-    (1.0 / 2.0, 1.0 / 3.0, 0.0, 0.5),
-    (1.0, 1.0 / 3.0, 0.0, 1.0),
-    (1.0 / 6.0, 0.0, 1.0, 1.0),
+    (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5, 1.0),
+    (1.0 / 2.0, 1.0 / 3.0, 0.0, 0.5, 1.0),
+    (1.0, 1.0 / 3.0, 0.0, 1.0, 1.0),
+    (1.0 / 6.0, 0.0, 1.0, 1.0, 1.0),
 )
 """Coefficients of each stage, in steps: of its slope in the next state, and in the sum of slopes; of the sum in the
-next state; time of the next state. The state after the last stage is that after the step."""
+next state; time of the next state; the step. The state after the last stage is that after the step."""
 
 
 Numbers = Scalars
@@ -95,7 +95,7 @@ class StagedRungeKutta:
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
             start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
-            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 4,
+            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 5,
         )  # fmt: skip
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
@@ -115,7 +115,7 @@ class StagedRungeKutta:
         """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums of slopes and forces."""
         layout = self._layout
         first, now = layout.states(inputs.start), layout.states(inputs.now)
-        own, share, earlier, time = inputs.weights
+        own, share, earlier, time, step = inputs.weights
         shape = around.coupled_memories()
         there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
@@ -136,7 +136,13 @@ class StagedRungeKutta:
             turned += change[3:6]
             slopes += slope
         sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
-        loads = layout.generalized_forces(following, commands, around)
+        # the state after the last stage is the begin of the next step
+        begun = list[State]()
+        for before, lag in zip(first, lags, strict=True):
+            rows = zip(lag.rotor_speeds, before.rotor_speeds, strict=True)
+            begun.append(replace(lag, rotor_speeds=tuple(where(earlier > 0.0, *row) for row in rows)))
+        worlds, (_, felt) = felt_in_step(layout.worlds, (begun, following), commands, around, step)
+        loads = layout.generalized_forces(worlds, felt, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
