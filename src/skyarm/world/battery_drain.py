@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import clip, data, logical_and, minimum, where
+from skyarm.algebra.scalars import clip, data, divide, logical_and, maximum, minimum, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.actuators import speeds_after
 from skyarm.dynamics.point_motion import PointMotion
@@ -15,8 +15,11 @@ from skyarm.vehicle import Rotor
 from skyarm.vehicle.battery import Battery
 from skyarm.world.component import Column, Component
 
-HALVINGS = 40
-"""Number of halvings of the interval from half to all of the voltage without a load, to its last digits."""
+HALVINGS, NEAR = 24, 1e-6
+"""Halvings of the voltage's interval, from half to all of that without a load, and share of it in a difference."""
+
+SETTLED = 3600.0
+"""Time (s) after which rotors have followed their commands."""
 
 
 @immutable
@@ -40,33 +43,33 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         at their speeds before would alternate near the peak power, where a volt moves the load by more than itself.
         """
         battery, (charge, before), rotors = self.battery, memory, self.rotors
-
-        def load(voltage: Scalar) -> Scalar:
-            """Power (W) at the end of the period."""
-            reached = self.rotor_commands((1.0, voltage), rotors, commands)
-            power: Scalar = battery.power(rotors, speeds_after(rotors, state.rotor_speeds, reached, dt))
-            return power
-
-        def full(voltage: Scalar) -> Scalar:
-            """Power (W) of rotors that have followed a voltage (V) and their commands."""
-            power: Scalar = battery.power(rotors, self.rotor_commands((1.0, voltage), rotors, commands))
-            return power
-
         idle = battery.open_circuit_voltage(charge)
 
-        def halve(bounds: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
-            """Bounds (V) of the voltage, half as far apart: the load rises with the voltage, what is given falls."""
-            low, high = bounds
-            middle = 0.5 * (low + high)
-            enough = battery.resistance * load(middle) < middle * (idle - middle)
-            return where(enough, middle, low), where(enough, high, middle)
+        def load(voltage: Scalar, seconds: float = dt) -> Scalar:
+            """Power (W) of the rotors after they have followed their commands at a voltage (V)."""
+            heard = self.rotor_commands((1.0, voltage), rotors, commands)
+            power: Scalar = battery.power(rotors, speeds_after(rotors, state.rotor_speeds, heard, seconds))
+            return power
 
-        low, high = repeat(HALVINGS, halve, (0.5 * idle, idle))
-        voltage = where(charge > 0.0, 0.5 * (low + high), 0.0)
-        over, sagged, current = battery.overload(charge, before, full)
+        def surplus(voltage: Scalar) -> Scalar:
+            """Power that the pack gives beyond the load, times its resistance (V^2); it falls with the voltage."""
+            return voltage * (idle - voltage) - battery.resistance * load(voltage)
+
+        def halve(bounds: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            """Bounds (V) of the voltage, half as far apart."""
+            middle = 0.5 * (bounds[0] + bounds[1])
+            enough = surplus(middle) > 0.0
+            return where(enough, middle, bounds[0]), where(enough, bounds[1], middle)
+
+        near, _ = repeat(HALVINGS, halve, (0.5 * idle, idle))
+        # a step of Newton's, by which a linearisation knows how the voltage follows the rotors
+        left, aside = surplus(near), NEAR * idle
+        falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
+        voltage = where(charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0)
+        over, sagged, current = battery.overload(charge, before, lambda at: load(at, SETTLED))
         over = logical_and(over, charge > 0.0)
-        drained = battery.discharge(charge, load(voltage), dt)
-        return where(over, battery.drain(charge, sagged, current, dt), drained), where(over, sagged, voltage)
+        after = battery.drain(charge, sagged, current, dt)
+        return where(over, after, battery.discharge(charge, load(voltage), dt)), where(over, sagged, voltage)
 
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
