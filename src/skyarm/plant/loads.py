@@ -174,22 +174,22 @@ def felt_in_step(
     """
     if not held and not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
         return worlds, stages
-    made, felt = list[Truth](), list[tuple[State, ...]]()
+    made, felt = list[Truth](), list[list[State]]()
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
-        rotors, turned, columns = world.vehicle.rotors, list[Rotor](), list[Scalars]()
+        rotors, turned, columns = world.vehicle.rotors, list[Rotor](), list[Sequence[Scalar]]()
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
-        for k, (rotor, asked) in enumerate(zip(rotors, heard, strict=True)):
-            speeds = tuple(stage[i].rotor_speeds[k] for stage in stages)
-            lag = lag_of(rotor, speeds[0], asked)
+        within = (stage[i].rotor_speeds for stage in stages)
+        for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
+            speeds, lag = there, lag_of(rotor, there[0], asked)
             if held or has_short_lag(rotor):
                 mean, until = felt_in(rotor, speeds[0], asked, dt)
-                short = True if held else lag < SHORT_LAG
-                speeds, lag = tuple(where(short, mean, each) for each in speeds), where(short, until, lag)
+                short = held or lag < SHORT_LAG
+                speeds, lag = [where(short, mean, each) for each in speeds], where(short, until, lag)
             turned.append(dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
         made.append(dataclasses.replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
-        rows = zip(*columns, strict=True) if columns else ((),) * len(stages)
-        felt.append(tuple(dataclasses.replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)))
+        rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
+        felt.append([dataclasses.replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)])
     return made, [*zip(*felt, strict=True)]
 
 

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, sums
-from skyarm.algebra.scalars import add, data, mul, where
+from skyarm.algebra.scalars import add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
@@ -29,13 +29,13 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, parts, rebuild
 
 STAGES = (
-    (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5, 1.0),
-    (1.0 / 2.0, 1.0 / 3.0, 0.0, 0.5, 1.0),
-    (1.0, 1.0 / 3.0, 0.0, 1.0, 1.0),
-    (1.0 / 6.0, 0.0, 1.0, 1.0, 1.0),
+    (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
+    (1.0 / 2.0, 1.0 / 3.0, 0.0, 0.5),
+    (1.0, 1.0 / 3.0, 0.0, 1.0),
+    (1.0 / 6.0, 0.0, 1.0, 1.0),
 )
 """Coefficients of each stage, in steps: of its slope in the next state, and in the sum of slopes; of the sum in the
-next state; time of the next state; the step. The state after the last stage is that after the step."""
+next state; time of the next state. The state after the last stage is that after the step."""
 
 
 Numbers = Scalars
@@ -51,7 +51,7 @@ class RungeKuttaInputs:
         now, memory: state and memories of the stage.
         turn: rotation vector of the stage from the first attitude.
         total, rates: sums of the slopes of earlier stages, of the state and of the memories.
-        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``.
+        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``, and the step (s).
     """
 
     start: Numbers
@@ -137,10 +137,7 @@ class StagedRungeKutta:
             slopes += slope
         sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
         # the state after the last stage is the begin of the next step
-        begun = list[State]()
-        for before, lag in zip(first, lags, strict=True):
-            rows = zip(lag.rotor_speeds, before.rotor_speeds, strict=True)
-            begun.append(replace(lag, rotor_speeds=tuple(where(earlier > 0.0, *row) for row in rows)))
+        begun = follow_commands(layout.worlds, first, commands, around, earlier * step)
         worlds, (_, felt) = felt_in_step(layout.worlds, (begun, following), commands, around, step)
         loads = layout.generalized_forces(worlds, felt, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
@@ -169,7 +166,7 @@ class StagedRungeKutta:
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
-                self._acceleration[:], self._weights[:] = self._qacc, row
+                self._acceleration[:], self._weights[:] = self._qacc, (*row, dt)
                 program()
                 self._moving[:] = self._move_state
         for each in self._welds:

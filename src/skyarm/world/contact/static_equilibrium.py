@@ -161,13 +161,18 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
     return at(equilibrium)
 
 
+def _normal(pushes: Sequence[Push]) -> Array:
+    """Direction of the sum of some forces, level axes."""
+    force = np.array([*map(float, sum((push for *_, push in pushes), ZERO3))])
+    return np.asarray(force / np.linalg.norm(force))
+
+
 def _slope(pushes: Sequence[Push], axes: Sequence[Vec3]) -> Array:
     """Tilts about the level x and y axes (rad) by which a body lies on a slope, from the forces on it.
 
     They turn that one of its axes to the slope's normal which is nearest to this or to the vertical.
     """
-    force = np.array([*map(float, sum((push for *_, push in pushes), ZERO3))])
-    normal = force / np.linalg.norm(force)
+    normal = _normal(pushes)
     rows = [np.array([*map(float, axis)]) for axis in axes]
     axis = max(rows, key=lambda axis: max(abs(axis[2]), abs(axis @ normal)))
     axis = axis * math.copysign(1.0, axis @ normal)
@@ -182,17 +187,15 @@ def _tipping(pushes: Sequence[Push]) -> str:
 
     Down the slope the weight leaves the convex hull of the contacts, on a line between two of them.
     """
-    normal = np.array([*map(float, sum((push for *_, push in pushes), ZERO3))])
-    normal = normal / np.linalg.norm(normal)
+    normal = _normal(pushes)
     down = normal * normal[2] - np.array([0.0, 0.0, 1.0])
     if not np.linalg.norm(down) > ROUNDING:
         return ""
     arms = np.array([[*map(float, arm)] for meeting, arm, _ in pushes if float(meeting.touch.depth) > 0.0])
     along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
-    pairs = [(i, j) for i in range(len(arms)) for j in range(len(arms)) if aside[i] <= 0.0 < aside[j]]
-    ways = [(along[i] * aside[j] - along[j] * aside[i]) / (aside[j] - aside[i]) for i, j in pairs]
-    height = -float(np.mean(arms @ normal))
-    most = math.degrees(math.atan2(max(ways, default=0.0), height))
+    spots = [*zip(along, aside, strict=True)]
+    ways = [(a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d]
+    most = math.degrees(math.atan2(max(ways, default=0.0), -np.mean(arms @ normal)))
     return f" beyond {most:.3g} degrees, and the slope has {math.degrees(math.acos(normal[2])):.3g}"
 
 
