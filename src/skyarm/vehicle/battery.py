@@ -142,12 +142,12 @@ class Battery:
     def overload(
         self, charge: Scalar, before: Scalar, load: Callable[[Scalar], Scalar]
     ) -> tuple[Scalar, Scalar, Scalar]:
-        """Whether a pack is overloaded, and its voltage (V) and current (A) then.
+        """Overload of a pack, with its voltage (V) and current (A) then.
 
-        It is where the rotors would draw more than its peak power V_0^2 / 4 R at half of V_0. What they draw falls with
-        the voltage, as P(V): the pack then holds V (V_0 - V) = R P(V) at a voltage below half of V_0. Each call takes
-        one step V <- V + V (V (V_0 - V) - R P) / (3 R P): Newton's for P as V^3 without the slope V_0 - 2 V of the
-        left side, hence shorter, and near from above.
+        A pack is overloaded where the rotors would draw more than its peak power V_0^2 / 4 R at half of V_0. What they
+        draw falls with the voltage, as P(V): the pack then holds V (V_0 - V) = R P(V) at a voltage below half of V_0.
+        Each call takes one step V <- V + V (V (V_0 - V) - R P) / (3 R P): Newton's for P as V^3 without the slope
+        V_0 - 2 V of the left side, hence shorter, and near from above.
 
         Args:
             charge: fraction of the capacity.
