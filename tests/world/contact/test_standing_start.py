@@ -171,7 +171,31 @@ def set_down_drawn(kind, rng):
         assert np.array([*map(float, up)]) @ leaning.as_matrix()[:, 2] > math.cos(0.03)
         return right, "stands"
     except ValueError as error:
+        if " beyond " in str(error):
+            said = float(str(error).split(" beyond ")[1].split()[0])
+            assert said == pytest.approx(math.degrees(math.atan(tipping)), rel=0.01)
         return right, str(error)
+
+
+def test_a_box_on_its_edge_is_refused_and_not_laid_flat():
+    """At 45 degrees it is in equilibrium, an unstable one; at 20 it falls onto its side."""
+    ground = Surface(name="ground", material=Material(friction=0.5))
+    for lean, height in ((0.25 * math.pi, 0.05 * math.sqrt(2.0) - 4e-5), (0.35, 0.2)):
+        box = FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.0),
+                         position=Vec3(0.0, 0.0, height))  # fmt: skip
+        with pytest.raises(ValueError, match=r"it tips over$"):
+            with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
+
+
+def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, standing=True, position=Vec3(0.0, 0.0, 0.5),
+                     angles=Vec3(0.0, 0.3, 0.0))  # fmt: skip
+    rough, smooth = (Surface(name="ground", angles=Vec3(0.0, 0.3, 0.0), material=Material(friction=mu))
+                     for mu in (0.5, 0.1))  # fmt: skip
+    held = with_standing_objects(Contact(surfaces=(rough,), objects=(box,)), GRAVITY)
+    assert with_standing_objects(held, GRAVITY) == held
+    with pytest.raises(ValueError, match="and it slides"):
+        with_standing_objects(dataclasses.replace(held, surfaces=(smooth,)), GRAVITY)
 
 
 @pytest.mark.parametrize("kind", ["box", "cylinder", "feet"])

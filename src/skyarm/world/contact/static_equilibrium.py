@@ -174,11 +174,12 @@ def _slope(pushes: Sequence[Push], axes: Sequence[Vec3]) -> Array:
     """
     normal = _normal(pushes)
     rows = [np.array([*map(float, axis)]) for axis in axes]
-    axis = max(rows, key=lambda axis: max(abs(axis[2]), abs(axis @ normal)))
+    near, axis = max(((max(abs(row[2]), abs(row @ normal)), row) for row in rows), key=lambda pair: pair[0])
     axis = axis * math.copysign(1.0, axis @ normal)
     across = np.cross(axis, normal)
     size = np.linalg.norm(across)
-    turn = across * (math.atan2(size, axis @ normal) / size if size > 0.0 else 0.0)
+    # one that leans otherwise is not laid flat
+    turn = across * (math.atan2(size, axis @ normal) / size if size > 0.0 and near > math.cos(OTHER) else 0.0)
     return np.asarray(turn[:2] + LEAN * np.array([-normal[1], normal[0]]))
 
 
@@ -263,7 +264,8 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
     """Contact model with one object moved to static equilibrium on the surfaces below that object."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
-    if np.abs(supports.residual(x)).max() < 1e-9:
+    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, x) is not None:
+        _require_friction(f"{where}: object {body.name!r}", supports.pushes(x), contact, supports.weight)
         return contact
     if supports.gap(x) < 0.0:
         x[0] = LIFT
