@@ -179,12 +179,23 @@ def set_down_drawn(kind, rng):
 
 def test_a_box_on_its_edge_is_refused_and_not_laid_flat():
     """At 45 degrees it is in equilibrium, an unstable one; at 20 it falls onto its side."""
-    ground = Surface(name="ground", material=Material(friction=0.5))
-    for lean, height in ((0.25 * math.pi, 0.05 * math.sqrt(2.0) - 4e-5), (0.35, 0.2)):
+    ground = Surface(name="ground", material=Material(friction=0.5, stiffness=5000.0))
+    balanced = 0.05 * math.sqrt(2.0) - 0.1 * GRAVITY / 5000.0 / 2.0
+    for lean, height in ((0.25 * math.pi, balanced), (0.25 * math.pi, 0.2), (0.35, 0.2)):
         box = FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.0),
                          position=Vec3(0.0, 0.0, height))  # fmt: skip
         with pytest.raises(ValueError, match=r"it tips over$"):
             with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
+
+
+def test_a_cylinder_tips_over_the_lowest_point_of_its_rim():
+    body = FreeObject(name="body", shape="cylinder", size=(0.1, 0.2), mass=0.3, standing=True,
+                      position=Vec3(0.0, 0.0, 0.5), angles=Vec3(0.0, 0.0, 0.4))  # fmt: skip
+    for degrees, way in ((47.0, 1.0), (50.0, -1.0)):
+        angles = Vec3(0.0, way * math.radians(degrees), 0.0)
+        ground = Surface(name="ground", angles=angles, material=Material(friction=2.0))
+        with pytest.raises(ValueError, match=f"it tips over beyond 45 degrees, and the slope has {degrees:g}"):
+            with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY)
 
 
 def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
