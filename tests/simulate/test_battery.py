@@ -89,6 +89,24 @@ def test_power_is_the_tables_current_or_the_drag_torques():
     assert BATTERY.power((measured,), (600.0,)) == pytest.approx(5.0 + 4.5 * 14.8)
 
 
+def implicit(pack, charge, rotors, speeds, commands, seconds=0.005):
+    """Voltage by SciPy at which the pack feeds the speeds that rotors reach with it, and their power there."""
+    idle = float(4 * PchipInterpolator(CHARGE, CELL)(charge))
+
+    def power(voltage):
+        supply, total = voltage / pack.reference_voltage, 5.0
+        for rotor, w, command in zip(rotors, speeds, commands, strict=True):
+            asked = min(command, rotor.max_speed) * supply if pack.esc == "open" else min(command, 1100.0 * supply)
+            target = min(asked, rotor.max_speed)
+            lag = rotor.time_constant_up if target > w else rotor.time_constant_down
+            total += 8e-6 * 0.016 * (target + (w - target) * math.exp(-seconds / lag)) ** 3 / 0.7
+        return total
+
+    surplus = lambda v: v * (idle - v) - pack.resistance * power(v)  # noqa: E731
+    found = brentq(surplus, 0.5 * idle, idle, xtol=1e-13) if surplus(0.5 * idle) > 0.0 else 0.5 * idle
+    return found, power(found)
+
+
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_the_loops_charge_is_that_of_its_log(plant):
     scenario = hovering(kind=plant, duration=0.2)
@@ -99,9 +117,11 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     charge, voltage = flight.now.memories[-1]
     before = 1.0
     for k, speeds in enumerate(log.rotor_speeds):
-        power = BATTERY.power(vehicle.rotors, speeds)
-        assert log.battery_voltage[k, 0] == pytest.approx(BATTERY.voltage(before, power), rel=1e-12)
-        before = BATTERY.discharge(before, power, 0.005)
+        # commands that were in force before the period's own
+        commands = log.rotor_commands[max(k - 1, 0)] if k else log.rotor_speeds[0]
+        reached, power = implicit(BATTERY, before, vehicle.rotors, speeds, commands)
+        assert log.battery_voltage[k, 0] == pytest.approx(reached, rel=1e-10)
+        before -= power / reached * 0.005 / 3600.0 / 2.0
         assert log.battery_charge[k, 0] == pytest.approx(before, rel=1e-12)
     assert (charge, voltage) == (log.battery_charge[-1, 0], log.battery_voltage[-1, 0])
     assert 0.999 < charge < 1.0
@@ -126,6 +146,13 @@ def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reac
         commands = drain.rotor_commands(memory, vehicle.rotors, (share * top,) * 4)
         speeds = speeds_after(vehicle.rotors, (0.0,) * 4, commands, 10.0)
         assert speeds == pytest.approx((wanted * top,) * 4, rel=1e-12)
+
+
+def test_the_supply_bounds_a_rotor_that_turns_backwards():
+    drain = BatteryDrain(battery=BATTERY, rotors=())
+    rotors = [dataclasses.replace(load_vehicle("hummingbird").rotors[0], reversible=True, max_speed=1000.0)] * 3
+    speeds = drain.rotor_commands((1.0, 0.6 * 14.8), rotors, (-1000.0, -500.0, 700.0))
+    assert speeds == pytest.approx([-600.0, -500.0, 600.0], rel=1e-12)
 
 
 def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
@@ -175,6 +202,42 @@ def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_l
     current = (before - memory[0]) * pack.capacity * 3600.0 / 0.005
     assert current == pytest.approx((idle - right) / pack.resistance, rel=1e-2)
     assert current * memory[1] <= idle**2 / 4.0 / pack.resistance * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_pack_near_its_peak_comes_to_rest_as_its_rotors_would(seed):
+    """Against SciPy's dw/dt = (V w_max / V_ref - w) / tau at V (V_0 - V) = R P(w), which rests at a drawn V / V_0."""
+    rng = np.random.default_rng(seed)
+    share, resistance = rng.uniform(0.515, 0.6), rng.uniform(0.05, 0.5)
+    rotors = load_vehicle(DATA / "servo_arm.toml").rotors
+    rotor, count = rotors[0], len(rotors)
+    drag = count * 8e-6 * 0.016 / 0.7
+    idle = float(BATTERY.open_circuit_voltage(0.8))
+    rest = ((idle**2 * share * (1.0 - share) / resistance - 5.0) / drag) ** (1.0 / 3.0)
+    reference = 1100.0 * share * idle / rest
+    pack = dataclasses.replace(
+        BATTERY, resistance=resistance, esc=("governed", "open")[seed % 2], reference_voltage=reference
+    )
+    drain, still, commands = BatteryDrain(battery=pack, rotors=rotors), example_state(0, count), (1100.0,) * count
+
+    def voltage(w):
+        return 0.5 * (idle + math.sqrt(max(idle**2 - 4.0 * resistance * (5.0 + drag * w**3), 0.0)))
+
+    def faster(_t, w):
+        target = min(1100.0 * voltage(w[0]) / reference, 1100.0)
+        return [(target - w[0]) / (rotor.time_constant_up if target > w[0] else rotor.time_constant_down)]
+
+    start, times = 0.6 * rest, 0.005 * np.arange(1, 81)
+    exact = solve_ivp(faster, (0.0, 0.4), [start], rtol=1e-9, atol=1e-9, t_eval=times, max_step=1e-3).y[0]
+    speeds, volts, found, before = (start,) * count, 14.0, [], []
+    for _ in times:
+        _, volts = drain.supply((0.8, volts), 0.005, dataclasses.replace(still, rotor_speeds=speeds), commands)
+        speeds = speeds_after(rotors, speeds, drain.rotor_commands((0.8, volts), rotors, commands), 0.005)
+        found.append(speeds[0])
+        before.append(volts)
+    assert found == pytest.approx(exact, rel=0.04)
+    assert before[-1] == pytest.approx(share * idle, rel=1e-6)
+    assert np.abs(np.diff(before[-20:])).max() < 1e-4, "it does not alternate"
 
 
 def test_a_load_beyond_the_peak_draws_the_limit():

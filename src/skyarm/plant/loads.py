@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
-from skyarm.algebra.scalars import add, data, mul
+from skyarm.algebra.scalars import add, data, mul, where
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
-from skyarm.dynamics.actuators.rotor import has_short_lag, lag_of, speeds_within, spin_torque
+from skyarm.dynamics.actuators.rotor import SHORT_LAG, felt_in, has_short_lag, lag_of, spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
@@ -17,7 +17,7 @@ from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
 from skyarm.records.leaves import Tree
-from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
 LOCKED = 1e12
@@ -159,25 +159,38 @@ def felt_in_step(
     commands: Sequence[Command],
     around: Together,
     dt: Scalar,
+    *,
+    held: bool = False,
 ) -> tuple[Sequence[Truth], Sequence[Sequence[State]]]:
-    """Vehicles, and states at begin, middle and end of a step of ``dt`` (s), whose rotors' forces have their impulse.
+    """Vehicles and states by which the rotors' forces have their impulse of a step of ``dt`` (s).
 
-    Rotors with short lags have speeds that may pass the target, hence one lag for both ways.
+    Args:
+        worlds: true vehicles and gravity.
+        stages: states at the begin and within the step, each of all vehicles.
+        commands: commands of each vehicle.
+        around: surroundings of the period.
+        dt: s.
+        held: True if forces are held for the step; else only short lags need it.
     """
-    if not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
+    if not held and not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
         return worlds, stages
-    felt, made = [list[State](), list[State](), list[State]()], list[Truth]()
+    made, felt = list[Truth](), list[list[State]]()
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
-        rotors = world.vehicle.rotors
+        rotors, turned, columns = world.vehicle.rotors, list[Rotor](), list[Sequence[Scalar]]()
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
-        rows = list(zip(rotors, stages[0][i].rotor_speeds, heard, strict=True))
-        lags = [lag_of(*row) for row in rows]
-        pairs = zip(rotors, lags, strict=True)
-        turned = tuple(dataclasses.replace(r, time_constant_up=lag, time_constant_down=lag) for r, lag in pairs)
-        made.append(dataclasses.replace(world, vehicle=world.vehicle.with_checked(rotors=turned)))
-        for k, speeds in enumerate(zip(*(speeds_within(*row, dt) for row in rows), strict=True)):
-            felt[k].append(dataclasses.replace(stages[k][i], rotor_speeds=speeds))
-    return made, felt
+        within = (stage[i].rotor_speeds for stage in stages)
+        for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
+            speeds, lag = there, lag_of(rotor, there[0], asked)
+            if held or has_short_lag(rotor):
+                mean, until = felt_in(rotor, speeds[0], asked, dt)
+                short = held or lag < SHORT_LAG
+                speeds, lag = [where(short, mean, each) for each in speeds], where(short, until, lag)
+            turned.append(dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag))
+            columns.append(speeds)
+        made.append(dataclasses.replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
+        rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
+        felt.append([dataclasses.replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)])
+    return made, [*zip(*felt, strict=True)]
 
 
 def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:

@@ -30,7 +30,7 @@ from skyarm.plant.largest_step import (
     divisions,
     largest_step,
 )
-from skyarm.plant.loads import before_euler_step, changes_inertia, follow_commands, rigid_loads
+from skyarm.plant.loads import before_euler_step, changes_inertia, felt_in_step, follow_commands, rigid_loads
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
@@ -198,7 +198,9 @@ class MujocoPlant:
         states = self._layout.states(x)
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
-        forces = self._layout.generalized_forces(states, commands, around)
+        held = self._euler or self._rk4
+        worlds, (felt,) = felt_in_step(self._worlds, (states,), commands, around, dt, held=held)
+        forces = self._layout.generalized_forces(worlds, felt, commands, around)
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
@@ -291,6 +293,7 @@ class MujocoPlant:
     def _solve(self, state: Flat, command: Flat, around: Flat) -> None:
         """Let MuJoCo solve for the accelerations at a state."""
         self._set(state, command, around)
+        self._loads.inputs[-1] = 0.0  # of this instant
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:

@@ -92,13 +92,13 @@ class Layout:
         ]
 
     def generalized_forces(
-        self, states: Sequence[State], commands: Sequence[Command], around: Together
+        self, worlds: Sequence[Truth], states: Sequence[State], commands: Sequence[Command], around: Together
     ) -> list[Scalar]:
         """Generalised forces at states without gravity, in MuJoCo's order: of the vehicles, then of held objects.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
-        generalized, place, motions = list[Scalar](), list[int](), around.motions(self.worlds, states)
+        generalized, place, motions = list[Scalar](), list[int](), around.motions(worlds, states)
         for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
             force, torques = applied_force(motion, command, around.of(i))
             # what acts on a follower acts on its leader already

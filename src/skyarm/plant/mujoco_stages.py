@@ -20,7 +20,7 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import example_command
-from skyarm.plant.loads import follow_commands
+from skyarm.plant.loads import felt_in_step, follow_commands
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
@@ -51,7 +51,7 @@ class RungeKuttaInputs:
         now, memory: state and memories of the stage.
         turn: rotation vector of the stage from the first attitude.
         total, rates: sums of the slopes of earlier stages, of the state and of the memories.
-        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``.
+        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``, and the step (s).
     """
 
     start: Numbers
@@ -95,7 +95,7 @@ class StagedRungeKutta:
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
             start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
-            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 4,
+            total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 5,
         )  # fmt: skip
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
@@ -115,7 +115,7 @@ class StagedRungeKutta:
         """Compute one Runge-Kutta stage: the next states, their rotation vectors, sums of slopes and forces."""
         layout = self._layout
         first, now = layout.states(inputs.start), layout.states(inputs.now)
-        own, share, earlier, time = inputs.weights
+        own, share, earlier, time, step = inputs.weights
         shape = around.coupled_memories()
         there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
@@ -136,7 +136,10 @@ class StagedRungeKutta:
             turned += change[3:6]
             slopes += slope
         sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slopes, strict=True)]
-        loads = layout.generalized_forces(following, commands, around)
+        # the state after the last stage is the begin of the next step
+        begun = follow_commands(layout.worlds, first, commands, around, earlier * step)
+        worlds, (_, felt) = felt_in_step(layout.worlds, (begun, following), commands, around, step)
+        loads = layout.generalized_forces(worlds, felt, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
@@ -163,7 +166,7 @@ class StagedRungeKutta:
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
-                self._acceleration[:], self._weights[:] = self._qacc, row
+                self._acceleration[:], self._weights[:] = self._qacc, (*row, dt)
                 program()
                 self._moving[:] = self._move_state
         for each in self._welds:

@@ -161,7 +161,8 @@ def coupled_euler(
     that they follow the new velocities, too. First order.
     """
     around = before_euler_step(worlds, states, around, dt)
-    rates, slopes = derivative(worlds, states, commands, around)
+    turning, (felt,) = felt_in_step(worlds, (states,), commands, around, dt, held=True)
+    rates, slopes = derivative(turning, felt, commands, around)
     after = []
     for before, rate, state in zip(states, rates, follow_commands(worlds, states, commands, around, dt), strict=True):
         velocity = before.velocity + rate.velocity * dt
@@ -192,7 +193,7 @@ def coupled_verlet(
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
-    _, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
+    worlds, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
     middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)

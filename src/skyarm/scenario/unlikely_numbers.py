@@ -96,8 +96,8 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
         lowest = float(np.min(np.where(held, np.asarray(height), np.inf)))
         if payload.hangs > 0 and lowest < scenario.floor:
             yield (
-                f"payloads[{i}].cord: lets the load hang {-lowest:.3g} m below the ground along the reference; "
-                "a shorter cord, or a higher reference?"
+                f"payloads[{i}].cord: lets the load hang {scenario.floor - lowest:.3g} m below the ground along the "
+                "reference; a shorter cord, or a higher reference?"
             )
 
 

@@ -17,8 +17,8 @@ from skyarm.vehicle.thrust_table import ThrustTable
 
 ESC = ("governed", "open")
 
-NO_RESISTANCE = 1e-12
-"""Small resistance (ohm) or sag (V^2) in a denominator."""
+NO_RESISTANCE, NO_POWER = 1e-12, 1e-12
+"""Least resistance (ohm) and power (W) in a denominator."""
 
 LEAST = 1e-3
 """Least voltage of an overloaded pack, as a fraction of the voltage without a load."""
@@ -142,27 +142,29 @@ class Battery:
     def overload(
         self, charge: Scalar, before: Scalar, load: Callable[[Scalar], Scalar]
     ) -> tuple[Scalar, Scalar, Scalar]:
-        """Voltage (V) and current (A) of a pack whose load is more than V_0^2 / 4 R at half of V_0.
+        """Overload of a pack, with its voltage (V) and current (A) then.
 
-        The load P(V) of rotors at full throttle falls with the voltage: the pack then holds V (V_0 - V) = R P(V) below
-        half of V_0. One step of V <- V + V (V (V_0 - V) - R P) / (3 R P), which is Newton's for P as V^3 but for the
-        slope of the other side, and comes near from above.
+        A pack is overloaded where the rotors would draw more than its peak power V_0^2 / 4 R at half of V_0. What they
+        draw falls with the voltage, as P(V): the pack then holds V (V_0 - V) = R P(V) at a voltage below half of V_0.
+        Each call takes one step V <- V + V (V (V_0 - V) - R P) / (3 R P): Newton's for P as V^3 without the slope
+        V_0 - 2 V of the left side, hence shorter, and near from above.
 
         Args:
             charge: fraction of the capacity.
-            before: voltage of the step before, V.
-            load: power (W) at a voltage (V).
+            before: voltage of the period before, V.
+            load: power (W) that the rotors draw when they have followed a voltage (V).
 
         Returns:
-            True where the load is too much, then voltage and current.
+            True where it is overloaded; voltage and current, which mean nothing elsewhere.
         """
         idle = self.open_circuit_voltage(charge)
         half = 0.5 * idle
         now = minimum(before, half)
-        asked = maximum(self.resistance * load(now), NO_RESISTANCE)
+        resistance = maximum(self.resistance, NO_RESISTANCE)
+        asked = resistance * maximum(load(now), NO_POWER)
         voltage = maximum(now + now * divide(now * (idle - now) - asked, 3.0 * asked), LEAST * idle)
         over: Scalar = self.resistance * load(half) > half * half
-        return over, voltage, divide(idle - voltage, maximum(self.resistance, NO_RESISTANCE))
+        return over, voltage, divide(idle - voltage, resistance)
 
 
 def rotor_power(

@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import data, logical_and, minimum, where
+from skyarm.algebra.scalars import clip, data, divide, logical_and, maximum, minimum, where
+from skyarm.compile.tracing.lower import repeat
+from skyarm.dynamics.actuators import speeds_after
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Rotor
 from skyarm.vehicle.battery import Battery
 from skyarm.world.component import Column, Component
+
+HALVINGS, NEAR = 24, 1e-6
+"""Halvings of the voltage's interval, from half to all of that without a load, and share of it in a difference."""
+
+SETTLED = 3600.0
+"""Time (s) after which rotors have followed their commands."""
 
 
 @immutable
@@ -29,19 +37,39 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     def supply(
         self, memory: tuple[Scalar, Scalar], dt: float, state: State, commands: Sequence[Scalar]
     ) -> tuple[Scalar, Scalar]:
-        """Battery charge after the control period, and its voltage under the rotors' load."""
-        battery, (charge, before) = self.battery, memory
-        power = battery.power(self.rotors, state.rotor_speeds)
-        voltage = battery.voltage(charge, power)
-        over, sagged, current = battery.overload(charge, before, lambda at: self._power_at(at, commands))
+        """Battery charge after the control period, and its voltage under the rotors' load.
+
+        The voltage is that at the speeds which the rotors reach with it by the end of the period (implicit Euler): one
+        at their speeds before would alternate near the peak power, where a volt moves the load by more than itself.
+        """
+        battery, (charge, before), rotors = self.battery, memory, self.rotors
+        idle = battery.open_circuit_voltage(charge)
+
+        def load(voltage: Scalar, seconds: float = dt) -> Scalar:
+            """Power (W) of the rotors after they have followed their commands at a voltage (V)."""
+            heard = self.rotor_commands((1.0, voltage), rotors, commands)
+            power: Scalar = battery.power(rotors, speeds_after(rotors, state.rotor_speeds, heard, seconds))
+            return power
+
+        def surplus(voltage: Scalar) -> Scalar:
+            """Power that the pack gives beyond the load, times its resistance (V^2); it falls with the voltage."""
+            return voltage * (idle - voltage) - battery.resistance * load(voltage)
+
+        def halve(bounds: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            """Bounds (V) of the voltage, half as far apart."""
+            middle = 0.5 * (bounds[0] + bounds[1])
+            enough = surplus(middle) > 0.0
+            return where(enough, middle, bounds[0]), where(enough, bounds[1], middle)
+
+        near, _ = repeat(HALVINGS, halve, (0.5 * idle, idle))
+        # a step of Newton's, by which a linearisation knows how the voltage follows the rotors
+        left, aside = surplus(near), NEAR * idle
+        falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
+        voltage = where(charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0)
+        over, sagged, current = battery.overload(charge, before, lambda at: load(at, SETTLED))
         over = logical_and(over, charge > 0.0)
         after = battery.drain(charge, sagged, current, dt)
-        return where(over, after, battery.discharge(charge, power, dt)), where(over, sagged, voltage)
-
-    def _power_at(self, voltage: Scalar, commands: Sequence[Scalar]) -> Scalar:
-        """Power (W) at a voltage (V) of the rotors as fast as they turn under commands, and of all other loads."""
-        power: Scalar = self.battery.power(self.rotors, self.rotor_commands((1.0, voltage), self.rotors, commands))
-        return power
+        return where(over, after, battery.discharge(charge, load(voltage), dt)), where(over, sagged, voltage)
 
     def rotor_commands(
         self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
@@ -51,7 +79,7 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":
             return [minimum(each, rotor.max_speed) * supply for each, rotor in pairs]
-        return [minimum(each, rotor.max_speed * supply) for each, rotor in pairs]
+        return [clip(each, rotor.min_speed * supply, rotor.max_speed * supply) for each, rotor in pairs]
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]

@@ -12,11 +12,14 @@ from scipy.integrate import quad
 
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
-from skyarm.dynamics.actuators import rotor_force, rotor_forces, speed_after
+from skyarm.dynamics.actuators import Command, rotor_force, rotor_forces, speed_after
+from skyarm.dynamics.actuators.rotor import felt_in
 from skyarm.dynamics.state import example_state
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.rigid_body import coupled_verlet
+from skyarm.plant.surroundings import Surroundings, Together
 from skyarm.vehicle.battery import rotor_power
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -283,3 +286,57 @@ def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
         yaw -= rotor.direction * 3e-5 * (command - 300.0) * (1.0 - math.exp(-0.01 / tau))
     assert x[9] * float(vehicle.mass) == pytest.approx(lift, rel=1e-6)
     assert x[12] * float(vehicle.base.inertia.zz) == pytest.approx(yaw, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_felt_speed_has_the_mean_thrust_and_the_felt_lag_the_mean_spin(seed):
+    """Mean of w |w| and of dw/dt by SciPy, over drawn steps: to a stop, from one, through zero, and at rest."""
+    rng = np.random.default_rng(seed)
+    lag, dt = 10.0 ** rng.uniform(-4.0, -1.5), rng.choice([1e-3, 5e-3])
+    first, last = rng.uniform(-800.0, 800.0, 2) * rng.choice([0.0, 1.0], 2, p=[0.2, 0.8])
+    forward = seed % 3 == 0
+    first, last = (abs(first), abs(last)) if forward else (first, last)
+    numbers = {"time_constant_up": lag, "time_constant_down": lag, "max_speed": 900.0, "reversible": not forward}
+    rotor = dataclasses.replace(ROTOR, **numbers)
+    felt, slow = felt_in(rotor, first, last, dt)
+
+    def speed(t):
+        return last + (first - last) * math.exp(-t / lag)
+
+    points = [t for t in (lag, 3.0 * lag) if t < dt]
+    if first * last < 0.0:
+        points += [t for t in [lag * math.log((last - first) / last)] if t < dt]
+    mean = quad(lambda t: speed(t) * abs(speed(t)), 0.0, dt, points=points or None, epsabs=1e-9, limit=200)[0] / dt
+    assert felt * abs(felt) == pytest.approx(mean, rel=1e-8, abs=1e-6)
+    if abs(first - last) > 1.0:
+        assert (last - felt) / slow == pytest.approx((speed(dt) - first) / dt, rel=1e-9)
+    assert felt_in(rotor, last, last, dt) == pytest.approx((last, lag), rel=1e-12) or last == 0.0
+
+
+@pytest.mark.parametrize("plant", ["rk4", "euler", "mujoco rk4", "mujoco euler", "mujoco rk4_staged", "verlet"])
+@pytest.mark.parametrize("lag", [2e-2, 1e-3, 1e-4])
+def test_every_plant_feels_the_mean_thrust_of_a_reversible_rotor(plant, lag):
+    """Momentum of a vehicle without gravity after 10 ms of rotors that turn round, by SciPy's integral of w |w|."""
+    bare = load_vehicle("hummingbird")
+    numbers = {"drag_coefficient": 0, "rolling_moment_coefficient": 0, "inertia": 3e-5, "reversible": True}
+    rotors = tuple(dataclasses.replace(r, time_constant_up=lag, time_constant_down=lag, **numbers) for r in bare.rotors)
+    world = Truth(vehicle=dataclasses.replace(bare, rotors=rotors), gravity=0.0)
+    name = plant.rsplit(" ", maxsplit=1)[-1]
+    first = dataclasses.replace(example_state(0, 4), rotor_speeds=(400.0,) * 4)
+    x, commands = flat(first), (-300.0, 0.0, -300.0, 0.0)
+    if name == "verlet":
+        command, around, states = Command(rotor_speeds=commands, efforts=()), Together((Surroundings(),)), (first,)
+        for _ in range(10):
+            states, _ = coupled_verlet((world,), states, (command,), around, 0.001)
+        x = flat(states[0])
+    else:
+        flying = (MujocoPlant if "mujoco" in plant else RigidBodyPlant)(world, Surroundings(), name)
+        for _ in range(2):
+            x = flying.advance(x, commands, (0.0,), 0.005)
+    squares = [
+        quad(lambda t, c=c: (w := c + (400.0 - c) * math.exp(-t / lag)) * abs(w), 0.0, 0.01, limit=400,
+             points=[lag, 3.0 * lag] + ([lag * math.log(700.0 / 300.0)] if c else []) if lag < 3e-3 else None)[0]
+        for c in commands
+    ]  # fmt: skip
+    lift = sum(float(r.thrust_coefficient) * square for r, square in zip(rotors, squares, strict=True))
+    assert x[9] * float(world.vehicle.mass) == pytest.approx(lift, rel=2e-3)

@@ -43,10 +43,14 @@ def test_a_bristle_bends_no_further_than_its_length():
     angle, ground = slope(1.3, 0.3)
     box = FreeObject(name="box", size=(0.1, 0.1, 0.06), mass=0.1, standing=True, angles=Vec3(0.0, angle, 0.0),
                      position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))  # fmt: skip
-    contact = with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
+    rough = dataclasses.replace(ground, material=Material(friction=0.5))
+    held = with_standing_objects(Contact(surfaces=(rough,), objects=(box,)), GRAVITY)
+    contact = dataclasses.replace(held, surfaces=(ground,))
     memory = contact.settle(contact.start(0.005, ()), PointMotion(BIRD, AWAY, gravity=GRAVITY), False)
     bent = [np.linalg.norm([*map(float, each)]) for each in memory.bristles]
     assert sorted(bent)[-4:] == pytest.approx([2e-4] * 4, rel=1e-9)
+    with pytest.raises(ValueError, match=r"object 'box': must stand where friction holds it, by .* and it slides"):
+        with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
 
 
 @pytest.mark.parametrize("share", [0.95, pytest.param(0.5, marks=pytest.mark.thorough)])

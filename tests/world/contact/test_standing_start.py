@@ -7,13 +7,15 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.world.contact import Contact, Surface
-from skyarm.world.contact.static_equilibrium import stand_vehicle
+from skyarm.world.contact import Contact, FreeObject, Material, Surface
+from skyarm.world.contact.static_equilibrium import stand_vehicle, with_standing_objects
 from support.worlds import GRAVITY, SKIDS, at_rest, limp
 
 BIRD = limp()
@@ -112,3 +114,103 @@ def test_a_level_box_is_set_down_on_a_slope(degrees):
     assert made.angles.x == pytest.approx(slope, abs=0.01)
     above = float(made.position.z) * math.cos(slope)
     assert above == pytest.approx(0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("degrees", [36.0, 39.0, 42.5, 44.0])
+@pytest.mark.parametrize("along", [True, False])
+def test_a_cube_stands_on_a_slope_up_to_45_degrees_set_down_level_or_along_it(degrees, along):
+    slope = math.radians(degrees)
+    ground = Surface(name="ground", angles=Vec3(0.0, slope, 0.0), material=Material(friction=1.1))
+    cube = FreeObject(name="cube", size=(0.2, 0.2, 0.2), mass=0.5, standing=True, position=Vec3(0.0, 0.0, 1.0),
+                      angles=Vec3(0.0, slope if along else 0.0, 0.0))  # fmt: skip
+    (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(cube,)), GRAVITY).objects
+    assert math.degrees(stood.angles.y) == pytest.approx(degrees, abs=0.2)
+    steep = dataclasses.replace(ground, angles=Vec3(0.0, math.radians(46.0), 0.0))
+    with pytest.raises(ValueError, match="it tips over beyond 45 degrees, and the slope has 46"):
+        with_standing_objects(Contact(surfaces=(steep,), objects=(cube,)), GRAVITY)
+
+
+def set_down_drawn(kind, rng):
+    """What becomes of a drawn body on a drawn slope, and what SciPy's linear program and Coulomb say of it."""
+    yaw, way = rng.uniform(-3.0, 3.0), rng.uniform(0.0, 2.0 * np.pi)
+    around = np.linspace(0.0, 2.0 * np.pi, 720)
+    if kind == "box":
+        size = rng.uniform(0.05, 0.4, 3)
+        spots, height = np.array([[a, b] for a in (-0.5, 0.5) for b in (-0.5, 0.5)]) * size[:2], 0.5 * size[2]
+    elif kind == "cylinder":
+        size = rng.uniform(0.04, [0.2, 0.4])
+        spots, height = size[0] * np.stack([np.cos(around), np.sin(around)], axis=1), 0.5 * size[1]
+    else:
+        count = int(rng.integers(3, 6))
+        at = (np.arange(count) + rng.uniform(0.0, 0.6, count)) * 2.0 * np.pi / count
+        spots, height = rng.uniform(0.1, 0.3) * np.stack([np.cos(at), np.sin(at)], axis=1), rng.uniform(0.05, 0.2)
+    turn = Rotation.from_euler("z", yaw).as_matrix()[:2, :2]
+    down, spots = np.array([math.cos(way), math.sin(way)]), spots @ (np.eye(2) if kind == "feet" else turn.T)
+    # the furthest that the line of the weight may move down the slope within the hull of what touches
+    rows = np.vstack([np.column_stack([spots.T, -down]), [*np.ones(len(spots)), 0.0]])
+    lowest = linprog([*np.zeros(len(spots)), -1.0], A_eq=rows, b_eq=[0.0, 0.0, 1.0],
+                     bounds=[(0.0, None)] * len(spots) + [(None, None)])  # fmt: skip
+    tipping = -lowest.fun / height
+    tangent = min(1.5, tipping * rng.choice([rng.uniform(0.1, 0.95), rng.uniform(1.05, 1.3)], p=[0.8, 0.2]))
+    friction = tangent * rng.choice([rng.uniform(1.04, 2.0), rng.uniform(0.5, 0.96)], p=[0.7, 0.3])
+    right = "stands" if tangent < min(tipping, friction) else "tips over" if tangent > tipping else "slides"
+    leaning = Rotation.from_rotvec(math.atan(tangent) * np.array([-down[1], down[0], 0.0]))
+    material = Material(friction=friction, stiffness=10.0 ** rng.uniform(4.0, 5.0))
+    ground = Surface(name="ground", angles=Vec3(*leaning.as_euler("xyz").tolist()), material=material)
+    try:
+        if kind == "feet":
+            places = [Vec3(x, y, -height) for x, y in spots.tolist()]
+            points = tuple(dataclasses.replace(SKIDS[0], name=f"p{i}", position=p) for i, p in enumerate(places))
+            contact = Contact(surfaces=(ground,), points=points)
+            up = stand_vehicle(BIRD, GRAVITY, contact, at_rest(BIRD, (0.0, 0.0, 0.6))).quaternion.rotation().column(2)
+        else:
+            body = FreeObject(name="body", shape=kind, size=tuple(size.tolist()), mass=rng.uniform(0.1, 1.0),
+                              standing=True, position=Vec3(0.0, 0.0, 0.8), angles=Vec3(0.0, 0.0, yaw))  # fmt: skip
+            (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY).objects
+            up = Rotation.from_euler("xyz", [*map(float, stood.angles)]).as_matrix()[:, 2]
+        assert np.array([*map(float, up)]) @ leaning.as_matrix()[:, 2] > math.cos(0.03)
+        return right, "stands"
+    except ValueError as error:
+        if " beyond " in str(error):
+            said = float(str(error).split(" beyond ")[1].split()[0])
+            assert said == pytest.approx(math.degrees(math.atan(tipping)), rel=0.01)
+        return right, str(error)
+
+
+def test_a_box_on_its_edge_is_refused_and_not_laid_flat():
+    """At 45 degrees it is in equilibrium, an unstable one; at 20 it falls onto its side."""
+    ground = Surface(name="ground", material=Material(friction=0.5, stiffness=5000.0))
+    balanced = 0.05 * math.sqrt(2.0) - 0.1 * GRAVITY / 5000.0 / 2.0
+    for lean, height in ((0.25 * math.pi, balanced), (0.25 * math.pi, 0.2), (0.35, 0.2)):
+        box = FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.0),
+                         position=Vec3(0.0, 0.0, height))  # fmt: skip
+        with pytest.raises(ValueError, match=r"it tips over$"):
+            with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
+
+
+def test_a_cylinder_tips_over_the_lowest_point_of_its_rim():
+    body = FreeObject(name="body", shape="cylinder", size=(0.1, 0.2), mass=0.3, standing=True,
+                      position=Vec3(0.0, 0.0, 0.5), angles=Vec3(0.0, 0.0, 0.4))  # fmt: skip
+    for degrees, way in ((47.0, 1.0), (50.0, -1.0)):
+        angles = Vec3(0.0, way * math.radians(degrees), 0.0)
+        ground = Surface(name="ground", angles=angles, material=Material(friction=2.0))
+        with pytest.raises(ValueError, match=f"it tips over beyond 45 degrees, and the slope has {degrees:g}"):
+            with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY)
+
+
+def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, standing=True, position=Vec3(0.0, 0.0, 0.5),
+                     angles=Vec3(0.0, 0.3, 0.0))  # fmt: skip
+    rough, smooth = (Surface(name="ground", angles=Vec3(0.0, 0.3, 0.0), material=Material(friction=mu))
+                     for mu in (0.5, 0.1))  # fmt: skip
+    held = with_standing_objects(Contact(surfaces=(rough,), objects=(box,)), GRAVITY)
+    assert with_standing_objects(held, GRAVITY) == held
+    with pytest.raises(ValueError, match="and it slides"):
+        with_standing_objects(dataclasses.replace(held, surfaces=(smooth,)), GRAVITY)
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "feet"])
+def test_drawn_bodies_stand_up_to_the_angles_of_tipping_and_friction(kind):
+    rng = np.random.default_rng(20)
+    for right, found in (set_down_drawn(kind, rng) for _ in range(5)):
+        assert right in found

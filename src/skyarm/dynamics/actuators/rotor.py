@@ -10,7 +10,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
+from skyarm.algebra.scalars import (
+    absolute,
+    add,
+    divide,
+    exp,
+    log,
+    maximum,
+    minimum,
+    mul,
+    same,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.records.coerce import concrete
 from skyarm.vehicle import Rotor
 
@@ -36,6 +49,10 @@ SHORT_LAG = 2e-3
 """Time constant (s) below which Simpson's rule over a step of 5 ms errs by more than 1 % of a change of thrust."""
 
 
+LEAST_LAG = 1e-3
+"""Least lag that is felt over the true one: where it would be less there is only rounding."""
+
+
 def has_short_lag(rotor: Rotor) -> bool:
     """True if a time constant of a rotor is below ``SHORT_LAG``, or may be."""
     lags = rotor.time_constant_up, rotor.time_constant_down
@@ -48,11 +65,12 @@ def lag_of(rotor: Rotor, speed: Scalar, command: Scalar) -> Scalar:
     return where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
 
 
-def speeds_within(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalars:
-    """Speeds (rad/s) of a rotor at begin, middle and end of a Runge-Kutta step that give its forces their impulse.
+def felt_in(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
+    """Constant speed (rad/s) and lag (s) by which a rotor's thrust and spin have their impulse of a step.
 
-    Of a lag below ``SHORT_LAG`` the three by which Simpson's rule has the mean of the speed and of its square exactly:
-    with a = tau / dt, the mean W = target + (speed - target) a (1 - e^(-1/a)), and W +- sqrt(3 (mean square - W^2)).
+    With w = T + D e, e = exp(-t / tau), the integral of w^2 from e = 1 on is tau (-T^2 ln e + 2 T D (1 - e)
+    + D^2 (1 - e^2) / 2); the thrust of a reversible rotor turns round where e = -T / D. The speed is the signed root
+    of the mean of w |w|; with the lag its mean acceleration is that of w. Of a step of 0 s both are as they are.
 
     Args:
         rotor: its lags.
@@ -60,15 +78,24 @@ def speeds_within(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> S
         command: rad/s.
         dt: length of the step, s.
     """
-    plain = speed, speed_after(rotor, speed, command, 0.5 * dt), speed_after(rotor, speed, command, dt)
-    if not has_short_lag(rotor):
-        return plain
     target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
-    share, left = divide(lag, dt), exp(divide(-dt, lag))
-    mean = share * (1.0 - left)
-    spread = sqrt(maximum(3.0 * (0.5 * share * (1.0 - left * left) - mean * mean), 0.0))
-    within = (target + (speed - target) * each for each in (mean + spread, mean, mean - spread))
-    return tuple(where(lag < SHORT_LAG, a, b) for a, b in zip(within, plain, strict=True))
+    change, share, passed = speed - target, divide(lag, dt), divide(dt, lag)
+    end = exp(-passed)
+
+    def squares(e: Scalar, lags: Scalar) -> Scalar:
+        """Integral of w^2 until e, which takes so many lags, over the step."""
+        return share * (target * target * lags + change * (1.0 - e) * (2.0 * target + 0.5 * change * (1.0 + e)))
+
+    mean = squares(end, passed)
+    if rotor.reversible:
+        through = target * speed < 0.0
+        zero = maximum(where(through, divide(-target, where(through, change, 1.0)), 0.0), end)
+        mean = 2.0 * squares(zero, -log(zero)) - mean
+        mean = where(where(through, speed, speed + target) < 0.0, -mean, mean)
+    felt, gap = _with_sign(rotor, mean, sqrt(absolute(mean))), change * share * (end - 1.0)
+    turns = absolute(gap) > 0.0
+    ratio = where(turns, maximum(divide(target - felt, where(turns, gap, 1.0)), LEAST_LAG), 1.0)
+    return where(dt > 0.0, felt, speed), where(dt > 0.0, lag * ratio, lag)
 
 
 def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:

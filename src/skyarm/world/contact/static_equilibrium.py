@@ -30,6 +30,9 @@ from skyarm.world.contact.meetings import Meeting, meetings_of
 
 Residual = Callable[[Array], Array]
 
+Push = tuple[Meeting, Vec3, Vec3]
+"""Contact of a body, its arm from the centre of mass (m) and its normal force (N) on the body."""
+
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
 """Distances (m): step in which a vehicle is lowered until it stands, largest way of a descent, and initial height
 above the reference, which lies a little below the standing position if it presses."""
@@ -46,39 +49,45 @@ OTHER = 0.2
 ROUNDING = 1e-9
 """Fraction of the weight by which a level surface seems to tilt: the equilibrium is found to so much."""
 
-UP = np.array([1.0, 0.0, 0.0])
-"""Displacement upwards: of a height and two tilts."""
+UP, UPRIGHT = np.array([1.0, 0.0, 0.0]), Vec3(0.0, 0.0, 1.0)
+"""Displacement upwards, of a height and two tilts, and vertical axis."""
 
 NEAR = 1e-7
 """Step (m and rad) of the finite difference for the stiffness."""
 
+SMALL, ROUNDS = 1e-8, 100
+"""Residual of an equilibrium, as a fraction of the weight, and largest number of Newton steps to it."""
 
-def _least_squares(stiffness: Array, force: Array) -> Array:
-    # a ball may roll: of what nothing holds, nothing changes
-    return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-6)[0])
+DAMPED = np.diag([1e-6, 1.0, 1.0])
+"""Shares of the damping in height and tilts: the height follows at once, or a foot that bears too much lifts others."""
+
+LEAN = 1e-5
+"""Additional tilt (rad) down a slope: the rim of a cylinder then touches where it will."""
+
+UNSTABLE = 1e-3
+"""Growth of the residual (1 per m or rad) from which an equilibrium is unstable: above that of rounding."""
 
 
-def _exact(stiffness: Array, force: Array) -> Array:
-    return np.asarray(np.linalg.solve(stiffness, force))
+def _settle(residual: Residual, x: Array) -> Array | None:
+    """Stable root of a residual near an initial guess; None if there is none.
 
-
-def _root(
-    residual: Residual,
-    x: Array,
-    rounds: int,
-    small: float,
-    solve: Callable[[Array, Array], Array] = _least_squares,
-) -> Array | None:
-    """Root of a residual by Newton's method from an initial guess; None without convergence."""
+    Newton's method, damped as implicit Euler steps of dx/dt = residual: longer after one that hardly raises the
+    residual, else shorter, as where a foot would lift off. Of what nothing holds, as a ball that may roll, nothing
+    changes. Source: Kelley, Keyes 1998, Convergence analysis of pseudo-transient continuation.
+    """
+    start, pace, left = x, 1e-6, residual(x)
     with np.errstate(all="ignore"):  # of numbers beyond measure
-        for _ in range(rounds):
-            left = residual(x)
-            if np.abs(left).max() < small:
-                return x
-            try:
-                x = x - solve(_stiffness(residual, x), left)
-            except np.linalg.LinAlgError:
-                return None
+        for _ in range(ROUNDS):
+            slopes, size = _stiffness(residual, x), np.abs(left).max()
+            if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
+                break
+            there = x + np.linalg.solve(DAMPED / pace - slopes, left)
+            after = residual(there)
+            share = np.abs(after).max() / size
+            if not share < 1.0 and size < SMALL:  # on an edge it may be balanced, and falls
+                return x if np.linalg.eigvals(slopes).real.max() < UNSTABLE else None
+            pace *= 10.0 if share < 1.0 else 2.0 if share < 1.5 else 0.1
+            x, left = (there, after) if share < 1.5 else (x, left)
     return None
 
 
@@ -112,8 +121,8 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         position = state.position + Vec3(0.0, 0.0, up)
         return replace(state, position=position, quaternion=_turn(about_x, about_y) * state.quaternion)
 
-    def pushes(x: Array) -> list[tuple[Meeting, Vec3, Vec3]]:
-        """Contacts of the vehicle, each with its arm from the centre of mass (m) and its force (N)."""
+    def pushes(x: Array) -> list[Push]:
+        """Contacts of the vehicle, each with its arm and its force."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
         ours = (each for each in contact.meetings(memory, motion) if each.by == NOBODY)
@@ -140,28 +149,59 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
             x = x - FINEST * UP
         return x
 
-    level = set_down(np.array([ABOVE, 0.0, 0.0]))
-    equilibrium = _root(residual, level, 30, 1e-12, solve=_exact)
+    x = set_down(np.array([ABOVE, 0.0, 0.0]))
+    equilibrium = _settle(residual, x)
     if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
-        slope = _slope([push for _, _, push in pushes(level)])
-        equilibrium = _root(residual, set_down(np.array([ABOVE, *slope])), 30, 1e-12, solve=_exact)
-    # on two points it may be balanced, and falls
-    if equilibrium is None or np.linalg.eigvals(_stiffness(residual, equilibrium)).real.max() >= 0.0:
-        raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
-    _require_friction(pushes(equilibrium), contact, weight)
+        x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
+        equilibrium = _settle(residual, x)
+    if equilibrium is None:
+        words = "must stand on three points around its centre of mass; it tips over"
+        raise ValueError(f"initial.standing = true: {words}{_tipping(pushes(x))}")
+    _require_friction("initial.standing = true", pushes(equilibrium), contact, weight)
     return at(equilibrium)
 
 
-def _slope(pushes: Sequence[Vec3]) -> tuple[float, float]:
-    """Tilts about the level x and y axes (rad) that turn the vertical to the sum of some forces."""
-    x, y, z = (float(sum(column)) for column in zip(*pushes, strict=True))
-    across = math.hypot(x, y)
-    share = math.atan2(across, z) / across if across > 0.0 else 0.0
-    return -y * share, x * share
+def _normal(pushes: Sequence[Push]) -> Array:
+    """Direction of the sum of some forces, level axes."""
+    force = np.array([*map(float, sum((push for *_, push in pushes), ZERO3))])
+    return np.asarray(force / np.linalg.norm(force))
 
 
-def _require_friction(pushes: Sequence[tuple[Meeting, Vec3, Vec3]], contact: Contact, weight: float) -> None:
-    """Refuse a vehicle that would slide: its weight across the surfaces is beyond their friction.
+def _slope(pushes: Sequence[Push], axes: Sequence[Vec3]) -> Array:
+    """Tilts about the level x and y axes (rad) by which a body lies on a slope, from the forces on it.
+
+    They turn that one of its axes to the slope's normal which is nearest to this or to the vertical.
+    """
+    normal = _normal(pushes)
+    rows = [np.array([*map(float, axis)]) for axis in axes]
+    near, axis = max(((max(abs(row[2]), abs(row @ normal)), row) for row in rows), key=lambda pair: pair[0])
+    axis = axis * math.copysign(1.0, axis @ normal)
+    across = np.cross(axis, normal)
+    size = np.linalg.norm(across)
+    # one that leans otherwise is not laid flat
+    turn = across * (math.atan2(size, axis @ normal) / size if size > 0.0 and near > math.cos(OTHER) else 0.0)
+    return np.asarray(turn[:2] + LEAN * np.array([-normal[1], normal[0]]))
+
+
+def _tipping(pushes: Sequence[Push]) -> str:
+    """Words about the slope at which a body that lies on some contacts tips over; none where it lies level.
+
+    Down the slope the weight leaves the convex hull of the contacts, on a line between two of them.
+    """
+    normal = _normal(pushes)
+    down = normal * normal[2] - np.array([0.0, 0.0, 1.0])
+    if not np.linalg.norm(down) > ROUNDING:
+        return ""
+    arms = np.array([[*map(float, arm)] for meeting, arm, _ in pushes if float(meeting.touch.depth) > 0.0])
+    along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
+    spots = [*zip(along, aside, strict=True)]
+    ways = [(a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d]
+    most = math.degrees(math.atan2(max(ways, default=0.0), -np.mean(arms @ normal)))
+    return f" beyond {most:.3g} degrees, and the slope has {math.degrees(math.acos(normal[2])):.3g}"
+
+
+def _require_friction(where: str, pushes: Sequence[Push], contact: Contact, weight: float) -> None:
+    """Refuse a vehicle or object that would slide: its weight across the surfaces is beyond their friction.
 
     Raises:
         ValueError: one line with the force and the largest friction.
@@ -172,7 +212,7 @@ def _require_friction(pushes: Sequence[tuple[Meeting, Vec3, Vec3]], contact: Con
     needed = math.sqrt(float(across.dot(across)))
     if needed > most + ROUNDING * weight:
         words = f"must stand where friction holds it, by {needed:.3g} N; it is {most:.3g} N at most, and it slides"
-        raise ValueError(f"initial.standing = true: {words}")
+        raise ValueError(f"{where}: {words}")
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
@@ -224,30 +264,29 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
     """Contact model with one object moved to static equilibrium on the surfaces below that object."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
-    if np.abs(supports.residual(x)).max() < 1e-9:
+    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, x) is not None:
+        _require_friction(f"{where}: object {body.name!r}", supports.pushes(x), contact, supports.weight)
         return contact
     if supports.gap(x) < 0.0:
         x[0] = LIFT
     if supports.gap(x) < 0.0:
         raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
-    level = _descend(body, supports, x, index)
-    equilibrium = _equilibrium(supports, level)
+    x = _descend(body, supports, x, index)
+    equilibrium = _settle(supports.residual, x)
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
-        x = np.array([level[0], *_slope([push for _, push in supports.pushes(level)])])
+        rotation = body.frame(body.start()).rotation
+        x = np.array([x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])])
         while supports.gap(x) < 0.0:
             x = x + max(LIFT, -supports.gap(x)) * UP
-        equilibrium = _equilibrium(supports, _descend(body, supports, x, index))
+        x = _descend(body, supports, x, index)
+        equilibrium = _settle(supports.residual, x)
     if equilibrium is None:
+        tips = f"it tips over{_tipping(supports.pushes(x))}"
         raise ValueError(
-            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
+            f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; {tips}"
         )
+    _require_friction(f"{where}: object {body.name!r}", supports.pushes(equilibrium), contact, supports.weight)
     return supports.contact_at(equilibrium)
-
-
-def _equilibrium(supports: _Supports, x: Array) -> Array | None:
-    """Height and tilts of an object in equilibrium near those at which it is carried; None if it tips over."""
-    found = _root(supports.residual, x, 20, 1e-9)
-    return None if found is None or not np.abs(found - x).max() < OTHER else found
 
 
 def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Array:
@@ -290,7 +329,7 @@ class _Supports:
     def __init__(self, contact: Contact, index: int, gravity: float, away: Collection[int]) -> None:
         self._contact, self._index, self._away = contact, index, frozenset(away)
         self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
-        self._weight, self.gravity = float(contact.objects[index].mass) * gravity, gravity
+        self.weight, self.gravity = float(contact.objects[index].mass) * gravity, gravity
 
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
@@ -300,34 +339,28 @@ class _Supports:
         motions[self._index] = replace(body, position=place, attitude=_turn(about_x, about_y) * body.attitude)
         return motions
 
-    def _pushes(self, moved: Sequence[Tree]) -> list[tuple[Meeting, Vec3]]:
-        """Contact pairs that involve the object, each with the normal force (N) on the object."""
-        i = self._index
+    def pushes(self, x: Array) -> list[Push]:
+        """Contacts that involve the displaced object, each with its arm and its force on the object."""
+        i, moved = self._index, self._displace(x)
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
-        mine = [each for each, pair in pairs if i in pair and not pair & self._away]
-        return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
-
-    def pushes(self, x: Array) -> list[tuple[Meeting, Vec3]]:
-        """Contact pairs of the displaced object, each with the normal force (N) on the object."""
-        return self._pushes(self._displace(x))
+        mine = [(each, 1 if each.by == i else -1) for each, pair in pairs if i in pair and not pair & self._away]
+        middle = moved[i].position
+        return [(each, each.place - middle, each.touch.axis * (each.touch.normal * sign)) for each, sign in mine]
 
     def gap(self, x: Array) -> float:
         """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""
-        return -max((float(each.touch.depth) for each, _ in self.pushes(x)), default=-LOWEST)
+        return -max((float(each.touch.depth) for each, *_ in self.pushes(x)), default=-LOWEST)
 
     def force(self, x: Array) -> float:
         """Vertical contact force on the object, N."""
-        return float(sum(push.z for _, push in self.pushes(x)))
+        return float(sum(push.z for *_, push in self.pushes(x)))
 
     def residual(self, x: Array) -> Array:
         """Residual of the vertical force and of the horizontal moments on the object, relative to its weight."""
-        moved = self._displace(x)
-        middle = moved[self._index].position
-        pushes = [(each.place - middle, push) for each, push in self._pushes(moved)]
-        left, moment = balance(pushes, self._weight)
+        left, moment = balance([(arm, push) for _, arm, push in self.pushes(x)], self.weight)
         length = float(max(self._contact.objects[self._index].size))
         values = left, float(moment.x) / length, float(moment.y) / length
-        return np.array(values) / self._weight
+        return np.array(values) / self.weight
 
     def contact_at(self, x: Array) -> Contact:
         """Contact model with the object moved to a given height and tilt."""
