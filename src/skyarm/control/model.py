@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Scalar, Vec3
@@ -213,7 +212,7 @@ class LayerParameters:
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:
         """Constants of a layer wrapped around the constants of a law."""
-        return cls(**{"mixer": par.mixer, "inner": dataclasses.replace(par, model=None, mixer=None)} | constants)
+        return cls(**{"mixer": par.mixer, "inner": replace(par, model=None, mixer=None)} | constants)
 
     @property
     def inner_model(self) -> Model:
@@ -223,4 +222,4 @@ class LayerParameters:
     @property
     def own(self) -> Any:
         """Constants of the law inside a layer, with the law's model and mixer filled in."""
-        return dataclasses.replace(self.inner, model=self.inner_model, mixer=self.mixer)
+        return replace(self.inner, model=self.inner_model, mixer=self.mixer)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -92,7 +92,7 @@ def as_law(
     asks, record = task.actions.asks_law, is_record(policy)
     law = partial(
         policy_law,
-        observation=dataclasses.replace(task, reward=()),
+        observation=replace(task, reward=()),
         asked=planned.law if asks else _no_law,
         function=None if record else policy,
     )
@@ -103,7 +103,7 @@ def as_law(
             model=planned.par.model,
             mixer=planned.par.mixer,
             policy=policy if record else (),
-            inner=dataclasses.replace(planned.par, model=None, mixer=None) if asks else (),
+            inner=replace(planned.par, model=None, mixer=None) if asks else (),
         ),
         memory=PolicyMemory(inner=planned.memory if asks else (), action=(0.0,) * size),
         margin=planned.margin if asks else None,
@@ -133,7 +133,7 @@ def policy_law(
     if len(given) != len(memory.action):
         raise ControllerError(f"policy: gives {len(given)} numbers, must be {len(memory.action)} for these actions")
     action = tuple(clip(a, -1.0, 1.0) for a in given)
-    own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
+    own = replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
 
     def law(inner: Tree, measured: Measurement, target: Reference) -> Decision:
         return asked(inner, measured, target, dt, par=own)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
@@ -69,12 +69,12 @@ def facts(log: Log) -> Facts:
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
-    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
+    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
     if log.lag_found.size:
         values["lag_found_s"] = log.lag_found[-1]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
-        values["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+        values["grasps"] = [asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)
         values["phase_ends"] = [

@@ -8,8 +8,8 @@ so that points which do not fall make a time that never runs backwards.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -116,7 +116,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
     moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
     rates: dict[str, Any] = dict(zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True))
-    return dataclasses.replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
+    return replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
 def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Scalar, Scalar]:
@@ -153,7 +153,7 @@ def offset_reference(
         left = left * Taylor.of_derivatives([one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)])
     moved = {name: getattr(reference, name) + offset * left.derivative(order) for order, name in enumerate(VECTORS)}
     tip = tuple(c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False))
-    return dataclasses.replace(reference, tip=tip, **moved)
+    return replace(reference, tip=tip, **moved)
 
 
 ONE = (1.0, 0.0, 0.0, 0.0, 0.0)

@@ -65,10 +65,10 @@ The joints follow from ``posture`` and inverse kinematics: ``[[reference.joints]
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -262,7 +262,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         if carried is None:
             path = motion_from(fields.take("path"), fields.at("path"), setting)
         else:
-            path, base = carried, dataclasses.replace(base, yaw=base.yaw + carried.yaw)
+            path, base = carried, replace(base, yaw=base.yaw + carried.yaw)
         trajectory = tip_trajectory(fields, base, path, vehicle, setting)
         if "base" in rest:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
@@ -270,7 +270,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         trajectory = trajectory_from(rest, n_joints, where, setting)
         if carried is not None and not own_base:
             yaw = trajectory.yaw + carried.yaw
-            trajectory = dataclasses.replace(trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw)
+            trajectory = replace(trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw)
         if setting.joint_moves:
             from skyarm.reference.phases import with_joint_moves
 
@@ -279,7 +279,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
     _require_reach(trajectory, where, setting.duration)
-    return dataclasses.replace(trajectory, push=push, load=load, planned=planned)
+    return replace(trajectory, push=push, load=load, planned=planned)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:

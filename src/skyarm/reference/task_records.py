@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Scalar
@@ -149,7 +148,7 @@ class Setting:
     def all_guards(self) -> tuple[Guard, ...]:
         """All conditions that end phases of the tasks."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
-        return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
+        return tuple(replace(guard, loads=loads) for guard in self.guards)
 
     @property
     def all_phases(self) -> tuple[Phase, ...]:

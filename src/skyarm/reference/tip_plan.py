@@ -14,9 +14,9 @@ arm leaves (:mod:`skyarm.reference.tip_motion`).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -379,11 +379,11 @@ def tip_trajectory(
         ValueError: one line with field, value and what is allowed.
     """
     choices = record_from(TipChoices, fields)
-    choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields))
+    choices = replace(choices, posture=_posture(choices.posture, vehicle, fields))
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     with errors_as(ValueError, f"{fields.where}."):
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration, setting.turned)
-    planned = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
+    planned = replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
     return with_joint_moves(planned, setting.joint_moves, vehicle, choices.joint_speed)
 
 

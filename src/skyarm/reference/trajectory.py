@@ -5,10 +5,9 @@ A publisher samples it at one rate and holds each sample for a controller that r
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -125,14 +124,14 @@ class Trajectory:
     z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
     yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
-    tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    push: TipPush | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = dataclasses.field(
+    tip: TipMotion | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    push: TipPush | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = field(
         default=None, metadata=WRITTEN_IF_ANY
     )
-    planned: PlannedBody | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    planned: PlannedBody | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    guards: tuple[Guard, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    phases: tuple[Phase, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     def path_names(self) -> Names:
         """Names, in parameter paths, of the fields that are set and of the base motion's parameters."""
@@ -171,7 +170,7 @@ class Trajectory:
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Copy of the trajectory with other joint signals; a number is a constant signal."""
-        return dataclasses.replace(self, joints=signals(joints))
+        return replace(self, joints=signals(joints))
 
     def shifted(self, delay: Scalar) -> Trajectory:
         """Copy of the trajectory that is ``delay`` seconds later."""
@@ -258,7 +257,7 @@ def circle(
         for phase in (math.pi / 2.0, 0.0)
     ]
     at_center = hover(center, yaw=yaw, joints=joints)
-    return dataclasses.replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
+    return replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
 
 
 Tick = TypeVar("Tick", int, AnyArray)

@@ -22,8 +22,8 @@ value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from skyarm.algebra import Quaternion, Scalar
 from skyarm.algebra.scalars import data, divide
@@ -232,7 +232,7 @@ def _start_with(
     if angles or not any(place[0] == "quaternion" for place in inside):
         return state
     q, length = state.quaternion, state.quaternion.norm()
-    return dataclasses.replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
+    return replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
@@ -278,7 +278,7 @@ def _declaration(record: object, place: Place) -> Unit:
             unit = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
         if " or " in unit.unit and hasattr(record, "kind"):
-            unit = dataclasses.replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
+            unit = replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
         record = getattr(record, name)
     return unit
 

@@ -7,10 +7,10 @@ keeps it as a curve of time (:mod:`skyarm.reference.path_time`), so that every e
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -99,7 +99,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     """
     if scenario.agent.reference.planned is not None:
         raise ValueError("reference.governor: must be left out with a plan, which is within its limits in its own time")
-    bare = scenario.with_agent(dataclasses.replace(scenario.agent, path_time=None))
+    bare = scenario.with_agent(replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
@@ -109,7 +109,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
         return bare
-    return bare.with_agent(dataclasses.replace(bare.agent, path_time=plan.path_time))
+    return bare.with_agent(replace(bare.agent, path_time=plan.path_time))
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
@@ -148,7 +148,7 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     """Times (s) at which the path has a corner, or starts with nonzero speed from rest."""
     corners = []
     first = trajectory.at(0.0)
-    rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
+    rest = replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
     if scenario.agent.initial is None and _is_corner(rest, first):
         corners.append(0.0)
     return [*corners, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
@@ -263,7 +263,7 @@ class PathLimits:
         shares = self._shares(demand)
         if self._tip:
             # a law may hold the tip or the base: the vehicle must be able to do both
-            motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
+            motion = replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
             demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
             shares = np.maximum(shares, self._shares(demand))
         return shares

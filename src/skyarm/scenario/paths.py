@@ -6,10 +6,10 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from typing import TypeVar
 
@@ -53,7 +53,7 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
         raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
     one = scenario.of(next(iter(scenario.agents)))
     if one is not scenario and is_below(path, "changes"):  # numbered among those of all
-        one = dataclasses.replace(one, changes=scenario.changes)
+        one = replace(one, changes=scenario.changes)
     return one, path
 
 
@@ -93,12 +93,12 @@ def by_agent(
     if shared:
         one = change(scenario.of(next(iter(scenario.agents))), shared)
         shared_parts = {name: getattr(one, name) for name in ("environment", "endings", "team")}
-        changed = dataclasses.replace(changed, **shared_parts)
+        changed = replace(changed, **shared_parts)
     agents = dict(changed.agents)
     for name, own in groups.items():
         with errors_of_agent(name):
             agents[name] = change(changed.of(name), own).agent
-    return dataclasses.replace(changed, agents=agents) if groups else changed
+    return replace(changed, agents=agents) if groups else changed
 
 
 @contextmanager

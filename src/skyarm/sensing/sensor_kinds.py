@@ -11,9 +11,9 @@ and load takes: a sensor on a light hand. A free object that is held counts whol
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import field, replace
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
@@ -122,9 +122,9 @@ class Imu(ChannelSensor):
 
     position: Annotated[
         Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)
-    ] = dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
-    rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (
-        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    ] = field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = field(
+        default=ZERO3, metadata={UNWRITTEN: ZERO3}
     )
     gyro: Channel = Channel(density=0.005, walk=1e-4)
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
@@ -342,7 +342,7 @@ class FramedSensor(ChannelSensor):
             share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
             force, torque = before.force, before.torque
             push = Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
-        own = dataclasses.replace(memory, own=(push, more))
+        own = replace(memory, own=(push, more))
         return self.read(own, t, self.reading_of(push), (), draws, dt)
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -197,7 +196,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     published = with_preview(published, preview_leads(scenario.agent.controller.par), at)
     if published.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
-        published = dataclasses.replace(published, load=now.load)
+        published = replace(published, load=now.load)
     return EpisodeInputs(scenario, times, published)
 
 

@@ -9,8 +9,8 @@ Where no phase waits the clock is ``()``: structure, without an operation.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -121,7 +121,7 @@ class Waits:
 
     def terms(self, n: Scalar) -> GuardTerms:
         """Times and flags of guard number ``n``; beyond the last guard, those of a guard that is never reached."""
-        return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
+        return _select(n, (*self._terms, replace(self._terms[-1], end=NEVER, early=0.0)))
 
     def first(self) -> Clock:
         """Initial state of the reference clock; () for a task without guards."""
@@ -152,7 +152,7 @@ class Waits:
         guard: Scalar = 0.0
         for terms in self._terms:
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
-        return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
+        return replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> InputRow[Reference]:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
@@ -160,7 +160,7 @@ class Waits:
             return cast("InputRow[Reference]", row)  # without a clock the reference is in the row
         path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
-            reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
+            reference = replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return InputRow(time=row.time, reference=reference, told=row.told, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
@@ -184,9 +184,9 @@ class Waits:
         fresh = due(ticks, self._ratio)
         sampled = where(fresh, clock.place, clock.held)
         if not self._moves:
-            return dataclasses.replace(clock, held=sampled)
+            return replace(clock, held=sampled)
         offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
-        return dataclasses.replace(clock, held=sampled, held_offset=offset, held_since=since)
+        return replace(clock, held=sampled, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> Scalars:
         """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
@@ -247,7 +247,7 @@ class Waits:
             vehicle = vehicle.with_payload(where(carried, payload.mass, 0.0), payload.frame or None)
         if not self._believed:
             return par
-        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+        return replace(par, model=replace(par.model, vehicle=vehicle))
 
     def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
         """Measured and desired tip position, forces and tactile switches, for evaluating conditions (guards)."""
@@ -279,7 +279,7 @@ class Waits:
         if self._moves:  # the reference keeps its position when the rest of a phase is skipped
             position = self.reference(self.path_time(clock), leaves((offset, since))).position
             offset, since = blend(enough, (position - Vec3(*now.stop), now.end), (offset, since))
-        return dataclasses.replace(
+        return replace(
             self._hold_sample(clock, ticks),
             place=minimum(gone, self.terms(number).end),
             guard=number,

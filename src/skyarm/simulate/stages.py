@@ -6,7 +6,6 @@ traced program (:func:`skyarm.simulate.period.make_period`).
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -326,11 +325,11 @@ class AgentStages:
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
             pushed = cast("ForceReading", arrived[name])  # as says what the sensor senses
-            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
+            measurement = replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
         if self.waits.switches:
             # as says what these sensors sense
             switches = tuple(cast("SwitchReading", arrived[name]).closed for name in self.waits.switches)
-            measurement = dataclasses.replace(measurement, switches=switches)
+            measurement = replace(measurement, switches=switches)
         logged = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
         return Readings(sensors=tuple(going), estimate=memory, readings=logged, measurement=measurement)
 
@@ -342,7 +341,7 @@ class AgentStages:
         (name,) = self.scenario.agents
         reports = [report for each, memory in each_memory for report in each.holds(memory, tip, name)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
-        return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
+        return replace(read, measurement=replace(read.measurement, holds=holds))
 
     def decide(
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()] = ()
@@ -360,7 +359,7 @@ class AgentStages:
             own, joints_own = mode < 0.5, absolute(mode - 1.0) > 0.5
             speeds = blend(own, command.rotor_speeds, outside.rotor_speeds)
             rest = blend(joints_own, command, outside)
-            return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
+            return blend(joints_own, following, memory), replace(rest, rotor_speeds=speeds)
 
         given = memory, measurement, reference, self._command, self._given
         loads_change = self.waits.with_task_loads(controller.par, path_time) is not controller.par
@@ -387,7 +386,7 @@ class AgentStages:
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
         rotors = self.scenario.agent.plant.vehicle.rotors
-        able = dataclasses.replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
+        able = replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
         moved = (*queue[1:], able)
         return where(going, 1.0, 0.0), moved, self.acting(moved)
 

@@ -17,7 +17,7 @@ Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.3 (e
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 from skyarm.algebra import Mat3, Scalar, Scalars
 from skyarm.algebra.linear_solve import ldl_solve
@@ -98,9 +98,9 @@ def with_held_damping(model: Model, mobilities: Scalars, dt: Scalar) -> Model:
             held = where(mobility > 0.0, held_damping(joint.damping, mobility, dt), 0.0)
             armature = add(joint.armature, held)
             rate = maximum(joint.coulomb_rate, mul(joint.coulomb, mobility * dt))
-            joint = dataclasses.replace(joint, armature=armature, coulomb_rate=rate)
-        links.append(dataclasses.replace(link, joint=joint))
-    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, links=tuple(links)))
+            joint = replace(joint, armature=armature, coulomb_rate=rate)
+        links.append(replace(link, joint=joint))
+    return replace(model, vehicle=replace(model.vehicle, links=tuple(links)))
 
 
 def held_damping(damping: Scalar, mobility: Scalar, dt: Scalar) -> Scalar:

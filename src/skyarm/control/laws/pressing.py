@@ -30,8 +30,8 @@ for physical human-quadrocopter interaction", ECC; the laws: Barakou et al. 2026
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation, differences
@@ -119,7 +119,7 @@ def observe_contact(
     observed = observe_uncompensated(
         par.model, par.observer, memory.observed, measurement, memory.sent, memory.started, free, dt
     )
-    after = dataclasses.replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
+    after = replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
@@ -130,13 +130,13 @@ def observe_contact(
     )
     along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
     touch = ObservedContact(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
-    return dataclasses.replace(after, interaction=interaction), touch
+    return replace(after, interaction=interaction), touch
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
     """Reference with the base position, velocity and acceleration shifted along the surface normal."""
     s, rate, acceleration = shift
-    return dataclasses.replace(
+    return replace(
         reference,
         position=reference.position + n * s,
         velocity=reference.velocity + n * rate,
@@ -182,13 +182,13 @@ def hybrid_ct(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
-        return dataclasses.replace(after, sent=command), command
+        return replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
     tip = level_tip(par.model.vehicle, reference)
     gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - tip)
     command = pressing_command(par, measurement, reference, touch)
-    interaction = dataclasses.replace(after.interaction, gap=gap)
-    return dataclasses.replace(after, sent=command, interaction=interaction), command
+    interaction = replace(after.interaction, gap=gap)
+    return replace(after, sent=command, interaction=interaction), command
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
@@ -245,17 +245,17 @@ def admittance_pd(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
-        interaction = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
+        interaction = replace(after.interaction, shift=shift[0], shift_rate=shift[1])
         after, reference = (
-            dataclasses.replace(after, interaction=interaction),
+            replace(after, interaction=interaction),
             shift_base(reference, touch.pressing.n, shift),
         )
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
         efforts = differences(command.efforts, borne)
-        command = dataclasses.replace(command, efforts=limit_efforts(par, efforts))
-    return dataclasses.replace(after, sent=command), command
+        command = replace(command, efforts=limit_efforts(par, efforts))
+    return replace(after, sent=command), command
 
 
 def admittance_motion(

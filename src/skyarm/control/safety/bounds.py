@@ -11,8 +11,8 @@ law has. The joint barrier bounds the acceleration that a torque would cause by 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm import dynamics
@@ -61,7 +61,7 @@ def govern_base(
     def where_bound(new: Vec3, old: Vec3) -> Vec3:
         return Vec3(*(where(c, a, b) for c, a, b in zip(bound, new, old, strict=True)))
 
-    return dataclasses.replace(
+    return replace(
         reference,
         position=where_bound(measurement.position + pull.hadamard(shares), reference.position),
         velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
@@ -142,7 +142,7 @@ def govern_joints(
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
-    governed = dataclasses.replace(
+    governed = replace(
         reference,
         joints=tuple(at),
         joint_rates=tuple(rates),
@@ -164,7 +164,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
         make_mixer(model.vehicle, "priority")
     except AllocationError:
         return mixer
-    return dataclasses.replace(mixer, policy="priority")
+    return replace(mixer, policy="priority")
 
 
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:

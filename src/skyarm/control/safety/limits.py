@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -64,11 +64,11 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
-    resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
+    resting = replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
     speeds = tuple(map(float, trim.speeds))
     law = checked_law(controller)
     for _ in range(SETTLING):
-        seen = dataclasses.replace(resting, rotor_speeds=speeds)
+        seen = replace(resting, rotor_speeds=speeds)
         _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
         speeds = tuple(map(float, command.rotor_speeds))
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 import time
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,9 +77,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
             given = "transcript" if autopilot.transcript else "replayed"
             raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
         hovers = hover_at_start(scenario)
-        scenario = scenario.with_agent(
-            dataclasses.replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None)
-        )
+        scenario = scenario.with_agent(replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None))
     there = {each.name for each in scenario.agent.sensors}
     needed = autopilot.sensors(scenario.agent.plant.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
@@ -96,8 +94,8 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     planned = Rates(physics=physics, control=control, reference=rates.reference)
     if not added and planned == rates:
         return scenario
-    equipped = scenario.with_agent(dataclasses.replace(scenario.agent, sensors=sensors))
-    return dataclasses.replace(equipped, rates=planned)
+    equipped = scenario.with_agent(replace(scenario.agent, sensors=sensors))
+    return replace(equipped, rates=planned)
 
 
 def require_free_flight(scenario: Scenario) -> None:
@@ -155,7 +153,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         inertia=float(min(inertia.xx, inertia.yy, inertia.zz)),
         gravity=float(scenario.agent.plant.gravity),
     )
-    resting = dataclasses.replace(
+    resting = replace(
         start,
         position=stand.rest,  # loaded: an accelerometer reads weight from the first instant
         quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
@@ -164,7 +162,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         joint_rates=(0.0,) * vehicle.n,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
-    agent = dataclasses.replace(
+    agent = replace(
         scenario.agent,
         reference=hover_at_start(scenario),
         initial=resting,
@@ -173,7 +171,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         faults=(),
         payloads=(),
     )
-    return dataclasses.replace(
+    return replace(
         scenario.with_agent(agent),
         duration=autopilot.preparation,
         environment=Environment(forces=(stand,), ground=False),
@@ -429,7 +427,7 @@ class PilotedSession(Session):
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
         if self._joint_server is not None:
             said |= {"joints": self._joint_server.facts, "set_back": self._late}
-        return dataclasses.replace(log, info={**log.info, "autopilot": said})
+        return replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
         """Raise an error, since the state of an autopilot's program cannot be copied."""

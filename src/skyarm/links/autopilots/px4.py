@@ -8,11 +8,11 @@ system is 1 + instance.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import socket
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -351,7 +351,7 @@ class PX4Link(ProgramLink):
     def _datagrams(self) -> bytes:
         """Bytes that have arrived from PX4 at the onboard port; other senders are ignored."""
         assert self._udp is not None
-        with contextlib.suppress(ConnectionError):
+        with suppress(ConnectionError):
             return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
         return b""
 
@@ -361,7 +361,7 @@ class PX4Link(ProgramLink):
 
     def _write_datagram(self, data: bytes) -> None:
         assert self._udp is not None
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._udp.sendto(data, self._partner)
 
     def _hear(self, message: mavlink.Message) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -61,9 +60,9 @@ class FlightRecord:
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
-        agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
+        agent = replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
         still = Environment(ground=False)
-        plain = dataclasses.replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
+        plain = replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)

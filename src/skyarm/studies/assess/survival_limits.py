@@ -7,8 +7,8 @@ fly their own scenario.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -169,8 +169,8 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
         hover,
         duration=DURATION,
         world=None,  # the swing would end in its walls
-        reference=dataclasses.replace(hover.agent.reference, x=x),
+        reference=replace(hover.agent.reference, x=x),
         forces=(*hover.environment.forces, Disturbance(force=SignalVector(x=pulse, y=pulse, z=pulse))),
         payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
-        delays=dataclasses.replace(delays, longest_command=delays.longest + LATEST),
+        delays=replace(delays, longest_command=delays.longest + LATEST),
     )

@@ -5,9 +5,8 @@ The trials and their conditions are in ``library/survive_trials.toml``, whose fi
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -136,14 +135,12 @@ class Trial:
         built = scenario_from(with_entries(document, self.tables))
         if self.motion == "circle":
             moved = circle(setting, *SLOW).agent.reference
-            built = built.with_reference(dataclasses.replace(moved, z=Constant(HEIGHT)))
+            built = built.with_reference(replace(moved, z=Constant(HEIGHT)))
         if self.noisy:
             built = with_words(built, noise=FaultySensors(**parts(NOISE)))
         built = with_numbers(built, {path: number for path, number in made.items() if "." in path})
         delays = built.agent.delays
-        told, late = (
-            dataclasses.replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late")
-        )
+        told, late = (replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late"))
         return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -105,10 +105,10 @@ def one_scenario(work: Work, k: int) -> Scenario:
     """Scenario of a single flight of a work item, with its command delays rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late = {path: numbers.pop(path) for path in [*numbers] if word_of(path) == LATE}
-    single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    single = replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
     agents, rate = dict(single.agents), single.rates.physics
     for path, seconds in late.items():
         name = agent_of(path) or next(iter(agents))
-        delays = dataclasses.replace(agents[name].delays, command=round(seconds * rate) / rate, longest_command=None)
-        agents[name] = dataclasses.replace(agents[name], delays=delays)
-    return dataclasses.replace(single, agents=agents) if late else single
+        delays = replace(agents[name].delays, command=round(seconds * rate) / rate, longest_command=None)
+        agents[name] = replace(agents[name], delays=delays)
+    return replace(single, agents=agents) if late else single

@@ -7,14 +7,13 @@ known.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 import os
 import pickle
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -343,7 +342,7 @@ class Store:
         """Remove older result files of a label after a new one: in a study's folder all, else damaged ones only."""
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
-                with contextlib.suppress(OSError):
+                with suppress(OSError):
                     other.unlink()
         self._files[label] = [path]
 

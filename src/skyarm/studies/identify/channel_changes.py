@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import combinations, permutations, product
 from typing import TypeAlias
@@ -69,17 +69,17 @@ class ChannelChange:
         """Flight after the correction of a logging fault of a given amount."""
         own = {name: flight[name] for name in self.names if name in flight}
         rest = {name: flight[name] for name in flight if name not in own}
-        return dataclasses.replace(flight, channels={**rest, **self.make(own, amount)})
+        return replace(flight, channels={**rest, **self.make(own, amount)})
 
 
 def by_rows(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
     """Channels with values transformed by a function of the values and the fault's amount."""
-    return {name: dataclasses.replace(each, values=function(each.values, amount)) for name, each in own.items()}
+    return {name: replace(each, values=function(each.values, amount)) for name, each in own.items()}
 
 
 def by_time(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
     """Channels with sample times transformed by a function of the times and the fault's amount."""
-    return {name: dataclasses.replace(each, time=function(each.time, amount)) for name, each in own.items()}
+    return {name: replace(each, time=function(each.time, amount)) for name, each in own.items()}
 
 
 RESCALED = partial(by_rows, lambda rows, times: rows / times)
@@ -135,7 +135,7 @@ def _in_world(own: Channels, _: float) -> Channels:
     """Rotate a velocity that was logged in base axes into world axes."""
     velocity, attitude = own["velocity"], own["quaternion"]
     values = turn_vectors(attitude_at(attitude, velocity.time), velocity.values)
-    return {**own, "velocity": dataclasses.replace(velocity, values=values)}
+    return {**own, "velocity": replace(velocity, values=values)}
 
 
 def _ours(frame: str, world: str, attitude: Array, _: float) -> Array:
@@ -222,7 +222,7 @@ def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
             values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
         else:
             values = turn_vectors(np.array([[*turn]]), each.values)
-        channels[name] = dataclasses.replace(each, values=values)
+        channels[name] = replace(each, values=values)
     return channels
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -92,7 +91,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
     drag = with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
     if checked:
-        return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
+        return replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
     return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
 
 
@@ -120,7 +119,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
     """Copy of a dataclass record with changed fields, with or without validation of the new values."""
     if checked:
-        return dataclasses.replace(record, **changes)
+        return replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
     for name, value in changes.items():
         object.__setattr__(changed, name, value)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from skyarm.algebra import Sym3
 from skyarm.flight_data.quantities import GRAVITY
@@ -48,10 +48,10 @@ def _solid(vehicle: Vehicle) -> Vehicle:
         if not body.planar:
             return body
         most = max(float(getattr(body.inertia, axis)) for axis in ("xx", "yy", "zz"))
-        return dataclasses.replace(body, inertia=Sym3(most, most, most), planar=False)
+        return replace(body, inertia=Sym3(most, most, most), planar=False)
 
-    links = tuple(dataclasses.replace(each, body=whole(each.body)) for each in vehicle.links)
-    return dataclasses.replace(vehicle, base=whole(vehicle.base), links=links)
+    links = tuple(replace(each, body=whole(each.body)) for each in vehicle.links)
+    return replace(vehicle, base=whole(vehicle.base), links=links)
 
 
 def stated_delays(log: Log) -> dict[str, float | None]:

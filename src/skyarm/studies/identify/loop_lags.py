@@ -10,9 +10,9 @@ the true state, so that its delay is that of the commands alone.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -161,7 +161,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     servos = [name for name in flown if setpoints.get(name) == PositionServo.takes]
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
-    start = dataclasses.replace(without_tilts(vehicle), drives=tuple(drives.values()))
+    start = replace(without_tilts(vehicle), drives=tuple(drives.values()))
     names = vehicle.joint_names
     searched = {
         name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
@@ -189,7 +189,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     return LoopLags(
         period=period,
         seconds=float(log.time[-1] - log.time[0]),
-        rotors=dataclasses.replace(of_rotors, factor=factor),
+        rotors=replace(of_rotors, factor=factor),
         joints=tuple(lag(name) for name in names if name not in setpoints),
         left_out={
             name: f"its drive takes a setpoint, {setpoints[name] or 'of its own'}"

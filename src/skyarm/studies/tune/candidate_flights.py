@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,14 +77,14 @@ def shorten(own: Scenario) -> Scenario:
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
     periods = math.ceil(stop * own.rates.control - 1e-9)
-    return dataclasses.replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
+    return replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
 
 
 def with_own(plants: Plants) -> Plants:
     """Perturbed plants, every fourth of which flies the scenario's own reference, the others a random one."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
-    return dataclasses.replace(plants, kinds=kinds)
+    return replace(plants, kinds=kinds)
 
 
 LANES = 300
@@ -189,7 +189,7 @@ class CandidateFlights:
             values |= {path: np.tile(numbers, len(piece)) for path, numbers in plants.values.items()}
             episodes = np.tile(np.arange(each), len(piece))
             label = f"{stage}.{i + 1}"
-            works.append(dataclasses.replace(self._work, label=label, columns=values, episodes=episodes))
+            works.append(replace(self._work, label=label, columns=values, episodes=episodes))
         return works
 
     def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
@@ -242,7 +242,7 @@ def of_drawn(flown: Flown) -> Flown:
 
 def _without_motions(plants: Plants) -> Plants:
     values = {path: numbers for path, numbers in plants.values.items() if not path.startswith("reference.")}
-    return dataclasses.replace(plants, values=values)
+    return replace(plants, values=values)
 
 
 def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:

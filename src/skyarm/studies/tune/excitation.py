@@ -9,8 +9,8 @@ noise gets that of :data:`skyarm.studies.compare.suite.NOISE`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -210,7 +210,7 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
 def with_noise(agent: Agent) -> Agent:
     """Vehicle with the comparison's noise if its sensors are perfect."""
     noisy = agent.noise != PERFECT_SENSORS or agent.sensors or agent.estimator != PASS_THROUGH
-    return agent if noisy else dataclasses.replace(agent, noise=NOISE)
+    return agent if noisy else replace(agent, noise=NOISE)
 
 
 def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
@@ -222,7 +222,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         unseen: use the validation path; errors count after the gust.
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
-    delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
+    delays = replace(scenario.agent.delays, longest_command=longest)
     words: FieldsByWord = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
@@ -271,7 +271,7 @@ class Plants:
     def select(self, which: IntArray) -> Plants:
         """Subset of the perturbed plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
-        return dataclasses.replace(self, values=values, kinds=self.kinds[which])
+        return replace(self, values=values, kinds=self.kinds[which])
 
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:

@@ -10,10 +10,10 @@ What a team flies instead is in :mod:`skyarm.studies.tune.team_subject`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -216,7 +216,7 @@ class Tuner:
         self._progress(self._done, self._total, "the best once more")
         flown = self._flights.fly("again", asked, others=self._drawn(self._stages.further, self._plan.seed + 2))
         short = self._margins.costs(asked)
-        every, drawn = (dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
+        every, drawn = (replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
         self._done += len(asked) * self._stages.further
         return every, drawn
 
@@ -416,7 +416,7 @@ def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     subject, sizes = plan.subject, plan.stages
     start = subject.centred(plan.flight, plan.knobs, plan.label)
     centre = numbers_at(start.knobs, (0.0,) * len(start.knobs))
-    plan = dataclasses.replace(
+    plan = replace(
         plan,
         flight=start.flight,
         check=subject.under(plan.check, centre),

@@ -16,9 +16,9 @@ Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib import resources
 from typing import Annotated, Any, TypeAlias
 
@@ -223,7 +223,7 @@ def with_motion(history: History, measurement: Measurement, dt: Scalar) -> Histo
     """History of network inputs updated by a new measurement."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
-    return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
+    return replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
@@ -233,7 +233,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
     begun, sent = history.started > 0.5, (*pushed.force, *pushed.torque, *command.efforts)
     after = _filter_values(history.commanded < 0.5, history.commands, sent, dt)
-    return dataclasses.replace(
+    return replace(
         history,
         commanded=where(begun, 1.0, history.commanded),
         commands=choose_each(begun, after, history.commands),

@@ -10,8 +10,8 @@ whether commands are late on their way out or measurements on their way in.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -160,7 +160,7 @@ class Observation:
 
     def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
         """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
-        reading = np.array(leaves(dataclasses.replace(measurement, **NOT_READ)), dtype=float)
+        reading = np.array(leaves(replace(measurement, **NOT_READ)), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
         late = update_lateness(past.late, modelled, np.array(measurement.rotor_speeds, dtype=float), self.dt)
@@ -248,4 +248,4 @@ def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: floa
     best = int(np.argmin(squares))
     if late.count < LEAST or not now > NOTICED**2 * late.weight or not squares[best] < CLEAR * now:
         return late
-    return dataclasses.replace(late, periods=best)
+    return replace(late, periods=best)

@@ -7,9 +7,9 @@ tip's displacement for a lean about an axis about which no joint turns.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
@@ -67,8 +67,8 @@ class SampledReference:
     foretold: int = 0
     secants: Array | None = None
     gap: float = 0.0
-    coming: Array = dataclasses.field(default_factory=partial(np.zeros, (3, 0, 0)))
-    turning: Array = dataclasses.field(default_factory=partial(np.zeros, (2, 0, 0)))
+    coming: Array = field(default_factory=partial(np.zeros, (3, 0, 0)))
+    turning: Array = field(default_factory=partial(np.zeros, (2, 0, 0)))
 
     @property
     def stiffness(self) -> Array:
@@ -112,13 +112,13 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
         rows = [samples(reference), *samples_ahead(reference)]
         coming = np.array(rows, dtype=float).transpose(2, 0, 1)
         turning = np.array(reference.turning, dtype=float).reshape(len(rows), 2, -1).transpose(1, 0, 2)
-        first = dataclasses.replace(first, coming=coming, turning=turning)
+        first = replace(first, coming=coming, turning=turning)
     if before is None:
         return first
     age = before.age + dt
     # a motion that begins later is seen in the preview alone
     if np.array_equal(motion, before.motion) and np.array_equal(first.coming, before.coming):
-        return dataclasses.replace(before, age=age)
+        return replace(before, age=age)
     # a number that is not finite was not predicted either
     if not np.abs(motion[0] - extrapolate(before, np.array([age]))[0, 0]).max() < JUMP:
         return first
@@ -134,7 +134,7 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
     sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age, first.coming, first.turning)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
-    return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
+    return replace(sample, jerks=(accelerations * c - last) / (age * s1))
 
 
 def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tuple[Array, Array]:

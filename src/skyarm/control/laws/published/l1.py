@@ -25,8 +25,8 @@ known.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
@@ -160,7 +160,7 @@ def l1_adaptive(
     )
     filtered = _advance_filters(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
-    following = dataclasses.replace(
+    following = replace(
         filtered,
         quaternion=measurement.quaternion,
         joints=measurement.joints,
@@ -207,7 +207,7 @@ def _advance_filters(
     effort_limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     torque = Vec3(*filter_within(memory.torque, force.torque, par.torque_filter, torque_limits))
     once = filter_within(memory.efforts, efforts, par.joint_filter, effort_limits)
-    return dataclasses.replace(
+    return replace(
         memory,
         started=1.0,
         force=Vec3(*filter_within(memory.force, R.apply(force.force), par.lateral_filter, force_limits)),
