@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Scalar, Vec3
@@ -11,10 +11,9 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.records.words import Word
 from skyarm.vehicle import Vehicle, VehicleError
@@ -174,7 +173,7 @@ class Parameters:
             effect="lower values overshoot less and track a moving reference later",
         ),
     ] = ()
-    euler: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    euler: bool = field_if_any(default=False)
 
 
 @immutable

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Scalar
 from skyarm.records.field_rules import checked
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Signal
 from skyarm.reference.tip_motion import TipPush
@@ -83,9 +82,9 @@ class Guard:
     fails: bool = False
     early: bool = False
     loads: tuple[str, ...] = ()
-    sensed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
-    closed: str = field(default="", metadata=WRITTEN_IF_ANY)
-    open: str = field(default="", metadata=WRITTEN_IF_ANY)
+    sensed: bool = field_if_any(default=False)
+    closed: str = field_if_any(default="")
+    open: str = field_if_any(default="")
 
 
 @immutable

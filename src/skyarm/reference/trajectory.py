@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -16,10 +16,9 @@ from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.planned_motion import PlannedBody
@@ -124,14 +123,12 @@ class Trajectory:
     z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
     yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
-    tip: TipMotion | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    push: TipPush | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
-    planned: PlannedBody | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    guards: tuple[Guard, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
-    phases: tuple[Phase, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    tip: TipMotion | None = field_if_any(default=None)
+    push: TipPush | None = field_if_any(default=None)
+    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = field_if_any(default=None)
+    planned: PlannedBody | None = field_if_any(default=None)
+    guards: tuple[Guard, ...] = field_if_any(default=())
+    phases: tuple[Phase, ...] = field_if_any(default=())
 
     def path_names(self) -> Names:
         """Names, in parameter paths, of the fields that are set and of the base motion's parameters."""

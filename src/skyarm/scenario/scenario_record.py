@@ -23,12 +23,11 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, checked, defaults, require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
 from skyarm.records.leaves import field_names, parts
 from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
-from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.records.words import STRUCTURAL, Word, groups
@@ -340,8 +339,8 @@ class Environment:
     air: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="air")] = ()
     forces: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
-    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
+    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = field_if_any(
+        default=None
     )
 
     def __post_init__(self) -> None:
@@ -389,9 +388,7 @@ class Agent:
         Unit("s", "time at which the law begins to track; before, it holds the initial reference", low=0.0),
         Word("reference.tracking_start"),
     ] = 0
-    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
+    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = field_if_any(default=None)
     noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
@@ -408,7 +405,7 @@ class Agent:
     payloads: Annotated[
         tuple[TimedPayload, ...],
         Word(kind="payload", usual="rigid", reader="payloads"),
-    ] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -553,14 +550,10 @@ class Scenario:
         Word("", group=True),
     ] = dataclasses.field(metadata={"alone": "agent"})
     environment: Annotated[Environment, Word(group=True)] = Environment()
-    team: Annotated[Team | None, Word(kind="team", reader="team")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
+    team: Annotated[Team | None, Word(kind="team", reader="team")] = field_if_any(default=None)
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
-    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = dataclasses.field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = field_if_any(default=())
     seed: Annotated[int, STRUCTURAL] = 0
     episode: Annotated[int, STRUCTURAL] = 0
 

@@ -22,9 +22,8 @@ from skyarm.algebra.scalars import absolute, cos, data, divide, exp, floor, mul,
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.leaves import Tree, leaves
-from skyarm.records.plain import UNWRITTEN
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin

@@ -8,7 +8,7 @@ beside them, since it advances within a control period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -21,9 +21,8 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import errors_as, must_be_one_of, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import blend, leaves
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
@@ -123,7 +122,7 @@ class Contact(Force[ContactMemory]):
     objects: tuple[FreeObject, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
-    grasps: tuple[Grasp, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    grasps: tuple[Grasp, ...] = field_if_any(default=())
     rotor_radius: Annotated[
         Scalar, nonnegative("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only")
     ] = 0
