@@ -195,7 +195,7 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
 def believed_drives(model: Model) -> tuple[Drive, ...]:
     """Modelled drive of each joint: as listed in the vehicle model, else an ideal torque drive."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
-    return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
+    return tuple(carried.get(joint.name, TORQUE_DRIVE) for joint in model.vehicle.joints)
 
 
 def actuator_law(

@@ -75,8 +75,8 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     for motion in _body_motions(vehicle, state):
         w, body = motion.pose.R.apply_T(motion.w), motion.body
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
-    for link, rate in zip(vehicle.links, state.joint_rates, strict=True):
-        total = add(total, mul(link.joint.armature, mul(rate, rate)))
+    for joint, rate in zip(vehicle.joints, state.joint_rates, strict=True):
+        total = add(total, mul(joint.armature, mul(rate, rate)))
     return mul(0.5, total)
 
 

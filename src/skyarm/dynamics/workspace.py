@@ -43,9 +43,9 @@ def samples_of(joints: int) -> int:
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
     """Search range of each joint: its limits, at most half a turn or 1 m either way from zero."""
-    free = [math.pi if k.joint.turns else 1.0 for k in vehicle.links]
-    low = [max(float(k.joint.lower), -span) for k, span in zip(vehicle.links, free, strict=True)]
-    high = [min(float(k.joint.upper), span) for k, span in zip(vehicle.links, free, strict=True)]
+    free = [math.pi if joint.turns else 1.0 for joint in vehicle.joints]
+    low = [max(float(joint.lower), -span) for joint, span in zip(vehicle.joints, free, strict=True)]
+    high = [min(float(joint.upper), span) for joint, span in zip(vehicle.joints, free, strict=True)]
     return np.array(low), np.array(high)
 
 

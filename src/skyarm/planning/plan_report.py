@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion
 from skyarm.planning.planner import Plan
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import entry_of
@@ -66,8 +66,8 @@ class Summary:
 def summary(plan: Plan) -> Summary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
     vehicle, task = plan.task.vehicle, plan.task
-    efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
-    joints = [link.joint.name for link in vehicle.links]
+    efforts = float_array(joint.effort_limit for joint in vehicle.joints)
+    joints = vehicle.joint_names
     torque = rate = None
     if joints:
         rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
@@ -102,7 +102,7 @@ def tilts(plan: Plan) -> Array:
     return np.asarray(np.arccos(np.clip(np.asarray(up, dtype=float), -1.0, 1.0)))
 
 
-def _tightest(t: Array, shares: Array, names: list[str]) -> Tight:
+def _tightest(t: Array, shares: Array, names: tuple[str, ...]) -> Tight:
     k, j = np.unravel_index(int(shares.argmax()), shares.shape)
     return Tight(name=names[int(j)], share=float(shares[k, j]), time=float(t[k]))
 

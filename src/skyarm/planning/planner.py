@@ -22,7 +22,7 @@ from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, float_array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.world.contact.surface import Surface
@@ -108,7 +108,7 @@ class Plan:
     @property
     def thrust_shares(self) -> Array:
         """Thrusts at the nodes over those at the highest speeds, (N + 1, rotors)."""
-        most = np.array([float(rotor.max_speed) for rotor in self.task.vehicle.rotors])
+        most = float_array(rotor.max_speed for rotor in self.task.vehicle.rotors)
         return np.asarray((self.rotor_speeds / most) ** 2)
 
     @property
@@ -116,8 +116,8 @@ class Plan:
         """Joint torques (N m or N) at the nodes, (N + 1, n)."""
         vehicle, stage = self.task.vehicle, self.stage
         limits = self.compiled.values(self.x, self.u, self.data)[0][:, self.compiled.limits]
-        columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
-        most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
+        columns = [self.compiled.names.index(f"torque of {joint.name}") for joint in vehicle.joints]
+        most = [float(joint.effort_limit) * stage.limits.torque_share for joint in vehicle.joints]
         return np.asarray((limits[:, columns] + 1.0) * most)
 
     @property
@@ -180,8 +180,8 @@ def stated_joints(task: Task) -> list[tuple[float, ...]]:
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
     """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
     found = []
-    for link, places in zip(task.vehicle.links, zip(*stated_joints(task), strict=True), strict=True):
-        low, high = link.joint.ends
+    for joint, places in zip(task.vehicle.joints, zip(*stated_joints(task), strict=True), strict=True):
+        low, high = joint.ends
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
         found.append((max(low, min(low + margin, *places)), min(high, max(high - margin, *places))))
     return tuple(found)
@@ -244,15 +244,15 @@ def outline(task: Task) -> Outline:
     """Straight outline of a task: the base above or below each tip goal, at rest in its posture."""
     n = task.vehicle.n
     joints = np.array(task.start.joints or (0.0,) * n)
-    base = np.array([*map(float, task.start.position)])
+    base = float_array(task.start.position)
     bases, postures, lengths = [base], [joints], []
     for phase in task.phases:
         goal = phase.to
         joints = np.array(goal.joints) if goal.joints else joints
         if goal.base is not None:
-            base = np.array([*map(float, goal.base)])
+            base = float_array(goal.base)
         elif goal.tip is not None:
-            base = np.array([*map(float, goal.tip)]) - tip_below(task, joints)
+            base = float_array(goal.tip) - tip_below(task, joints)
         lengths.append(phase.duration or usual_length(float(np.linalg.norm(base - bases[-1]))))
         bases.append(base)
         postures.append(joints)
@@ -799,10 +799,10 @@ def impossible(task: Task) -> str:
         places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
     lift = limits.thrust_share * float(highest_thrust(vehicle))
     for at, (stated, tilt), goal in places:
-        for link, value in zip(vehicle.links, goal.joints, strict=False):
-            low, high = link.joint.ends
+        for joint, value in zip(vehicle.joints, goal.joints, strict=False):
+            low, high = joint.ends
             if not low <= value <= high:
-                return f"{at}.joints: {link.joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
+                return f"{at}.joints: {joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
         lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"

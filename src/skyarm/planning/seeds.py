@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Volume, surface_distance
@@ -69,7 +69,7 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
     low, high = np.minimum(start, goal) - MARGIN, np.maximum(start, goal) + MARGIN
     for each in obstacles:
         if each.shape != "plane":
-            middle, far = np.array([*map(float, each.position)]), float(each.farthest) + 0.5 * MARGIN
+            middle, far = float_array(each.position), float(each.farthest) + 0.5 * MARGIN
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
     far = MARGIN + DETOUR * float(np.linalg.norm(goal - start))
     low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)

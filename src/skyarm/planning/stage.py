@@ -294,8 +294,8 @@ class Stage:
         root = sqrt(dt)
         costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]]
         costs += [
-            t * (math.sqrt(weights.torque) / largest(link.joint.effort_limit) * root)
-            for t, link in zip(efforts, vehicle.links, strict=True)
+            t * (math.sqrt(weights.torque) / largest(joint.effort_limit) * root)
+            for t, joint in zip(efforts, vehicle.joints, strict=True)
         ]
         moving = (*state.rate, *state.joints, *state.joint_rates)
         costs += [a * (math.sqrt(weights.state) * root) for a in moving]
@@ -382,7 +382,7 @@ class Stage:
             out += [
                 (f"thrust of {rotor.name}", each) for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
             ]
-        ranges = limits.ranges or [link.joint.ends for link in vehicle.links]
+        ranges = limits.ranges or [joint.ends for joint in vehicle.joints]
         for link, (low, high), q, rate in zip(vehicle.links, ranges, state.joints, state.joint_rates, strict=True):
             joint = link.joint
             for end, sign in ((high, 1.0), (low, -1.0)):

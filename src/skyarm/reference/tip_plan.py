@@ -326,7 +326,7 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
     """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
     length = max(float(reach(vehicle)), 1e-3)
-    limits = [link.joint.ends for link in vehicle.links]
+    limits = [joint.ends for joint in vehicle.joints]
     inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
@@ -389,9 +389,9 @@ def tip_trajectory(
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
     """Preferred joint positions of the arm within their limits; mid-range if none are given."""
-    bounds = [link.joint.ends for link in vehicle.links]
+    bounds = [joint.ends for joint in vehicle.joints]
     if not given and "posture" not in fields.table:
-        return tuple(middle_position(link.joint) for link in vehicle.links)
+        return tuple(middle_position(joint) for joint in vehicle.joints)
     if len(given) != vehicle.n:
         raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
     for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):

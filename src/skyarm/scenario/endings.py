@@ -285,7 +285,7 @@ def state_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a plant state, in order, for messages: position.x, joint 'elbow', and so on."""
     axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
-    joints = [link.joint.name for link in vehicle.links]
+    joints = vehicle.joint_names
     named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
     named += [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
     return named + [f"angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
@@ -294,7 +294,7 @@ def state_words(vehicle: Vehicle) -> list[str]:
 def command_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a command, in order, for messages: rotor speeds, joint efforts, rotor angles."""
     words = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    words += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    words += [f"commanded effort of joint '{joint.name}'" for joint in vehicle.joints]
     return words + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 

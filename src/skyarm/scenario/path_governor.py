@@ -234,10 +234,10 @@ class PathLimits:
         weight = np.array([0.0, 0.0, 0.0, float(model.vehicle.mass) * self._gravity])
         lifting = np.array(mixer.inverse, dtype=float) @ weight
         self._hover = np.maximum(lifting[:, None], 1e-9 * self._highest)
-        efforts = [float(link.joint.effort_limit) or math.inf for link in model.vehicle.links]
+        efforts = [float(joint.effort_limit) or math.inf for joint in model.vehicle.joints]
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}
-        drives = [(i, named.get(link.joint.name)) for i, link in enumerate(model.vehicle.links)]
+        drives = [(i, named.get(joint.name)) for i, joint in enumerate(model.vehicle.joints)]
         self._tip = model.vehicle.end_effector if model.vehicle.n else ""
         self._servos = [(i, drive) for i, drive in drives if isinstance(drive, Servo)]
         for i, servo in self._servos:
@@ -246,7 +246,7 @@ class PathLimits:
     def names(self) -> list[str]:
         """Names of the vehicle limits, one for each row of the array of demands."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
-        joints = [link.joint.name for link in self._vehicle.links]
+        joints = self._vehicle.joint_names
         return [
             *(f"most of rotor {name!r}" for name in rotors),
             *(f"least of rotor {name!r}" for name in rotors),

@@ -292,7 +292,7 @@ def sensors_suffice(scenario: Scenario) -> None:
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
-    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.agent.drives]
+    joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
     added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"

@@ -469,7 +469,7 @@ class Agent:
     def all_drives(self) -> tuple[Drive, ...]:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
+        return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:

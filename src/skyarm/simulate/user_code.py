@@ -405,7 +405,7 @@ _check_motion = partial(_check_value, label="", example=None)
 
 
 def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
-    joints = [link.joint.name for link in scenario.agent.plant.vehicle.links]
+    joints = scenario.agent.plant.vehicle.joint_names
     joint, drive = joints.index(part.place.rpartition("plant.drives.")[2]), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 

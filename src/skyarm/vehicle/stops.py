@@ -43,7 +43,7 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
-    lacking = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
+    lacking = [_has_limits(joint) and joint.name not in own and not joint.has_stops for joint in vehicle.joints]
     if not any(lacking):
         return vehicle
     ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
@@ -98,7 +98,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         names: joints without a stated ``coulomb_rate``.
     """
-    if not any(link.joint.name in names and link.joint.coulomb for link in vehicle.links):
+    if not any(joint.name in names and joint.coulomb for joint in vehicle.joints):
         return vehicle
     links, mobilities = list(vehicle.links), joint_mobility(vehicle)
     viscous = _fastest([float(link.joint.damping) for link in links], mobilities)[0]

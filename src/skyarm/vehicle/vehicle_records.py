@@ -254,9 +254,14 @@ class Vehicle:
         return len(self.links)
 
     @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Joints of the links, in their order."""
+        return tuple(link.joint for link in self.links)
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of the links."""
-        return tuple(link.joint.name for link in self.links)
+        return tuple(joint.name for joint in self.joints)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -359,8 +364,9 @@ class Vehicle:
 def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:
     """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or in ``driven`` moves them."""
     driven = {*driven, *(each.name for each in vehicle.drives)}
-    joints = (link.joint for link in vehicle.links)
-    return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)
+    return tuple(
+        joint.name for joint in vehicle.joints if joint.name not in driven and float(joint.effort_limit) == 0.0
+    )
 
 
 def _require_whole(value: Vehicle) -> None:

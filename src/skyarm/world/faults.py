@@ -99,7 +99,7 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
     if not faults:
         return None
     rotors: dict[str, Scalar] = {rotor.name: 1 for rotor in vehicle.rotors}
-    joints: dict[str, Scalar] = {link.joint.name: 1 for link in vehicle.links}
+    joints: dict[str, Scalar] = {joint.name: 1 for joint in vehicle.joints}
     stuck: dict[str, Scalar] = dict.fromkeys(joints, 0)
     for fault in faults:
         if fault.stuck:

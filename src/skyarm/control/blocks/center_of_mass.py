@@ -51,7 +51,7 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Unit vectors along the joint axes, in base axes."""
-    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
+    return [pose.R.apply(joint.axis) for joint, pose in zip(vehicle.joints, poses, strict=False)]
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:

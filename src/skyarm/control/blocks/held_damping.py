@@ -49,7 +49,7 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
     Returns:
         (n,) 1/(kg m^2) or 1/kg.
     """
-    joints = [link.joint for link in vehicle.links]
+    joints = vehicle.joints
     if not any(_rubs(joint) for joint in joints):
         return (0,) * vehicle.n
     M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
@@ -79,8 +79,8 @@ def doubted_dampings(vehicle: Vehicle, mobilities: Scalars, period: float) -> Sc
         period: control period, s.
     """
     parts: list[Scalar] = []
-    for link, mobility in zip(vehicle.links, mobilities, strict=True):
-        damping, decay = link.joint.damping, link.joint.damping * mobility * period
+    for joint, mobility in zip(vehicle.joints, mobilities, strict=True):
+        damping, decay = joint.damping, joint.damping * mobility * period
         beyond = damping - divide(QUICK, maximum(mobility * period, 1e-30))
         doubtful = logical_and(decay > QUICK, decay < SURE)
         parts.append(data(where(doubtful, beyond, 0.0)))

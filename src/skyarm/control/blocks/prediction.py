@@ -156,7 +156,7 @@ def acceleration(
 ) -> tuple[Vec3, Vec3, Scalars]:
     """Modelled accelerations under an applied wrench, joint efforts and a disturbance: world, body, joints."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
-    given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
+    given = [limited_effort(joint, effort) for joint, effort in zip(model.vehicle.joints, efforts, strict=True)]
     return acceleration_under(model, R, rate, joints, joint_rates, total, given, unknown.efforts, joint_rates)
 
 

@@ -120,8 +120,8 @@ def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) 
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
     drives = drives_of(model.vehicle)
     efforts = tuple(
-        drives[link.joint.name].standing(effort, 0.0) if link.joint.name in drives else effort
-        for link, effort in zip(model.vehicle.links, trim.efforts, strict=True)
+        drives[joint.name].standing(effort, 0.0) if joint.name in drives else effort
+        for joint, effort in zip(model.vehicle.joints, trim.efforts, strict=True)
     )
     sent = Command(rotor_speeds=tuple(trim.speeds), efforts=efforts).dense()
     return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)

@@ -114,19 +114,19 @@ def govern_joints(
     slowed: list[Scalar] = []
     rates: list[Scalar] = []
     on_way: list[Scalar] = []
-    for desired, rate, old, ramp, link, speed, free, most, margin in zip(
+    for desired, rate, old, ramp, joint, speed, free, most, margin in zip(
         reference.joints,
         reference.joint_rates,
         before,
         ramping,
-        model.vehicle.links,
+        model.vehicle.joints,
         speeds,
         steps,
         limits.joint_speed,
         limits.joint_margin,
         strict=True,
     ):
-        low, high = add(link.joint.lower, 2.0 * margin), sub(link.joint.upper, 2.0 * margin)
+        low, high = add(joint.lower, 2.0 * margin), sub(joint.upper, 2.0 * margin)
         target = minimum(maximum(desired, low), high)
         step = mul(speed, dt)
         gap = sub(target, old)
@@ -235,17 +235,17 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
     """Joint accelerations clipped to the bounds of the joint-limit barrier."""
     bounded: list[Scalar] = []
     k = limits.joint_pole
-    for q, rate, qdd, link, speed, margin in zip(
+    for q, rate, qdd, joint, speed, margin in zip(
         measurement.joints,
         measurement.joint_rates,
         caused,
-        model.vehicle.links,
+        model.vehicle.joints,
         limits.joint_speed,
         limits.joint_margin,
         strict=True,
     ):
         damp, square = mul(2.0 * k, rate), k * k
-        above, below = sub(sub(link.joint.upper, margin), q), sub(add(link.joint.lower, margin), q)
+        above, below = sub(sub(joint.upper, margin), q), sub(add(joint.lower, margin), q)
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
         bottom = maximum(sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate)))
         bounded.append(minimum(maximum(qdd, bottom), top))

@@ -285,7 +285,7 @@ USUAL_JOINTS = {
 
 def usual_joint_errors(vehicle: Vehicle, *, keeps_tip: bool) -> tuple[float, ...]:
     """Default ``trusted_joint_error`` of each joint, larger if the law uses the joints to hold the tip."""
-    usual = [USUAL_JOINTS[link.joint.kind] for link in vehicle.links]
+    usual = [USUAL_JOINTS[joint.kind] for joint in vehicle.joints]
     return tuple(each.tip_error if keeps_tip else each.error for each in usual)
 
 
@@ -327,7 +327,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
 def _defaults(controller: Controller) -> dict[str, Any]:
     """Default limits of a safety layer for the vehicle and kind of a control law."""
     model: Model = controller.par.model
-    joints = [link.joint for link in model.vehicle.links]
+    joints = model.vehicle.joints
     usual = [USUAL_JOINTS[joint.kind] for joint in joints]
     ranges = [float(joint.upper) - float(joint.lower) for joint in joints]
     efforts = tuple(float(joint.effort_limit) for joint in joints)

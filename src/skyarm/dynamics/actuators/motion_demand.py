@@ -126,7 +126,7 @@ def demand_of_motion(
     force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
     along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
     squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
-    resisting = lanes([friction(link.joint, rate, rate) for link, rate in zip(vehicle.links, qd, strict=True)])
+    resisting = lanes([friction(joint, rate, rate) for joint, rate in zip(vehicle.joints, qd, strict=True)])
     return ActuatorDemand(
         motion.time,
         np.asarray(squared),

@@ -75,7 +75,7 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
     findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, pulls))
     if vehicle.n:
-        fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
+        fields = [(f"joints[{joint.name}]", "effort_limit") for joint in vehicle.joints]
         findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
         findings += servo_speeds(scenario, demand.time, demand.rates)
     if clearance:

@@ -92,7 +92,7 @@ def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
     """Indices of undriven joints, which hang under gravity; joints that drive a coupled joint are not included."""
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
-    return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
+    return tuple(i for i, joint in enumerate(vehicle.joints) if joint.name in free and i not in leaders)
 
 
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
@@ -245,7 +245,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
     """
     if not 1 <= count <= MOST_POSES:
         raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
-    ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
+    ranges = np.array([joint_range(joint) for joint in vehicle.joints]).reshape(-1, 2)
     low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
     rng = np.random.default_rng(0)

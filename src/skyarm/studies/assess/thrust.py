@@ -124,7 +124,7 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
         return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
     loaded = replace(poses, vehicle=vehicle.with_payload(1.0))
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
-    names += [f"joints[{link.joint.name}].effort_limit" for link in vehicle.links]
+    names += [f"joints[{joint.name}].effort_limit" for joint in vehicle.joints]
 
     def largest(joints: Array) -> Array:
         return np.asarray(np.min(_largest_by_part(poses, loaded, joints), axis=0)[None], dtype=float)

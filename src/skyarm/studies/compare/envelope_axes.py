@@ -263,7 +263,7 @@ def pushes(axis: str, setting: Setting) -> Scenario:
 def lagging_joints(setting: Setting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
-    drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
+    drives = tuple(JointDrive(joint=joint.name, drive=lagged) for joint in setting.truth.joints)
     return with_words(slow_circle(setting), drives=drives)
 
 
@@ -426,7 +426,7 @@ ROWS = (
         name="joint_lag", title="slow circle, joint torques that lag", unit="ms", shown=1e3, torques=True,
         values=(0.005, 0.01, 0.02, 0.04), build=lagging_joints,
         numbers=lambda setting, lag: {
-            f"plant.drives.{link.joint.name}.time_constant": lag for link in setting.truth.links
+            f"plant.drives.{joint.name}.time_constant": lag for joint in setting.truth.joints
         },
     ),
     SLOWLY(

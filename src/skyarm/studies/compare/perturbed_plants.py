@@ -135,7 +135,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
 
 def arm_length(vehicle: Vehicle) -> float:
     """Length from base to tip of the stretched arm, m; without an arm, the largest rotor distance from the base."""
-    links = [_length(link.joint.position) for link in vehicle.links]
+    links = [_length(joint.position) for joint in vehicle.joints]
     tip = next((frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None)
     if tip is not None and links:
         return sum(links) + _length(tip.position)

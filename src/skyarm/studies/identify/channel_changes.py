@@ -115,7 +115,7 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChang
         yield ChannelChange(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
     yield from _of_rotors(flight, start.rotors)
     # words are formats of an amount
-    yield from _of_joints([link.joint.name.replace("{", "{{").replace("}", "}}") for link in start.links])
+    yield from _of_joints([joint.name.replace("{", "{{").replace("}", "}}") for joint in start.joints])
 
 
 def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> ChannelChange:

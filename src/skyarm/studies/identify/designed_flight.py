@@ -18,7 +18,7 @@ from skyarm.dynamics.workspace import reach
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, float_array
 from skyarm.records.files import PathLike
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
@@ -193,7 +193,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
         broken[:] = True
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     broken[:2] |= _tilt(log).max() > limits.tilt
-    low, high = (np.array([float(getattr(each.joint, end)) for each in vehicle.links]) for end in ("lower", "upper"))
+    low, high = (float_array(getattr(joint, end) for joint in vehicle.joints) for end in ("lower", "upper"))
     broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
     broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
     return broken

@@ -190,7 +190,7 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels of implausible magnitude: another unit, missing gravity, or damage."""
-    turns = [link.joint.turns for link in start.links]
+    turns = [joint.turns for joint in start.joints]
     for name, (low, high, units) in UNITS.items():
         if name not in flight or (name == "rotor_commands" and COMMANDS[1] in flight):
             continue

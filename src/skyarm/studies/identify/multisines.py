@@ -109,7 +109,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         box: m, edge of the cube in which the base origin stays.
         height: m, of its centre.
     """
-    joints = [_range(each.joint, vehicle.n) for each in vehicle.links]
+    joints = [_range(joint, vehicle.n) for joint in vehicle.joints]
     half, rest = 0.5 * box, np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
     low = np.array([-half, -half, height - half, -HEADING, *(each[1] for each in joints)])
     high = np.array([half, half, height + half, HEADING, *(each[2] for each in joints)])

@@ -139,7 +139,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     wrench = stack_values(size, (force.force.z, *force.torque))
     *moments, thrust = np.array(allocation_matrix(vehicle), dtype=float)
     shares = wrench[:, :, None] * np.linalg.pinv(np.array([thrust, *moments])).T[:, None, :]
-    resisting = [friction(link.joint, x, x) for link, x in zip(vehicle.links, qd, strict=True)]
+    resisting = [friction(joint, x, x) for joint, x in zip(vehicle.joints, qd, strict=True)]
     pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,

@@ -202,7 +202,7 @@ class WindowErrors:
         weight = self._gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
-        carried = [CARRIED * weight * (arm if link.joint.turns else 1.0) for link in start.links]
+        carried = [CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints]
         self.loose[[name == "hats" for name, _ in self.free]] = np.repeat(
             [carried[i] for i in self.unlogged], self.hats
         )
@@ -550,9 +550,9 @@ class WindowLanes:
         keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
         self._joints, servos = list[tuple[int, Held, IntArray]](), 0
-        for i, link in enumerate(start.links):
+        for i, joint in enumerate(start.joints):
             late, hold, tau = (
-                self._number(f"drives.{link.joint.name}.{each}") for each in ("latency", "hold", "time_constant")
+                self._number(f"drives.{joint.name}.{each}") for each in ("latency", "hold", "time_constant")
             )
             if errors.driven[i]:
                 name, (keys, which) = "efforts", _distinct(late + self._number("joint_delay"), hold, tau)

@@ -180,7 +180,7 @@ def settings(logs: Sequence[Log]) -> Facts:
             "rigid_body": 1.0 / info["rates_hz"]["control"],
             "mujoco": 1.0 / info["rates_hz"]["physics"],
         },
-        "joint_damping": [float(link.joint.damping) for link in truth.links],
+        "joint_damping": [float(joint.damping) for joint in truth.joints],
         "windows_s": {name: [w.start, w.stop] for name, w in windows.items()},
         "holds_s": [[w.start, w.stop] for w in HOLDS],
         "ramp_shape": "linear",

@@ -64,7 +64,7 @@ def motion(vehicle: Vehicle) -> Trajectory:
         y=sine_from_rest(0.15, 0.4),
         z=Sum((Constant(HEIGHT), sine_from_rest(0.15, 0.3))),
         yaw=sine_from_rest(0.2, 0.15),
-        joints=tuple(_joint(link.joint, vehicle.n, 0.5 + 0.07 * i) for i, link in enumerate(vehicle.links)),
+        joints=tuple(_joint(joint, vehicle.n, 0.5 + 0.07 * i) for i, joint in enumerate(vehicle.joints)),
     )
 
 
@@ -78,8 +78,8 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
         return Sum((sine_from_rest(amplitude, first, phase), sine_from_rest(0.5 * amplitude, second, phase + 1.0)))
 
     joints = []
-    for i, link in enumerate(vehicle.links):
-        rest, size = rest_and_size(link.joint, vehicle.n)
+    for i, joint in enumerate(vehicle.joints):
+        rest, size = rest_and_size(joint, vehicle.n)
         joints.append(Sum((Constant(rest), two(0.8 * size, 0.33 + 0.05 * i, 0.71 - 0.04 * i, 0.8 * i))))
     return Trajectory(
         x=two(0.3, 0.11, 0.29),
@@ -121,9 +121,9 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
         **_sine("reference.z.signals.1", uniform(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), uniform(6, 0.15, 0.35)),
         **_sine("reference.yaw", uniform(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
     }
-    for i, link in enumerate(vehicle.links):
+    for i, joint in enumerate(vehicle.joints):
         at = 8 + 3 * i
-        _, size = rest_and_size(link.joint, vehicle.n)
+        _, size = rest_and_size(joint, vehicle.n)
         values |= _sine(
             f"reference.joints.{i}.signals.1",
             size * of_kind(uniform(at, 0.4, 1.0), uniform(at, 0.8, 1.6), uniform(at, 0.4, 1.0)),

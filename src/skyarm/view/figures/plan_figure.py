@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from skyarm.planning.plan_file import plan_arrays
 from skyarm.planning.plan_report import tilts
 from skyarm.planning.planner import Plan, states_at
-from skyarm.records.arrays import Array, Pixels
+from skyarm.records.arrays import Array, Pixels, float_array
 from skyarm.view.figures.projection import SIDE, TOP, outline
 from skyarm.view.figures.style import PAGE, Picture
 from skyarm.world.contact.contact_scene import surface_shape
@@ -115,7 +115,7 @@ def limits_figure(plan: Plan) -> Figure:
     """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time, with their limits."""
     vehicle, limits = plan.task.vehicle, plan.task.limits
     at = plan.stage.at
-    efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
+    efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     panels: list[tuple[str, str, Array, Array, list[float]]] = [
         ("Speed", "m/s", plan.t, np.linalg.norm(plan.x[:, 7:10], axis=1), [limits.speed]),
         ("Tilt", "degrees", plan.t, np.degrees(tilts(plan)), [math.degrees(limits.tilt)]),

@@ -109,7 +109,7 @@ class Posed:
             R, p = self.poses[frame.link]
             local = np.array([float_array(row) for row in frame.rotation.rows])
             self.frames[frame.name] = R @ local, p + R @ float_array(frame.position)
-        self.axes = [self.poses[i][0] @ float_array(link.joint.axis) for i, link in enumerate(vehicle.links)]
+        self.axes = [self.poses[i][0] @ float_array(joint.axis) for i, joint in enumerate(vehicle.joints)]
         named = [p for _, p in (*self.frames.values(), *self.poses.values())]
         named += [float_array(rotor.position) for rotor in vehicle.rotors]
         self.reach = max(float(np.linalg.norm(each)) for each in named) or 0.1
@@ -119,9 +119,9 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     """Joint values for a drawing: 0.5 rad for joints whose motion the side view shows, else zero, within limits."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     angles = []
-    for i, link in enumerate(vehicle.links):
-        bent = link.joint.turns and abs((level[i][0] @ float_array(link.joint.axis))[1]) > 0.9
-        angles.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
+    for i, joint in enumerate(vehicle.joints):
+        bent = joint.turns and abs((level[i][0] @ float_array(joint.axis))[1]) > 0.9
+        angles.append(min(max(BENT if bent else 0.0, float(joint.lower)), float(joint.upper)))
     return tuple(angles)
 
 
@@ -210,13 +210,13 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     posed, vehicle = sheet.posed, sheet.posed.vehicle
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
-    for link, at, axis in zip(vehicle.links, origins, posed.axes, strict=True):
+    for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
         apart = [float(np.linalg.norm(at - other)) for other in origins]
         size = min([0.13 * sheet.reach, *(0.8 * each for each in apart if each > 0.02 * sheet.reach)])
         bow = arc(at, axis, size * perpendicular(axis), 1.5 * math.pi)
-        sheet.arrow(bow if link.joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
+        sheet.arrow(bow if joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
         sheet.line(at + 1.4 * size * np.array([-axis, axis]))
-        sheet.label(link.joint.name, at)
+        sheet.label(joint.name, at)
     for name, frame in posed.frames.items():
         sheet.triad(name, *frame, TRIAD if name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
     marked, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0

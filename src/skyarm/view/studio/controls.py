@@ -241,7 +241,7 @@ def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, 
     if surfaces:
         yield "contact force (N)", {name: _force(name) for name in surfaces}, None
     # of joints whose drives take another setpoint no effort is known
-    joints = [link.joint for link in first.agent.plant.vehicle.links]
+    joints = first.agent.plant.vehicle.joints
     driven = [i for i in range(len(joints)) if not any(each.first.agent.commands_setpoints[i] for each in flights)]
     if driven:
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)

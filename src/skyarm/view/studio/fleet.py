@@ -63,7 +63,7 @@ def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it, the delay to a vehicle."""
     named, vehicle = {fault.name for fault in agent.faults}, agent.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
-    faults += [Fault(joint=link.joint.name) for link in vehicle.links]
+    faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     names = [fault.name for fault in faults]
     faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
     delays = agent.delays

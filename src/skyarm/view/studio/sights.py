@@ -151,5 +151,5 @@ def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *,
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:
     """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
-    limits = [float(link.joint.effort_limit) for link in vehicle.links]
+    limits = [float(joint.effort_limit) for joint in vehicle.joints]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))

@@ -120,16 +120,14 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
     """Masses (kg, base first) and joint positions (m, in the parent link) that identify a vehicle."""
     return {
         "masses": [float(body.mass) for body in vehicle.bodies],
-        "places": [float(c) for link in vehicle.links for c in link.joint.position],
+        "places": [float(c) for joint in vehicle.joints for c in joint.position],
     }
 
 
 def unlike(vehicle: Vehicle, training: Training) -> str:
     """Differences between a vehicle and the one that a network was trained on, as text; empty if equal or unknown."""
     recorded = training.get("numbers", {})
-    if not concrete(
-        *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
-    ):
+    if not concrete(*(body.mass for body in vehicle.bodies), *(c for joint in vehicle.joints for c in joint.position)):
         return ""
     for name, there in numbers_of(vehicle).items():
         trained = recorded.get(name, there)

@@ -69,7 +69,7 @@ from skyarm.control.laws.predictive.solver import (
 from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -185,8 +185,8 @@ def make_engine(key: EngineKey) -> PredictiveEngine:
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
     bounds = Bounds(
-        np.array([float(link.joint.effort_limit) for link in vehicle.links]),
-        np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
+        float_array(joint.effort_limit for joint in vehicle.joints),
+        float_array(rotor.max_speed for rotor in vehicle.rotors),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
     compiled = CompiledStages(model, weights, mode, scales, presses)

@@ -20,7 +20,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle import Rotor
@@ -167,7 +167,7 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
         np.array([1.0 - exp(divide(-dt, getattr(rotor, name))) for rotor in rotors])
         for name in ("time_constant_up", "time_constant_down")
     )
-    return Motors(up, down, np.array([float(rotor.max_speed) for rotor in rotors]))
+    return Motors(up, down, float_array(rotor.max_speed for rotor in rotors))
 
 
 def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:

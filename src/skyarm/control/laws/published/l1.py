@@ -204,7 +204,7 @@ def _advance_filters(
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
     force_limits, torque_limits = (par.force_limit,) * 3, (par.torque_limit,) * 3
-    effort_limits = [link.joint.effort_limit for link in par.model.vehicle.links]
+    effort_limits = [joint.effort_limit for joint in par.model.vehicle.joints]
     torque = Vec3(*filter_within(memory.torque, force.torque, par.torque_filter, torque_limits))
     once = filter_within(memory.efforts, efforts, par.joint_filter, effort_limits)
     return replace(
