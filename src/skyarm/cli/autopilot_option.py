@@ -119,5 +119,5 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     mavlink, joints = record.outside_ports
     law = " --laws LAW" if autopilot_of(load_scenario(scenario).agent.controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-    vehicle = planned.agent.controller.par.model.vehicle
+    vehicle = planned.agent.model.vehicle
     return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

@@ -87,7 +87,7 @@ class EnvProgram:
         self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
-        self.size = task.actions.size(scenario.agent.controller.par.model.vehicle)
+        self.size = task.actions.size(scenario.agent.model.vehicle)
         self._plant = rigid_body_plant(task.randomised.stiffest)
         # what more steps joints need at stops is a loop; JAX, which has none, takes those that stops need at rest
         self._substeps = self._plant.substeps if loops else self._plant.steps_at_rest
@@ -170,7 +170,7 @@ class EnvProgram:
         result = Result(
             state=state,
             reference=coming.reference,
-            vehicle=stages.scenario.agent.plant.vehicle,
+            vehicle=stages.scenario.agent.vehicle,
             action=action,
             action_before=now.action,
             command=command,
@@ -209,7 +209,7 @@ class EnvProgram:
         reference = stages.agent.law_reference(row)
         turn = Turn(now.loop.agent.memory, measurement, reference, stages.agent.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
-        return memory, with_rest(stages.scenario.agent.plant.vehicle, command)
+        return memory, with_rest(stages.scenario.agent.vehicle, command)
 
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
@@ -225,7 +225,7 @@ class EnvProgram:
         return tuple(numbers[i] for i in self._kept)
 
     def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
-        model = stages.scenario.agent.controller.par.model
+        model = stages.scenario.agent.model
         return observation_of(
             self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
         )

@@ -84,7 +84,7 @@ def as_law(
         ControllerError: no policy, or one whose numbers do not fit the environment.
     """
     task = task_of(environment)
-    planned, size = task.scenario.agent.controller, task.actions.size(task.scenario.agent.controller.par.model.vehicle)
+    planned, size = task.scenario.agent.controller, task.actions.size(task.scenario.agent.model.vehicle)
     if not callable(policy):
         policy = network(policy)
     if isinstance(policy, Network) and len(policy.limits) != size:

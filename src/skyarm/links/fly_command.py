@@ -64,7 +64,7 @@ def fly(
         require_writable(out)
         require_replaceable(*files, renames=True)
         say_suspicious(planned)
-        vehicle = planned.agent.controller.par.model.vehicle
+        vehicle = planned.agent.model.vehicle
         arm = open_joints(joints, vehicle)
         try:
             autopilot = open_link(link, patience)

@@ -79,7 +79,7 @@ def summary(plan: Plan) -> Summary:
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
         speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
         tilt=float(tilts(plan).max()),
-        rotor=_tightest(plan.t, plan.thrust_shares, [rotor.name for rotor in vehicle.rotors]),
+        rotor=_tightest(plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)),
         torque=torque,
         joint_rate=rate,
         clearance=near.gap if math.isfinite(near.gap) else None,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust
@@ -351,7 +351,7 @@ LEAST_PRESS = 0.02
 
 def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
-    goal, contact, none = phase.to, phase.contact, Vec3(0.0, 0.0, 0.0)
+    goal, contact, none = phase.to, phase.contact, ZERO3_DATA
     turned = tuple(map(float, goal.attitude or (0.0, 0.0, goal.heading or 0.0)))
 
     def numbers(v: Vec3 | None) -> Vec3:

@@ -124,7 +124,7 @@ def make_plant(scenario: Any, around: Any) -> Plant:
     kind = find("plant", scenario.kind, "plant.kind")
     if getattr(kind, "several", False):
         world = tuple(each.plant for each in scenario.agents.values())
-    elif len(scenario.agents) > 1:
+    elif scenario.is_team:
         raise ValueError(f"plant.kind = {scenario.kind!r}: flies one agent, not {', '.join(scenario.agents)}")
     else:
         world, around = scenario.agent.plant, around.of(0)

@@ -79,7 +79,7 @@ class Divergence(Ending):
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message naming the first number that is not finite, else the first that is too large."""
-        words, x = state_words(scenario.agent.plant.vehicle), leaves(state)
+        words, x = state_words(scenario.agent.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
                 return f"{name} is not finite"
@@ -113,7 +113,7 @@ class JointLimits(Ending):
 
     def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Scalar, Link]]:
         """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
-        every = zip(state.joints, scenario.agent.plant.vehicle.links, strict=True)
+        every = zip(state.joints, scenario.agent.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
@@ -178,7 +178,7 @@ class Ground(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Height of the vehicle's lowest point above the ground, if there is one."""
-        return [(lowest_point(scenario.agent.plant.vehicle, state),)] if scenario.floor == 0.0 else []
+        return [(lowest_point(scenario.agent.vehicle, state),)] if scenario.floor == 0.0 else []
 
 
 @immutable
@@ -192,7 +192,7 @@ class RotorContact(DistanceEnding):
         """Clearance of each rotor disc from each fixed surface, with the names of both."""
         R, clearances = state.quaternion.rotation(), list[Distance]()
         for contact in scenario.worlds:
-            for rotor in turn_rotors(scenario.agent.plant.vehicle, state.tilts).rotors:
+            for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
                 at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
                 for surface in contact.still:
                     gap = surface.clearance(at, axis, contact.rotor_radius, 0.0)
@@ -209,7 +209,7 @@ class BodyContact(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Distance of the base's origin and of each joint from each fixed surface, with the names of both."""
-        vehicle, distances = scenario.agent.plant.vehicle, list[Distance]()
+        vehicle, distances = scenario.agent.vehicle, list[Distance]()
         for contact in scenario.worlds:
             R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
             points = [("the base", state.position)]
@@ -262,7 +262,7 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
     """
     from skyarm.world.scene.clearance import clearances
 
-    vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
+    vehicle, (name,) = scenario.agent.vehicle, scenario.agents
     contacts = [each.of_agent(name) for each in scenario.worlds]
     surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
     return clearances(vehicle, surfaces, {body for each in contacts * touching for body in each.touching(vehicle)})

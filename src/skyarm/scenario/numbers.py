@@ -50,7 +50,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         for name in ("", *scenario.agents):
             own = [word_of(path) if name else path for path in paths if agent_of(path) == name]
             one = [alone(scenario, path)[0] for path in paths if agent_of(path) == name][:1]
@@ -76,7 +76,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     """True if two parameter paths denote the same number of a scenario."""
-    if len(scenario.agents) > 1 and agent_of(path) != agent_of(other):
+    if scenario.is_team and agent_of(path) != agent_of(other):
         return False
     (scenario, path), (_, other) = alone(scenario, path), alone(scenario, other)
     scenario = _with_initial_state(scenario, (path, other))
@@ -148,7 +148,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         changed = by_agent(scenario, values, with_numbers)
         check_scenario(changed, numbers=True)
         return changed

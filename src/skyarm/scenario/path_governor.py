@@ -104,7 +104,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
     if plan.beyond > MISSED:
-        name = PathLimits(bare.agent.controller.par.model, options).names()[plan.limit]
+        name = PathLimits(bare.agent.model, options).names()[plan.limit]
         line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
@@ -134,7 +134,7 @@ def _switches(scenario: Scenario) -> list[float]:
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.controller.par.model, options)
+    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:

@@ -45,10 +45,10 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
         if name not in scenario.agents:
             known = must_be_one_of(scenario.agents, name)
             raise ScenarioError(f"path = {path!r}: agents.{name}: {known}")
-        if len(scenario.agents) > 1 and not is_of_agent(word):
+        if scenario.is_team and not is_of_agent(word):
             raise ScenarioError(f"path = {path!r}: is of all agents, must be {word}")
         return scenario.of(name), word
-    if len(scenario.agents) > 1 and is_of_agent(path):
+    if scenario.is_team and is_of_agent(path):
         names = ", ".join(scenario.agents)
         raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
     one = scenario.of(next(iter(scenario.agents)))
@@ -59,7 +59,7 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
 
 def prefix_of(scenario: Scenario, name: str) -> str:
     """Beginning of the parameter paths of one of a scenario's vehicles; empty for the only one."""
-    return f"{OF_AGENT}{name}." if len(scenario.agents) > 1 else ""
+    return f"{OF_AGENT}{name}." if scenario.is_team else ""
 
 
 def is_of_agent(path: str) -> bool:
@@ -237,8 +237,7 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
-        f"plant.drives.{each.name}": (*carried, str(i), "drive")
-        for i, each in enumerate(scenario.agent.plant.vehicle.drives)
+        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.agent.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:

@@ -9,9 +9,10 @@ import numbers
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, data, minimum, sin
 from skyarm.control.controller import Controller, autopilot_of, follows_plan
+from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -419,6 +420,17 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
     @property
+    def vehicle(self) -> Vehicle:
+        """True vehicle, as the plant moves it."""
+        return self.plant.vehicle
+
+    @property
+    def model(self) -> Model:
+        """Model of the vehicle that the law computes with."""
+        model: Model = self.controller.par.model
+        return model
+
+    @property
     def law_reference(self) -> Trajectory:
         """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
         planned = self.reference.planned
@@ -623,9 +635,14 @@ class Scenario:
         return dataclasses.replace(self, agents=self._members.only(name), changes=changes)
 
     @property
+    def is_team(self) -> bool:
+        """True if several vehicles fly."""
+        return len(self.agents) > 1
+
+    @property
     def vehicles(self) -> dict[str, Vehicle]:
         """True vehicle of each agent by name."""
-        return {name: each.plant.vehicle for name, each in self.agents.items()}
+        return {name: each.vehicle for name, each in self.agents.items()}
 
     @property
     def law_names(self) -> str:
@@ -939,8 +956,8 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
     return State(
         position=Vec3(*(data(c) for c in position)),
         quaternion=Quaternion(cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
         joints=tuple(data(q) for q in joints),
         joint_rates=still,
         rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
@@ -290,7 +290,7 @@ class ChannelSensor(Sensor):
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and example components of each measured quantity."""
-        return self.quantities(example_state(*vehicle.sizes), Vec3(0.0, 0.0, 0.0))
+        return self.quantities(example_state(*vehicle.sizes), ZERO3_DATA)
 
     record: ClassVar[type]
     """Record type of a reading: the time, then a field for each channel."""

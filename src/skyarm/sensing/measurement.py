@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
@@ -58,7 +58,7 @@ class Measurement:
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
     """Error-free measurement of a vehicle at rest and level at the origin, at time 0."""
-    blank = measurement_of(example_state(joints, rotors, tilts), Vec3(0.0, 0.0, 0.0))
+    blank = measurement_of(example_state(joints, rotors, tilts), ZERO3_DATA)
     return replace(blank, tip_force=(0.0,) * tip_force)
 
 

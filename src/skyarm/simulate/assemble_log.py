@@ -175,7 +175,7 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
 def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.agent.plant.vehicle, len(flown.states)
+    vehicle, count = scenario.agent.vehicle, len(flown.states)
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
@@ -245,7 +245,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.agent.plant.vehicle.frame(sensor.feels or None).name
+        frame = None if sensor.feels is None else scenario.agent.vehicle.frame(sensor.feels or None).name
         mount = None
         if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
             mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
@@ -282,7 +282,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
     return {
         **{name: whole[name] for name in ("schema", "scenario", "title", "plant", "integrator")},
-        "plant_vehicle": own.plant.vehicle.name,
+        "plant_vehicle": own.vehicle.name,
         "plant_gravity": float(own.plant.gravity),
         "model_vehicle": own.controller.par.model.vehicle.name,
         "model_gravity": float(own.controller.par.model.gravity),

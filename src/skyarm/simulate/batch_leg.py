@@ -120,7 +120,7 @@ class AgentFeed:
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
-        vehicle = self._scenario.agent.plant.vehicle
+        vehicle = self._scenario.agent.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), structure_of(dense))
         goal: MetricGoal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
@@ -137,12 +137,12 @@ class AgentFeed:
         if not goals:
             row = InputRow(time=row.time, reference=reference)
         both = reference, varied.agent.reference.at(row.time)
-        return row, tuple(goal_of(varied.agent.plant.vehicle, each.dense()) for each in both)
+        return row, tuple(goal_of(varied.agent.vehicle, each.dense()) for each in both)
 
     def _arm_varies(self, varied: Scenario) -> bool:
         """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
         still = self._scenario.agent.reference.at(0.0).dense()
-        nodes = [c for c in goal_of(varied.agent.plant.vehicle, still).tool if isinstance(c, Node)]
+        nodes = [c for c in goal_of(varied.agent.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
 
@@ -155,7 +155,7 @@ def _instant(
     goals: Goals,
 ) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics of one vehicle are computed."""
-    vehicle, waits, command = stages.scenario.agent.plant.vehicle, stages.waits, sample.command
+    vehicle, waits, command = stages.scenario.agent.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())

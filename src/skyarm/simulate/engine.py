@@ -383,7 +383,7 @@ class Engine:
 
     def _with_name(self, name: str, ending: Ended) -> Ended:
         """Early termination with the name of the vehicle in its cause if there are several."""
-        several = len(self.scenario.agents) > 1
+        several = self.scenario.is_team
         return replace(ending, cause=f"{name}: {ending.cause}") if several else ending
 
     @property

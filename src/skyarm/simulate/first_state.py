@@ -55,7 +55,7 @@ def _is_still(state: State) -> bool:
 
 def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     """Initial state of one vehicle and its control, from the scenario of its flight and its initial state."""
-    vehicle, drives = scenario.agent.plant.vehicle, scenario.agent.all_drives
+    vehicle, drives = scenario.agent.vehicle, scenario.agent.all_drives
     efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
@@ -67,7 +67,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
         memory=scenario.agent.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
-        estimate=scenario.agent.placed_estimator.start(scenario.agent.controller.par.model.vehicle),
+        estimate=scenario.agent.placed_estimator.start(scenario.agent.model.vehicle),
         drives=tuple(
             drive.begin(q, u, 1.0 / scenario.rates.control)
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
@@ -78,7 +78,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
     """Initial state of a sensor, whose delay queue holds placeholders shaped like its reading."""
-    vehicle, (_, sensor) = scenario.agent.plant.vehicle, scenario.agent.all_sensors[index]
+    vehicle, (_, sensor) = scenario.agent.vehicle, scenario.agent.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)

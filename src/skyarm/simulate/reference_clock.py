@@ -98,7 +98,7 @@ class Waits:
         self._believed = tuple(each for each in scenario.agent.payloads if each.believed)
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
-        self._vehicle = scenario.agent.controller.par.model.vehicle
+        self._vehicle = scenario.agent.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
             dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)

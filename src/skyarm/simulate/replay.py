@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -111,7 +111,7 @@ class CommandReplay:
                 drive_memories=memories,
             )
 
-        none = Vec3(0.0, 0.0, 0.0)
+        none = ZERO3_DATA
         still, late = example_command(n, rotors), (0.0, 0.0)
         self._inputs = Inputs(
             numbers=tuple(start.values()), thrust=1.0, force=none, torque=none, before=still, after=still, late=late

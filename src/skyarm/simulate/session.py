@@ -335,7 +335,7 @@ class Session:
         times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
         rows = zip(agents.items(), engine.states_and_commands(start, engine.tick), strict=True)
         for (name, agent), (states, commands) in rows:
-            own = state_arrays(agent.plant.vehicle, times, states, commands)
+            own = state_arrays(agent.vehicle, times, states, commands)
             arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
         return {**arrays, "time": times}
 

@@ -214,7 +214,7 @@ class Stages:
                 components=models,
                 memories=tuple(memories),
                 time=time,
-                effectiveness=effectiveness_at(agent.faults, agent.plant.vehicle, time),
+                effectiveness=effectiveness_at(agent.faults, agent.vehicle, time),
                 drives=agent.all_drives,
                 drive_memories=of_drives,
             )
@@ -265,7 +265,7 @@ class AgentStages:
         self._estimator = own.placed_estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if own.delays.apart else None
-        self.tip_sensor = tip_sensor(self.sensors, own.plant.vehicle)
+        self.tip_sensor = tip_sensor(self.sensors, own.vehicle)
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
         noisy = [sigma for sigma in leaves(own.noise) if type(sigma) is not float or sigma > 0.0]
         full = [FULL_STATE] if own.has_estimator and noisy else []
@@ -337,7 +337,7 @@ class AgentStages:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
-        tip, each_memory = self.scenario.agent.plant.vehicle.end_effector, zip(self._models, memories, strict=True)
+        tip, each_memory = self.scenario.agent.vehicle.end_effector, zip(self._models, memories, strict=True)
         (name,) = self.scenario.agents
         reports = [report for each, memory in each_memory for report in each.holds(memory, tip, name)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
@@ -347,7 +347,7 @@ class AgentStages:
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()] = ()
     ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
-        controller, vehicle = self.scenario.agent.controller, self.scenario.agent.plant.vehicle
+        controller, vehicle = self.scenario.agent.controller, self.scenario.agent.vehicle
         if self._command is not None and self._given is None:
             return memory, with_rest(vehicle, self._command)
 
@@ -375,7 +375,7 @@ class AgentStages:
         """Evaluate the control law; return its next internal state and the command."""
         par = self.waits.with_task_loads(self.scenario.agent.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
-        return following, with_rest(self.scenario.agent.plant.vehicle, command)
+        return following, with_rest(self.scenario.agent.vehicle, command)
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -385,7 +385,7 @@ class AgentStages:
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
-        rotors = self.scenario.agent.plant.vehicle.rotors
+        rotors = self.scenario.agent.vehicle.rotors
         able = replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
         moved = (*queue[1:], able)
         return where(going, 1.0, 0.0), moved, self.acting(moved)

@@ -279,7 +279,7 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Nominal model from which an autopilot's parameters are computed; the simulated plant may differ from it."""
-    model: Model = scenario.agent.controller.par.model
+    model: Model = scenario.agent.model
     return model
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
@@ -70,7 +70,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
-    require_rotors(scenario.agent.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
+    require_rotors(scenario.agent.vehicle, model_of(scenario).vehicle, autopilot.title)
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
@@ -79,7 +79,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
         hovers = hover_at_start(scenario)
         scenario = scenario.with_agent(replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None))
     there = {each.name for each in scenario.agent.sensors}
-    needed = autopilot.sensors(scenario.agent.plant.vehicle)
+    needed = autopilot.sensors(scenario.agent.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
     for each in scenario.agent.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
@@ -110,7 +110,7 @@ def require_free_flight(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         from skyarm.world.contact.initial_world import initial_clearance
 
-        distance, point, surface = initial_clearance(contact, scenario.agent.plant.vehicle, first_state(scenario))
+        distance, point, surface = initial_clearance(contact, scenario.agent.vehicle, first_state(scenario))
         if distance < NEAR:
             raise ScenarioError(
                 f"initial: point {point!r} starts {distance:.3g} m from surface {surface!r}: must be at least {NEAR:g} "
@@ -141,7 +141,7 @@ def hover_at_start(scenario: Scenario) -> Trajectory:
 def take_off_scenario(scenario: Scenario) -> Scenario:
     """Scenario of the take-off: calm air, a launch stand below the start, and hover at the start as reference."""
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
-    start, vehicle = first_state(scenario), scenario.agent.plant.vehicle
+    start, vehicle = first_state(scenario), scenario.agent.vehicle
     yaw = float(yaw_of(start.quaternion))
     x, y, z = (float(c) for c in start.position)
     half = 0.5 * yaw
@@ -157,8 +157,8 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         start,
         position=stand.rest,  # loaded: an accelerometer reads weight from the first instant
         quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
         joint_rates=(0.0,) * vehicle.n,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
@@ -284,7 +284,7 @@ class PilotedSession(Session):
         if not autopilot.outside:
             return
         with errors_as(ScenarioError, of=JointPortError):
-            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.plant.vehicle.n)
+            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.vehicle.n)
 
     def _keep_pace(self) -> None:
         """Wait until the wall clock reaches the flight time; lost time is not caught up."""
@@ -303,7 +303,7 @@ class PilotedSession(Session):
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
-        stopped = (0.0,) * len(self.scenario.agent.plant.vehicle.rotors)
+        stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
         self._signals: Sequence[float] = stopped if self._link is None else self._signals
         (self._inputs,) = engine.inputs.each
         self._goals: Array | None = goal_columns(self._inputs)
@@ -362,7 +362,7 @@ class PilotedSession(Session):
             raise ScenarioError(f"command: must be left out, {self._autopilot.title} commands the rotors")
         if not self.running or self._link is None:
             return False
-        rotors = self.scenario.agent.plant.vehicle.rotors
+        rotors = self.scenario.agent.vehicle.rotors
         speeds = [signal * float(rotor.max_speed) for signal, rotor in zip(self._signals, rotors, strict=True)]
         going = super().step(rotors=speeds) if self._joint_server is None else self._step_with_port(speeds)
         if not going:

@@ -150,7 +150,7 @@ class PX4Link(ProgramLink):
         self._tape = tape
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
-        vehicle = scenario.agent.plant.vehicle
+        vehicle = scenario.agent.vehicle
         self._rotors, self._signals = len(vehicle.rotors), (0.0,) * len(vehicle.rotors)
         self._rate = scenario.rates.control
         self._goal_every = max(1, self._rate // 50)

@@ -67,7 +67,7 @@ class FlightRecord:
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
-        n, rotors, _ = scenario.agent.plant.vehicle.sizes
+        n, rotors, _ = scenario.agent.vehicle.sizes
         flown = LoggedSamples(
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),

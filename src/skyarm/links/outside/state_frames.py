@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.joint_port import JointReading
 from skyarm.records.immutable import immutable
@@ -45,7 +45,7 @@ class WorldFrame:
     origin: Annotated[Vec3, Unit("m", "place of the origin in the autopilot's local frame: north, west, up")] = Vec3(
         0.0, 0.0, 0.0
     )
-    start: Annotated[Vec3, Unit("m", "place of the origin in the scenario's world, world axes")] = Vec3(0.0, 0.0, 0.0)
+    start: Annotated[Vec3, Unit("m", "place of the origin in the scenario's world, world axes")] = ZERO3_DATA
     turn: Annotated[float, Unit("rad", "yaw from the autopilot's local frame to the world")] = 0.0
 
     @classmethod

@@ -73,7 +73,7 @@ def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[Fligh
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
         carried = [load for load in loads if load.start <= start < load.stop]
-        vehicle = now.agent.plant.vehicle
+        vehicle = now.agent.vehicle
         for load in carried:
             vehicle = vehicle.with_body(*load.body(vehicle))
         kilograms = f"{math.fsum(load.mass for load in carried):g} kg ({', '.join(load.name for load in carried)})"
@@ -121,7 +121,7 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
-    reference, vehicle = reference_at(scenario, time), scenario.agent.plant.vehicle
+    reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(
         position=reference.position,

@@ -68,7 +68,7 @@ OFTEN = 0.05
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     """Servos of a scenario, each with the index of the joint that it drives."""
     given = {each.joint: each.drive for each in scenario.agent.joint_drives}
-    named = [(i, given.get(joint.name)) for i, joint in enumerate(scenario.agent.plant.vehicle.joints)]
+    named = [(i, given.get(joint.name)) for i, joint in enumerate(scenario.agent.vehicle.joints)]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
@@ -82,7 +82,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """
     findings = []
     for i, servo in servos(scenario):
-        joint, top = scenario.agent.plant.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
+        joint, top = scenario.agent.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"

@@ -191,7 +191,7 @@ def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], p
     Thrust is the size of the force that the rotors give in all, for which the base tilts if grasps pull sideways.
     """
     one = scenario.of(name)
-    vehicle, gravity = one.agent.plant.vehicle, float(one.agent.plant.gravity)
+    vehicle, gravity = one.agent.vehicle, float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
     load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
     for each in bodies:

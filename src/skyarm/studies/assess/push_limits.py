@@ -51,7 +51,7 @@ def push_limits(scenario: Scenario) -> list[Finding]:
 
 def largest_push(scenario: Scenario) -> Reference | None:
     """Reference at the instant of its largest contact force; None if it commands none, or the vehicle has no arm."""
-    vehicle, push = scenario.agent.plant.vehicle, scenario.agent.reference.push
+    vehicle, push = scenario.agent.vehicle, scenario.agent.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
@@ -84,7 +84,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
         joints: rad or m.
         force: on the tip, N, axes of the base.
     """
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     still = hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([float_array(each.linear) for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
     return still - columns @ force
@@ -92,7 +92,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
     hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
@@ -103,14 +103,14 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
     A force f at r turns about z by f.(z x r).
     """
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
     return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.agent.plant.vehicle, tuple(map(float, at.joints))
+    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
     efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
@@ -180,7 +180,7 @@ def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[floa
         at: reference while it pushes; the base is taken as level.
         by: standard deviations of scales, independent from joint to joint, and of weights.
     """
-    vehicle, joints, push = scenario.agent.plant.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
+    vehicle, joints, push = scenario.agent.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)

@@ -79,7 +79,7 @@ def survival_limits(scenario: Scenario) -> list[Finding]:
     Args:
         scenario: vehicle, law, sensors and delays, of one vehicle.
     """
-    mass, name = float(scenario.agent.plant.vehicle.mass), scenario.agent.controller.name
+    mass, name = float(scenario.agent.vehicle.mass), scenario.agent.controller.name
     most = {"bump": FASTEST * mass, "lateness": LATEST, "load in motion": HEAVIEST * mass}
     try:
         limits = largest(scenario, most)

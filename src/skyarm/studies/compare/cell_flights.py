@@ -146,7 +146,7 @@ class CellFlights:
     def scenario(self) -> Scenario:
         """Scenario that all flights have in common, before their perturbed parameters are set."""
         built = self.condition.apply(self.case.build())
-        controller = self.entrant.controller(built.agent.controller.par.model, noisy=self.condition.noisy)
+        controller = self.entrant.controller(built.agent.model, noisy=self.condition.noisy)
         return dataclasses.replace(built.with_kind(self.plant).with_controller(controller), seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:

@@ -65,7 +65,7 @@ class Setting:
     @property
     def truth(self) -> Vehicle:
         """Simulated vehicle, as opposed to the controller's nominal model."""
-        return self.hover.agent.plant.vehicle
+        return self.hover.agent.vehicle
 
 
 @lru_cache(maxsize=8)

@@ -53,7 +53,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
         count: plants, numbered from 0; the first ones do not depend on it.
         seed: key.
     """
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
     def draw_signed(channel: int, numbers: int) -> Array:
@@ -161,7 +161,7 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
         spread: spread that they were drawn from.
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
     rescaled = dict(values)
     for i in range(truth.n):

@@ -61,7 +61,7 @@ class SurviveCondition:
 
     def flights(self, scenario: Scenario, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at one value: parameter path -> number, of each table."""
-        vehicle, rate = scenario.agent.plant.vehicle, scenario.rates.control
+        vehicle, rate = scenario.agent.vehicle, scenario.rates.control
         mass, damping = float(vehicle.mass), decaying(vehicle, rate)
         scales = {"": 1.0, "mass": mass, "blow": mass * rate}
         flights = list[dict[str, float]]()

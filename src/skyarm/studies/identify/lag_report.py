@@ -37,7 +37,7 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
         raise ValueError(
             "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
         )
-    model = log.scenario.agent.controller.par.model
+    model = log.scenario.agent.model
     return _solid(model.vehicle), float(model.gravity) if gravity is None else gravity
 
 

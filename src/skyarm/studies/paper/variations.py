@@ -73,7 +73,7 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
 
 def damped_first_joint(planned: Scenario) -> Scenario:
     """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques suggest."""
-    truth = planned.agent.plant.vehicle
+    truth = planned.agent.vehicle
     first = replace(truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1]))
     vehicle = replace(truth, links=(first, *truth.links[1:]))
     return planned.with_plant(replace(planned.agent.plant, vehicle=vehicle))

@@ -84,7 +84,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
 
 def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
+    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.vehicle
     state = example_state(*vehicle.sizes)
 
     def advance(memory: Tree, time: tuple[Scalar], state: State, draws: Sequence[Scalar]) -> Tree:
@@ -98,7 +98,7 @@ def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> b
 
 def _without_tilts(scenario: Scenario) -> Scenario:
     """Scenario with tilting rotors fixed at their rest angles."""
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     if not vehicle.tilts:
         return scenario
     if turns_rotors(scenario.agent.controller):
@@ -155,7 +155,7 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
     par = scenario.agent.controller.par
     model = replace(par.model, vehicle=with_one_lag(par.model.vehicle))
     controller = replace(scenario.agent.controller, par=replace(par, model=model))
-    plant = replace(scenario.agent.plant, vehicle=with_one_lag(scenario.agent.plant.vehicle))
+    plant = replace(scenario.agent.plant, vehicle=with_one_lag(scenario.agent.vehicle))
     return with_words(scenario, controller=controller, plant=plant)
 
 

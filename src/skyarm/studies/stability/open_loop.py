@@ -277,7 +277,7 @@ class Differentiator:
         """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.agent.plant.vehicle, speeds, at.seen.quaternion)
+        return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]

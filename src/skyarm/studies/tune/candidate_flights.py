@@ -143,7 +143,7 @@ class CandidateFlights:
 
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         """Metrics of the flights."""
-        vehicle = scenario.agent.plant.vehicle
+        vehicle = scenario.agent.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own

@@ -226,7 +226,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     words: FieldsByWord = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
-        "reference": (unseen_motion if unseen else motion)(scenario.agent.plant.vehicle),
+        "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
         "path_time": None,
     }  # fmt: skip
     return with_words(
@@ -244,7 +244,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
 
 
 def _gust(scenario: Scenario) -> Gust:
-    weight = float(scenario.agent.plant.vehicle.mass) * float(scenario.agent.plant.gravity)
+    weight = float(scenario.agent.vehicle.mass) * float(scenario.agent.plant.gravity)
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
@@ -283,7 +283,7 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
         seed: key.
         mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.
     """
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     own = float(scenario.agent.delays.command)
     longest = scenario.agent.delays.longest_command
     spread, eased = spread_of(truth, float(scenario.agent.plant.gravity), 0.0 if longest is None else longest - own)

@@ -260,7 +260,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
     law = scenario.agent.controller.name
     names = [f"{law}{TUNED}"] if law in tuned_factors() else []
     names += [law] if law in LAWS else []
-    model = plain_model(scenario.agent.controller.par.model)
+    model = plain_model(scenario.agent.model)
     facts = loop_facts(scenario.rates, scenario.agent.delays)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:

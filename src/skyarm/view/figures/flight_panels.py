@@ -101,7 +101,7 @@ def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Joint]]]:
 
 
 def _vehicles(logs: Logs) -> list[Vehicle]:
-    return [scenario.agent.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
+    return [scenario.agent.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
 
 
 def _finite(values: Iterable[SupportsFloat]) -> tuple[float, ...]:

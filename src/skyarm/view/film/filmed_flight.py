@@ -159,7 +159,7 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0)
     return FilmedFlight(
         label=label,
         color=color,
-        vehicle=agent.plant.vehicle,
+        vehicle=agent.vehicle,
         quaternion=read(log.time, continuous(log.quaternion), times),
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
         error=read(log.time, error[:, None], times)[:, 0],

@@ -241,7 +241,7 @@ def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, 
     if surfaces:
         yield "contact force (N)", {name: _force(name) for name in surfaces}, None
     # of joints whose drives take another setpoint no effort is known
-    joints = first.agent.plant.vehicle.joints
+    joints = first.agent.vehicle.joints
     driven = [i for i in range(len(joints)) if not any(each.first.agent.commands_setpoints[i] for each in flights)]
     if driven:
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
@@ -251,7 +251,7 @@ def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, 
             efforts,
             100.0 if limited else None,
         )
-    if first.agent.plant.vehicle.rotors:
+    if first.agent.vehicle.rotors:
         rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}
         yield "slowest and fastest rotor (% of limit)", rotors, 100.0
 

@@ -61,7 +61,7 @@ def adjustable(plain: Scenario) -> Scenario:
 
 def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it, the delay to a vehicle."""
-    named, vehicle = {fault.name for fault in agent.faults}, agent.plant.vehicle
+    named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     names = [fault.name for fault in faults]
@@ -407,7 +407,7 @@ class FlownAgent:
     @property
     def vehicle(self) -> Vehicle:
         """Simulated vehicle of the plant."""
-        return self.first.agent.plant.vehicle
+        return self.first.agent.vehicle
 
     @property
     def hung_mass(self) -> float:

@@ -71,7 +71,7 @@ def _sight(
     tick: int, time: float, agent: Agent, command: Command, around: Surroundings, motion: PointMotion
 ) -> PlottedInstant:
     """Compute the plotted quantities of one vehicle at an instant (s), given the last command of its law."""
-    vehicle, state, outside = agent.plant.vehicle, motion.state, wind_at(around, motion)
+    vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(agent, time).tip
     push = getattr(agent.reference, "push", None)
@@ -121,7 +121,7 @@ def goal_of(agent: Agent, time: float) -> Placed:
     desired = agent.reference.at(time)
     half = 0.5 * float(desired.yaw)
     level = math.cos(half), 0.0, 0.0, math.sin(half)
-    return place(agent.plant.vehicle, tuple(desired.position), level, desired.joints)
+    return place(agent.vehicle, tuple(desired.position), level, desired.joints)
 
 
 def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *, attached: bool = True) -> list[Scene]:

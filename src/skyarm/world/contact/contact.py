@@ -13,7 +13,7 @@ from functools import reduce
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
@@ -362,7 +362,7 @@ class Contact(Force[ContactMemory]):
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
-            bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
+            bristles=tuple(ZERO3_DATA for _ in range(self.meeting_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
             turns=(STRAIGHT,) * sum(each.kind == "fixed" for each in self.grasps),
