@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.kinematics import Pose, chain, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.vehicle import BASE, Joint, Vehicle
 
 Quantities = Callable[[Array], list[Array]]
@@ -88,7 +88,7 @@ def reach(vehicle: Vehicle) -> float:
     def distance(joints: Array) -> list[Array]:
         poses = link_poses(vehicle, tuple(joints.T))
         arm = (poses[frame.link] @ local).p - poses[first].p
-        return [np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))]
+        return [np.sqrt(sum(doubles(c) ** 2 for c in arm))]
 
     return _largest(vehicle, distance, 1)[0]
 
@@ -102,6 +102,6 @@ def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
 
     def holding(joints: Array) -> list[Array]:
         _, torques = inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
-        return [np.abs(np.asarray(torque, dtype=float)) for torque in torques]
+        return [np.abs(doubles(torque)) for torque in torques]
 
     return _largest(vehicle, holding, vehicle.n)

@@ -20,7 +20,7 @@ from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import LearningTask
 from skyarm.envs.observed_quantities import Sight
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, is_record
@@ -165,7 +165,7 @@ def network(
         ControllerError: layers that do not follow one another, or numbers that are none.
     """
     try:
-        pairs = [(np.asarray(weights, dtype=float), np.asarray(offsets, dtype=float)) for weights, offsets in layers]
+        pairs = [(doubles(weights), doubles(offsets)) for weights, offsets in layers]
     except (TypeError, ValueError):
         raise ControllerError(f"policy = {shown(layers)}: must be a function, or layers (weights, offsets)") from None
     if not pairs:
@@ -197,7 +197,7 @@ def network(
 def _row(field: str, given: Sequence[float] | None, count: int, usual: float) -> Array:
     """Check that a list has ``count`` finite numbers, or fill it with a default number."""
     try:
-        row = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
+        row = np.full(count, usual) if given is None else doubles(given)
     except (TypeError, ValueError):
         row = np.full(0, usual)
     if row.shape != (count,) or not np.isfinite(row).all():

@@ -24,7 +24,7 @@ from skyarm.algebra.frames import to_base
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, rotations_between, thin_samples
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, doubles
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
@@ -403,7 +403,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
         change, *_ = np.linalg.lstsq(flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None)
         residual = given - (flat @ change).reshape(count, axes)
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
-    return np.asarray(change, dtype=float), residual, weights
+    return doubles(change), residual, weights
 
 
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:

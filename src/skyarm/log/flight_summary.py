@@ -18,7 +18,7 @@ from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import printable
 from skyarm.records.text_tables import shown_number
 from skyarm.view.pages import Facts, Line, heading, table_of
@@ -119,7 +119,7 @@ def error_norms(log: Log) -> dict[str, Array]:
         pairs["joints"] = log.joints, log.joints_reference
     if not np.array_equal(log.tool, log.position):
         pairs["tip"] = log.tool, log.tool_reference
-    return {what: np.linalg.norm(flown - desired, axis=1) for what, (flown, desired) in pairs.items()}
+    return {what: lengths(flown - desired) for what, (flown, desired) in pairs.items()}
 
 
 def _peak_thrust(log: Log) -> float | None:

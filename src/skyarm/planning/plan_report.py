@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion
 from skyarm.planning.planner import Plan
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, lengths
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import entry_of
@@ -77,7 +77,7 @@ def summary(plan: Plan) -> Summary:
     return Summary(
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
-        speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
+        speed=float(lengths(plan.x[:, 7:10]).max()),
         tilt=float(tilts(plan).max()),
         rotor=_tightest(plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)),
         torque=torque,
@@ -99,7 +99,7 @@ def summary(plan: Plan) -> Summary:
 def tilts(plan: Plan) -> Array:
     """Tilt (rad) of the base at the nodes of a plan."""
     up = Quaternion(*plan.x[:, 3:7].T).rotation().rows[2].z
-    return np.asarray(np.arccos(np.clip(np.asarray(up, dtype=float), -1.0, 1.0)))
+    return np.asarray(np.arccos(np.clip(doubles(up), -1.0, 1.0)))
 
 
 def _tightest(t: Array, shares: Array, names: tuple[str, ...]) -> Tight:

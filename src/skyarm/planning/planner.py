@@ -22,7 +22,7 @@ from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.records.arrays import Array, float_array, stack_values
+from skyarm.records.arrays import Array, doubles, float_array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.world.contact.surface import Surface
@@ -298,7 +298,7 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         edge = last
     goals[0, stage.goal["inputs"]] = True
     # goals at an edge have the numbers of the phase that ends there; its tilt is the smaller one of both phases
-    table, names = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float), _columns(example)
+    table, names = doubles([leaves(row) for row in (*rows, rows[-1])]), _columns(example)
     table[:, names["upright"]], edge = NO_TILT, 0
     table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
     for phase, count in zip(task.phases, counts, strict=True):

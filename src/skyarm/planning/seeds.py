@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, lengths
 from skyarm.vehicle import BASE
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Volume, surface_distance
@@ -43,7 +43,7 @@ def free_distance(obstacles: Sequence[Surface], points: Array) -> Array:
     for each in obstacles:
         place = Vec3(points[..., 0], points[..., 1], points[..., 2])
         gap = surface_distance(Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0)
-        best = np.minimum(best, np.broadcast_to(np.asarray(gap, dtype=float), best.shape))
+        best = np.minimum(best, np.broadcast_to(doubles(gap), best.shape))
     return best
 
 
@@ -90,7 +90,7 @@ STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int, int], ball: float) -> Array | None:
     """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is none."""
     start, goal = ends
-    room, ahead = gaps.tolist(), np.linalg.norm(points - points[goal], axis=1).tolist()
+    room, ahead = gaps.tolist(), lengths(points - points[goal]).tolist()
     room[start], room[goal] = max(room[start], 2.0 * ball), max(room[goal], 2.0 * ball)
     cell = float(points[1, 2] - points[0, 2])
     rows, columns, layers = shape

@@ -29,6 +29,16 @@ AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
 
 
+def doubles(values: object) -> Array:
+    """Array of doubles of the given numbers; one that is an array of doubles already stays the same object."""
+    return np.asarray(values, dtype=float)
+
+
+def lengths(rows: Array) -> Array:
+    """Euclidean lengths (K) of vectors (K, n)."""
+    return np.asarray(np.linalg.norm(rows, axis=1))
+
+
 def float_array(values: Iterable[SupportsFloat]) -> Array:
     """Array (n,) of scalars that are plain numbers."""
     return np.array([*map(float, values)])

@@ -17,6 +17,7 @@ import numpy as np
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.records.arrays import doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, positive
@@ -47,7 +48,7 @@ class PathTime:
         accept_fields(self, "path_time")
         if len(self.points) < FEWEST:
             raise ValueError(f"path_time.points: {len(self.points)}, must be at least {FEWEST}")
-        if np.any(np.diff(np.asarray(self.points, dtype=float)) < 0.0):
+        if np.any(np.diff(doubles(self.points)) < 0.0):
             raise ValueError("path_time.points: must not fall, the time of a reference never runs backwards")
 
     @property
@@ -57,9 +58,9 @@ class PathTime:
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Path time s and its derivatives up to d4s/dt4 at flight time t (s)."""
-        points, step = np.asarray(self.points, dtype=float), float(self.step)
+        points, step = doubles(self.points), float(self.step)
         # sums and products alone, so that every machine finds the same bits
-        u = np.clip(np.asarray(t, dtype=float) / step, 0.0, float(len(points) - FEWEST + 1))
+        u = np.clip(doubles(t) / step, 0.0, float(len(points) - FEWEST + 1))
         piece = np.minimum(u.astype(int), len(points) - FEWEST)
         left = u - piece
         window = [points[piece + i] for i in range(FEWEST)]

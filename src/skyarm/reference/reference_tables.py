@@ -72,7 +72,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
@@ -225,7 +225,7 @@ def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
     looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
     with np.errstate(all="ignore"):
-        return looks, np.broadcast_to(np.asarray(signal.derivatives(looks)[0], dtype=float), looks.shape)
+        return looks, np.broadcast_to(doubles(signal.derivatives(looks)[0]), looks.shape)
 
 
 def reference_from(table: object, n_joints: int, where: str, setting: Setting) -> Trajectory:

@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.files import Fields, number, require_file, shown, three_numbers
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
@@ -326,7 +326,7 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
     """
     low, high = min(values), max(values)
     looks = np.concatenate([np.linspace(a, b, INSTANTS, endpoint=False) for a, b in pairwise(times)])
-    motion = np.broadcast_to(np.asarray(minimum_snap(times, values).derivatives(looks)[0], dtype=float), looks.shape)
+    motion = np.broadcast_to(doubles(minimum_snap(times, values).derivatives(looks)[0]), looks.shape)
     away = np.maximum(motion - high, low - motion)
     worst = int(np.argmax(away))
     if away[worst] > SWING * (high - low) + LEAST:

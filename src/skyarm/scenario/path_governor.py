@@ -21,7 +21,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, MotionSamples, attitude, demand_of_motion, motion_of
 from skyarm.dynamics.actuators.servo import Servo
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
@@ -272,7 +272,7 @@ class PathLimits:
         """Extra base acceleration (m/s^2), shape (3, K), that keeps the tip on its path although the base tilts."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         tip = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
-        arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in tip])
+        arm = np.stack([np.broadcast_to(doubles(c), len(motion.time)) for c in tip])
         c, s = np.cos(motion.yaw), np.sin(motion.yaw)
         level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
         off = level - np.einsum("ijk,jk->ik", attitude(settled(force), motion.yaw), arm)

@@ -14,7 +14,7 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
 from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.immutable import positional
@@ -180,7 +180,7 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     start, stop = piece.start, piece.start + count
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
-        columns = [np.asarray(c, dtype=float) for c in record]
+        columns = [doubles(c) for c in record]
         columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 

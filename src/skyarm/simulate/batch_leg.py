@@ -21,6 +21,7 @@ from skyarm.log.metrics.accumulate import Total, Totals, advance_totals, first_t
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import doubles
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference import Reference
@@ -75,7 +76,7 @@ class Feed:
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
         self._each = tuple(AgentFeed(scenario.of(name), _paths_of(paths, name)) for name in scenario.agents)
-        flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
+        flags = [doubles(masks[name])[:, None] for name in self._flags]
         self.example: FeedRow = (
             tuple(each.row for each in self._each),
             (0.0,) * len(flags),

@@ -27,7 +27,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
@@ -262,7 +262,7 @@ class Engine:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs = code.inputs
-        parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
+        parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()

@@ -29,7 +29,7 @@ from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
@@ -200,7 +200,7 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
         return None
     reference, steps = inputs.held_reference, inputs.scenario.steps
     columns = (*reference.position, *reference.velocity, *reference.acceleration, reference.yaw)
-    return np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
+    return np.stack([np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1)
 
 
 class PilotedSession(Session):

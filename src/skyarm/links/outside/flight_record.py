@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Environment, Scenario
@@ -25,7 +25,7 @@ def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
     """Median, 99th percentile and maximum of durations (ms), and their count."""
     if not len(seconds):
         return {"count": 0}
-    ms = 1e3 * np.asarray(seconds, dtype=float)
+    ms = 1e3 * doubles(seconds)
     statistics = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
     return {"count": len(ms), **{name: round(float(value), 3) for name, value in statistics.items()}}
 

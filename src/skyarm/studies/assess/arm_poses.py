@@ -13,7 +13,7 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.immutable import positional
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
@@ -74,7 +74,7 @@ class Allocation:
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """
         far = self.headroom(squared, (self.inverse @ direction)[:, None])
-        return np.asarray(np.min(far, axis=0), dtype=float)
+        return doubles(np.min(far, axis=0))
 
 
 GRAVITY = 9.81
@@ -120,7 +120,7 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     def torque(value: float) -> Array:
         moved = joints.copy()
         moved[:, i] = value
-        return np.asarray(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i], dtype=float)
+        return doubles(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i])
 
     at_zero = torque(0.0)
     if not joint.turns:  # slides down as far as it can

@@ -12,7 +12,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.arrays import Array, Mask, stack_values
+from skyarm.records.arrays import Array, Mask, doubles, stack_values
 from skyarm.records.immutable import positional
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
@@ -122,7 +122,7 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
     reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
-    half = 0.5 * np.asarray(reference.yaw, dtype=float)
+    half = 0.5 * doubles(reference.yaw)
     state = State(
         position=reference.position,
         quaternion=Quaternion(np.cos(half), 0.0, 0.0, np.sin(half)),

@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, lengths
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
@@ -143,7 +143,7 @@ def _balance(
     # stiffness that differs from grasp to grasp shows where it has a part in the vertical forces
     others, _ = _springs(G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed)
     left, below = needed - np.einsum("ijk,ik->j", G, wrenches), float(pole[2] - middle[2])
-    lever, most, torque = float(np.linalg.norm(left[3:])) / weight, K[:, 5, 5], np.linalg.norm(wrenches[:, 3:], axis=1)
+    lever, most, torque = float(np.linalg.norm(left[3:])) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(each.label for each, own in zip(grasps, K, strict=True) if own.any())
     over = torque > most
     departure = ""
@@ -182,7 +182,7 @@ def _load(motion: PointMotion, grasp: Grasp, wrench: Array) -> Array:
     """Base torque, base force and joint efforts (6 + n,) that a vehicle adds to exert a wrench (6,) by its grasp."""
     at = motion.vehicle.frame(grasp.frame or None)
     base, efforts = motion.generalized_force(Vec3(*wrench[:3]), Vec3(*wrench[3:]), at.position, at.link)
-    return np.array([*base.torque, *base.force, *efforts], dtype=float)
+    return doubles([*base.torque, *base.force, *efforts])
 
 
 def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
@@ -197,7 +197,7 @@ def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], p
     for each in bodies:
         load += sum(own for grasp, own in zip(each.grasps, each.loads, strict=True) if grasp.agent in ("", name))
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
-    poses = ArmPoses.only(vehicle, np.array([first_state(one).joints], dtype=float), gravity, WITH_SHARE)
+    poses = ArmPoses.only(vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE)
     return replace(poses, load=np.array([[*load[:3], thrust, *load[6:]]]).T)
 
 

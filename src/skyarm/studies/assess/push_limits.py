@@ -12,7 +12,7 @@ from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import part_of, presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
@@ -55,7 +55,7 @@ def largest_push(scenario: Scenario) -> Reference | None:
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    forces = np.broadcast_to(np.asarray(scenario.agent.reference.at(times).push[0], dtype=float), times.shape)
+    forces = np.broadcast_to(doubles(scenario.agent.reference.at(times).push[0]), times.shape)
     k = int(np.argmax(forces))
     return scenario.agent.reference.at(float(times[k])) if forces[k] > 0.0 else None
 
@@ -144,7 +144,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
         for thing in (each for world in scenario.worlds for each in world.objects if each.standing):
-            away = np.array(tip) - np.array([*thing.position], dtype=float)
+            away = np.array(tip) - doubles([*thing.position])
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
             driven = (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(thing.size)

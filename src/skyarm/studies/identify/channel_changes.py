@@ -16,7 +16,7 @@ from skyarm.algebra.frames import to_our_attitude, turn_vectors
 from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.records.immutable import positional
 from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
@@ -248,7 +248,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
     plain = tuple(range(len(rotors)))
     places = np.array([float_array(each.position) for each in rotors])
     # one above the other are told apart by their height
-    mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
+    mirrored = tuple(int(np.argmin(lengths(places - each * [1.0, -1.0, 1.0]))) for each in places)
     mirrored = mirrored if sorted(mirrored) == [*plain] else plain
     turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
     wordings = {

@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, ONE_G, QUANTITIES
 from skyarm.log.periods import runs_of
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, lengths
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
@@ -198,7 +198,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         if "joint" in name:
             size = float(np.quantile(values[:, turns], 0.95)) if any(turns) else 0.0
         else:
-            size = float(np.median(np.linalg.norm(values, axis=1) if name in ("accelerometer", "velocity") else values))
+            size = float(np.median(lengths(values) if name in ("accelerometer", "velocity") else values))
         if low <= size <= high:
             continue
         looks = [f"it looks like {unit}" for unit, factor in units.items() if low * factor <= size <= high * factor]

@@ -23,7 +23,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import drives_of, setpoints_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import LAGS
 from skyarm.studies.identify.identified_parts import vehicle_with
@@ -217,7 +217,7 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
     period = float(np.median(steps))
     if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
         raise ValueError("time: must be evenly spaced, one row a control period")
-    if np.linalg.norm(middle(log.quaternion), axis=1).min() < 0.5:
+    if lengths(middle(log.quaternion)).min() < 0.5:
         raise ValueError("quaternion: must be of unit length and without jumps")
     return period
 

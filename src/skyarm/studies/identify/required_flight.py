@@ -24,7 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import columns_at
-from skyarm.records.arrays import Array, float_array, stack_values
+from skyarm.records.arrays import Array, float_array, lengths, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -185,11 +185,11 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     radius = _radius(hubs)
     for each in points:
         at = stack_values(size, each).T
-        distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
+        distance, height = np.minimum(distance, lengths(at)), np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub
             along = off @ axis
-            beside = np.linalg.norm(off - along[:, None] * axis, axis=1)
+            beside = lengths(off - along[:, None] * axis)
             distance = np.minimum(distance, np.hypot(along, np.maximum(beside - radius, 0.0)))
     return distance, height
 

@@ -31,7 +31,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Memories, Together
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
@@ -301,7 +301,7 @@ class Differentiator:
         lanes = points.shape[1]
         given = np.repeat(np.array([self.lates[late], *numbers])[:, None], lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
-        return np.asarray(log[0], dtype=float)
+        return doubles(log[0])
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:

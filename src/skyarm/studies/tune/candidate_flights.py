@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray, Array, IntArray, Mask
+from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -200,7 +200,7 @@ class CandidateFlights:
 
         def table(name: str) -> Array:
             # a flight that ended before the window has NaN there
-            return np.asarray(column(name), dtype=float)
+            return doubles(column(name))
 
         return self._outcome(column("status") == "completed", table, plants.kinds)
 

@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from skyarm.planning.plan_file import plan_arrays
 from skyarm.planning.plan_report import tilts
 from skyarm.planning.planner import Plan, states_at
-from skyarm.records.arrays import Array, Pixels, float_array
+from skyarm.records.arrays import Array, Pixels, float_array, lengths
 from skyarm.view.figures.projection import SIDE, TOP, outline
 from skyarm.view.figures.style import PAGE, Picture
 from skyarm.world.contact.contact_scene import surface_shape
@@ -117,7 +117,7 @@ def limits_figure(plan: Plan) -> Figure:
     at = plan.stage.at
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     panels: list[tuple[str, str, Array, Array, list[float]]] = [
-        ("Speed", "m/s", plan.t, np.linalg.norm(plan.x[:, 7:10], axis=1), [limits.speed]),
+        ("Speed", "m/s", plan.t, lengths(plan.x[:, 7:10]), [limits.speed]),
         ("Tilt", "degrees", plan.t, np.degrees(tilts(plan)), [math.degrees(limits.tilt)]),
         ("Rotor thrust", "% of highest", plan.t, 100.0 * plan.thrust_shares, [100.0 * limits.thrust_share]),
     ]

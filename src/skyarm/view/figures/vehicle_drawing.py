@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
@@ -128,7 +128,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
-    poses = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
+    poses = body_poses(vehicle, np.zeros((1, 3)), level, doubles([joints]))
     return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
 
 

@@ -9,7 +9,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, lengths
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
@@ -200,7 +200,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
     away = log.tip - log.tip_reference
     if push is not None:
         away = push.across(away, log.time, log.tip)
-    return np.asarray(np.linalg.norm(away, axis=1))
+    return np.asarray(lengths(away))
 
 
 def patch_about(tip: Array) -> float:
@@ -234,7 +234,7 @@ def continuous(quaternion: Array) -> Array:
     """Flip signs of a quaternion series (N, 4) so that it is continuous, for interpolation."""
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
-    return np.asarray(quaternion * sign[:, None], dtype=float)
+    return doubles(quaternion * sign[:, None])
 
 
 TRAIL = 4.0

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Pixels
+from skyarm.records.arrays import Array, Pixels, doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
@@ -75,7 +75,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
         raise ValueError(f"start = {settings.start:g}: must leave at least one frame before the end, {stop:g} s")
-    return np.asarray(settings.start + np.arange(count) * (settings.speed / settings.fps), dtype=float)
+    return doubles(settings.start + np.arange(count) * (settings.speed / settings.fps))
 
 
 def film_frames(

@@ -25,7 +25,7 @@ from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
@@ -155,7 +155,7 @@ class Observation:
         """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
-        estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
+        estimate = doubles([*moving, *(0.0,) * (6 + self.joints)])
         return ObserverState(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
     def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
@@ -173,7 +173,7 @@ class Observation:
 
 def command_row(command: Command) -> Array:
     """Rotor speeds and joint efforts of a command as one array."""
-    return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
+    return doubles([*command.rotor_speeds, *command.efforts])
 
 
 @immutable(kw_only=False)
