@@ -127,7 +127,7 @@ def law_maker(
             chosen["gains"] = default_gains(model)
         if chosen["joint_gains"] is None:
             chosen["joint_gains"] = default_joint_gains(model, torque=torque_gains)
-        values: dict[str, Any] = {"rate_error": rate_error, **(constants(model) if constants else {})}
+        values = {"rate_error": rate_error, **(constants(model) if constants else {})}
         for option, value in chosen.items():
             values[option] = checked_option(kind, option, value, model, readers)
         _require_fitting(values, model.vehicle.n)

@@ -50,7 +50,7 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
-    total: Vec3 = ZERO3
+    total = ZERO3
     for motion in _body_motions(vehicle, state):
         total = total + motion.com * motion.body.mass
     return total * divide(1.0, vehicle.mass)

@@ -292,7 +292,7 @@ def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
 
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, by the median absolute deviation."""
-    return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12)
+    return 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12
 
 
 def _is_usual(values: Array) -> Mask:
@@ -411,4 +411,4 @@ def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights
-    return np.asarray(inverse @ (windows.T @ windows) @ inverse / (memory + 1))
+    return inverse @ (windows.T @ windows) @ inverse / (memory + 1)

@@ -54,7 +54,7 @@ def facts(log: Log) -> Facts:
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
         return shared | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
-    values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    values = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     values["cause"] = values["cause"] or None
     if "autopilot" in info:
         values["autopilot"] = info["autopilot"]

@@ -719,7 +719,7 @@ def states_at(plan: Plan, t: Array) -> Array:
     )
     out[:, held] = cubic[:, held]
     out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
-    return np.asarray(out)
+    return out
 
 
 def _better(one: Solution, other: Solution | None) -> bool:

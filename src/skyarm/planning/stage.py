@@ -480,7 +480,7 @@ class CompiledStage:
         tangent = ((0.0,) * nt, (0.0,) * nu)
         self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True)
         self._values = Kernel(trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)), lanes, logging=True)
-        values: StageValues = parts["values"]
+        values = parts["values"]
         self.nx, self.nt, self.nu = nx, nt, nu
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)

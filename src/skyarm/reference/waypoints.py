@@ -212,7 +212,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     start, limits = number_within(fields, "start", 0.0), limits_of(fields, setting)
     if fields.take("times", None) is None:
         require_way(None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))])
-        times: tuple[float, ...] = allocate(points, limits, setting.gravity)
+        times = allocate(points, limits, setting.gravity)
     else:
         times = rising(fields.numbers("times"), fields.at("times"))
         if len(times) != len(points):

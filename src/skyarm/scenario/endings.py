@@ -272,7 +272,7 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
     """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
     R = state.quaternion.rotation()
     poses = link_poses(vehicle, state.joints, summed=True)
-    points: list[Vec3] = [rotor.position for rotor in vehicle.rotors]
+    points = [rotor.position for rotor in vehicle.rotors]
     points += [pose.p for pose in poses]
     points += [f.position if f.link == BASE else poses[f.link].apply(f.position) for f in vehicle.frames]
     lowest: Scalar = 0.0

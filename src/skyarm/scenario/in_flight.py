@@ -387,7 +387,7 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
     vehicle, delays, model = scenario.agent.vehicle, scenario.agent.delays, scenario.agent.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
-    settings: dict[str, object] = {
+    settings = {
         **{"rates": scenario.rates, "duration": scenario.duration},
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
         **{"plant.closure": scenario.closure},

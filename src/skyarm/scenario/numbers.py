@@ -179,7 +179,7 @@ def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
     """Copy of a record with some fields replaced first, then some values that are computed from several fields."""
-    changed: Record = replace_at(record, fields) if fields else record
+    changed = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
         viewed: Viewed = part(changed, place)
         changed = replace_at(changed, {place: viewed.with_views(numbers)})

@@ -277,7 +277,7 @@ class PathLimits:
         level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
         off = level - np.einsum("ijk,jk->ik", attitude(settled(force), motion.yaw), arm)
         velocity = np.gradient(off, motion.time, axis=1, edge_order=2)
-        return np.asarray(settled(np.gradient(velocity, motion.time, axis=1, edge_order=2)))
+        return settled(np.gradient(velocity, motion.time, axis=1, edge_order=2))
 
     def at_rest(self, motion: MotionSamples) -> Array:
         """Static demands of each posture of a motion as fractions of the limits, (limits, K): a lower bound."""

@@ -253,7 +253,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
     view: NumberView | None = None
     whole = True
     for word in words:
-        options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
+        options = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
             at_word = whole and start in variable_words().values()
             names = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]

@@ -355,7 +355,7 @@ class Leg:
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
-        begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
+        begun = rebuild(self.first[0], iter(list(fresh)))
         anew = other_references(self.scenario, self._overrides, leg._overrides)
         clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
         now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clocks)

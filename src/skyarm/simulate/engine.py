@@ -373,7 +373,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
+            sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
             commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
@@ -394,7 +394,7 @@ class Engine:
     def samples(self, start: int, stop: int) -> tuple[LoggedSamples, ...]:
         """Logged samples of each vehicle in control periods ``start`` to ``stop`` as array views."""
         rows, samples = self._log[start:stop], list[LoggedSamples]()
-        columns: Sample = rebuild(self.code.sample, iter(rows.T))
+        columns = rebuild(self.code.sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
             samples.append(
                 LoggedSamples(
@@ -452,7 +452,7 @@ class Engine:
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        state: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
         if not self.code.calls:
             return state
         laws = zip(self._laws, self.code.calls, state.agents, strict=True)

@@ -357,5 +357,5 @@ def _clock_of_change(scenario: Scenario, first: AgentLoop, own: AgentLoop, now: 
     if first.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
-    clock: Clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
+    clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
     return clock

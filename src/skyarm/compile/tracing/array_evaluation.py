@@ -61,9 +61,7 @@ def evaluate(program: Program, inputs: Sequence[ArrayLike | Scalar], count: int)
     lowered = program.lowered
     last = {arg.index: node.index for node in lowered.nodes for arg in node.args}
     results = {node.index for node in lowered.outputs}
-    values: dict[int, AnyArray] = {
-        node.index: doubles(value) for node, value in zip(lowered.inputs, inputs, strict=True)
-    }
+    values = {node.index: doubles(value) for node, value in zip(lowered.inputs, inputs, strict=True)}
     with np.errstate(all="ignore"):
         for node in lowered.nodes:
             if node.op == "const":

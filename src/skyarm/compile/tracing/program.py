@@ -154,7 +154,7 @@ def python_function(program: Lowered) -> Flat:
     shared = {id(node.value): python_function(node.value) for node in applied}
     functions = {f"apply{node.index}": shared[id(node.value)] for node in applied}
     constants = {"_inf": math.inf, "_nan": math.nan} | calls | functions
-    fast_names: dict[str, Any] = dict(_FAST) | constants
+    fast_names = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
     fast: Flat = fast_names["program"]
     safe: list[Flat] = []
@@ -166,7 +166,7 @@ def python_function(program: Lowered) -> Flat:
             return fast(x)
         except (ZeroDivisionError, ValueError, OverflowError):
             if not safe:
-                names: dict[str, Any] = dict(_SAFE) | constants
+                names = dict(_SAFE) | constants
                 exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
                 safe.append(names["program"])
             return safe[0](x)

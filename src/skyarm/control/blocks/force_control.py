@@ -176,7 +176,7 @@ def touches(
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
     begins = logical_and(force > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    touching: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
+    touching = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
     return touching, losing
 
 

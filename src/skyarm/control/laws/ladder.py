@@ -192,7 +192,7 @@ def _force(
 ) -> Vec3:
     """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
-    force: Vec3 = specific * vehicle.mass - unknown.force
+    force = specific * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
         return force
     arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)

@@ -193,7 +193,7 @@ def hybrid_ct(
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     """Tip position (m, world axes) for a level base at its reference."""
-    arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
+    arm = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
     return reference.position + arm
 
 

@@ -107,7 +107,7 @@ class EstimatedMemory:
 
 def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
     """Placeholder sensor readings with the shapes that a state estimator requires."""
-    named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
+    named = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
@@ -294,7 +294,7 @@ def _structs(
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
     command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n, tilts=angles)
-    units: dict[str, Units] = {"command": command_units(vehicle)}
+    units = {"command": command_units(vehicle)}
     if behind_filter:
         units["memory"] = command_units(vehicle, "sent")
     structs = {}
@@ -316,8 +316,8 @@ MOST_LAYERS = 3
 
 def _on_torque(controller: Controller) -> Units:
     """Units of joint gains that act on torque, by parameter path such as recovery.joint_gains."""
-    deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
-    places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
+    deep = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
+    places = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
         places += [(*place, "joint_gains") for place in deep]
     return {("parameters", *place): TORQUE_GAINS for place in places}

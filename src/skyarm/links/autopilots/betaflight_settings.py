@@ -68,7 +68,7 @@ def mixer(vehicle: Vehicle) -> Array:
     """
     if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
         raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for Betaflight")
-    mix: Array = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
+    mix = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
     mix /= np.abs(mix).max(axis=0)
     if mix[:, 0].min() <= 0.05:
         raise ScenarioError("plant.vehicle: every rotor must carry a share of the weight for Betaflight")
@@ -92,7 +92,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if thrust_of(vehicle, middle * share).sum() < weight else (low, middle)
     step = 0.02
-    slope: Array = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
+    slope = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
     return slope / (2.0 * step)
 
 

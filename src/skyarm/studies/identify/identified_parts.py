@@ -156,7 +156,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
-    frictions: dict[str, Scalar] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    frictions = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
     if checked:
         frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
     return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))

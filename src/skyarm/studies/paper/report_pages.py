@@ -204,7 +204,7 @@ def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
 
 def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> list[Cell]:
     paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
-    values: list[Number] = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    values = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
     sizes = [relative(value, paper) for value in values]
     distances = [abs(size) for size in sizes if size is not None]
     telling = max(distances, default=0.0) - min(distances, default=0.0) > TELLING

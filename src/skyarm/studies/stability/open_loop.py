@@ -275,7 +275,7 @@ class Differentiator:
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
         """Signals at which the loop is cut for its margins, at this operating point."""
-        at: OpenPoint = rebuild(point, iter(base.tolist()))
+        at = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
         return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 

@@ -151,7 +151,7 @@ class Manifest:
 
     def write(self, folder: Path, rows: int, done: int) -> None:
         """Write the manifest, with the numbers of simulated flights and of complete chunks of episodes."""
-        facts: Facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
+        facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
         del facts["old"]
         facts |= {"complete": done == self.chunks, "rows": rows, "chunks": {"done": done, "of": self.chunks}}
         content = json.dumps({**facts, "sha256": _sum(facts)}, indent=1) + "\n"

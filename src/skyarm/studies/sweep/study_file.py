@@ -131,7 +131,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     _require_grid_design(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
-    chosen: dict[str, Any] = {
+    chosen = {
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,

@@ -98,7 +98,7 @@ def search(
     asked = scatter(knobs, effort.scatter, seed, starts)
     rounds = [judge(0, asked, effort.first_plants)]
     logs = asked
-    strategies: list[CMA] = []
+    strategies = []
     begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
     for number in range(1, effort.rounds + 1):
         if number in begins:

@@ -128,7 +128,7 @@ def _is_meant(word: str, path: str) -> bool:
 
 
 def _knob_at(par: Tree, path: str) -> GainKnob | None:
-    place: Place = tuple(path.split("."))
+    place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
         below = parts(record)

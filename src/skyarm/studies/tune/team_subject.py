@@ -33,7 +33,7 @@ from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, O
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
 from skyarm.studies.tune.hover_margins import HoverMargins
-from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, Numbers, centre, chosen_knobs
+from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, centre, chosen_knobs
 from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.view.pages import Facts
 
@@ -138,7 +138,7 @@ def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Ce
     """Flight with the search centred at the defaults of the law of its team."""
     usual: dict[str, Any] = {each.name: each.default for each in fields(team_of(flight))}
     # an option whose default is 0, or that has none, is searched around its given value
-    numbers: Numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
+    numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
     return centre(knobs, {label: numbers}, lambda moved: with_options(flight, moved))
 
 

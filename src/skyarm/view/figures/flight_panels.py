@@ -69,7 +69,7 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
         if i >= table.shape[1]:
             return None
         off = getattr(log, reference)[:, i] if reference else 0.0
-        return np.asarray(factor * (table[:, i] - off))
+        return factor * (table[:, i] - off)
 
     return read
 
@@ -194,7 +194,7 @@ def _pair_force(*pair: str) -> Read:
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
         forces, owned = log.component("contact_force"), pair in pairs and pair[1] not in parts_of_others(log)
-        return np.asarray(forces[:, pairs.index(pair)]) if owned and forces.shape[1] == len(pairs) else None
+        return forces[:, pairs.index(pair)] if owned and forces.shape[1] == len(pairs) else None
 
     return read
 

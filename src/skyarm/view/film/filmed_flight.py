@@ -200,7 +200,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
     away = log.tip - log.tip_reference
     if push is not None:
         away = push.across(away, log.time, log.tip)
-    return np.asarray(lengths(away))
+    return lengths(away)
 
 
 def patch_about(tip: Array) -> float:

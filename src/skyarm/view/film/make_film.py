@@ -21,7 +21,6 @@ from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import Flights, by_flight, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import FramePanel, open_stage
 from skyarm.view.film.video_files import require_film_format
-from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Progress = Callable[[int, int], None]
@@ -103,7 +102,7 @@ def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: 
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
-        solids: list[Solid] = [solid for flight in inside for solid in vehicle_solids(flight)]
+        solids = [solid for flight in inside for solid in vehicle_solids(flight)]
         if settings.ghost:
             solids += [solid for flight in by_flight(inside)[0] for solid in ghost_solids(flight)]
         booms = max(longest_boom(flight.vehicle) for flight in inside)

@@ -170,7 +170,7 @@ def _serialize(
         serializer.insert_sleep(1.0 / settings.fps)
         if progress is not None:
             progress(k + 1, len(times))
-    content: bytes = serializer.serialize()
+    content = serializer.serialize()
     return content
 
 

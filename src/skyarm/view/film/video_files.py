@@ -134,5 +134,5 @@ def import_av() -> ModuleType:
         import av
     except ImportError:
         raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more") from None
-    module: ModuleType = av
+    module = av
     return module

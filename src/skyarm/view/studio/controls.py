@@ -211,7 +211,7 @@ class Chart(Generic[Seen]):
     def _data(self) -> tuple[Array, ...]:
         """Return times (s) before the last instant and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
-        longest: Sequence[Seen] = max(rows, key=len, default=[])
+        longest = max(rows, key=len, default=[])
         times = [seen.time - longest[-1].time for seen in longest]
         if len(times) < 2:  # an axis needs two instants
             times = [-1e-3, 0.0]

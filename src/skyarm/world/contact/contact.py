@@ -419,7 +419,7 @@ class Contact(Force[ContactMemory]):
         for grasp, constraint in zip(self.grasps, memory.constraints or (None,) * len(self.grasps), strict=True):
             index, frame = names.index(grasp.body), grasp.frame_of(motion)
             body = self.carriers[index].frame(memory.carried[index])
-            turn: Mat3 | tuple[()] = next(turns) if grasp.kind == "fixed" else ()
+            turn = next(turns) if grasp.kind == "fixed" else ()
             place = next(places) if grasp.closes else None
             rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint, place), frame))
         return rows

@@ -120,7 +120,7 @@ class Instants:
     def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
         """World positions (N, 3), in m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
-        return np.asarray(p + R @ float_array(point))
+        return p + R @ float_array(point)
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:

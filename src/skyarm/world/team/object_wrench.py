@@ -435,7 +435,7 @@ class ObjectWrench(Sharing):
         """
         force, moment = weight_of(self, desired, inputs.gravity)
         loads, endless = self.shares(force, moment, arms), [SLACK / SMALL] * len(arms)
-        ratios: list[Scalar] = [
+        ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
         ]

@@ -211,7 +211,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     for _ in range(60):
         factor = 0.5 * (low + high)
         low, high = (factor, high) if dt * np.sum(factor**powers) < horizon else (low, factor)
-    return np.asarray(dt * low**powers)
+    return dt * low**powers
 
 
 @immutable

@@ -73,7 +73,7 @@ class SampledReference:
     @property
     def stiffness(self) -> Array:
         """Squared angular frequency of each signal's oscillation, 1/s^2; 0 if it does not oscillate."""
-        return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
+        return np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY)
 
 
 def extrapolate(sample: SampledReference, ahead: Array) -> Array:

@@ -158,7 +158,7 @@ class CompiledStages:
         """Central-difference derivatives by state and input components, an array (stages, values, components)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
-        return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
+        return (change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1)
 
 
 @immutable(kw_only=False)
