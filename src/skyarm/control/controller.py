@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Scalar, Scalars
 from skyarm.algebra.scalars import logical_and, where
@@ -19,7 +19,7 @@ from skyarm.vehicle import Vehicle
 
 Memory = TypeVar("Memory")
 
-LawOptions: TypeAlias = Mapping[str, Any]
+LawOptions = Mapping[str, Any]
 """Options of a control law by name, from a file or a call, not yet checked."""
 
 Law = Callable[..., tuple[Any, Command]]

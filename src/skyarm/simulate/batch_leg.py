@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,13 +51,13 @@ from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.world.component import by_array, columns_of_agent
 
-Tallies: TypeAlias = tuple[Totals, ...]
+Tallies = tuple[Totals, ...]
 """Running sums and extremes of each vehicle's metrics."""
 
-Goals: TypeAlias = tuple[MetricGoal, ...]
+Goals = tuple[MetricGoal, ...]
 """Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
 
-FeedRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Goals, ...]]
+FeedRow = tuple[GivenRows, Scalars, tuple[Goals, ...]]
 """Inputs of one control period of a batch: of the loop, open metric windows, desired positions of each vehicle."""
 
 
@@ -224,7 +224,7 @@ class LegOptions:
     effort: int = 0
 
 
-CodeKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+CodeKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 """Replaced parts, varied paths, paths that changes set, and those of them that vary: equal for legs of one code."""
 
 

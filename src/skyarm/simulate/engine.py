@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -65,11 +65,11 @@ ALIVE, TICKS = 0, 1
 """Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
-ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
+ProgramKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
 """Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
 values."""
 
-EngineRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Command, ...]]
+EngineRow = tuple[GivenRows, Scalars, tuple[Command, ...]]
 """Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
 
 
@@ -238,7 +238,7 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState: TypeAlias = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
+EngineState = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
 """State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
 log, memory of a law."""
 

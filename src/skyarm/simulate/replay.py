@@ -8,7 +8,6 @@ unexplained.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from skyarm.simulate.command_delay import mean_efforts, switches
 from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
-Numbers: TypeAlias = Mapping[str, Scalar]
+Numbers = Mapping[str, Scalar]
 
 
 @immutable

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, permutations, product
-from typing import TypeAlias
 
 import numpy as np
 
@@ -40,7 +39,7 @@ OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
 SHIFTS = (-200.0, -50.0, 50.0, 200.0)
 """Starting values of the search for a clock shift (ms)."""
 
-Channels: TypeAlias = Mapping[str, Channel]
+Channels = Mapping[str, Channel]
 
 
 @positional(eq=False)

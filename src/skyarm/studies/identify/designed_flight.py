@@ -10,7 +10,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -36,7 +35,7 @@ from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle import Vehicle
 
 USUAL = DesignLimits()
-Progress: TypeAlias = Callable[[int, int, str], None]
+Progress = Callable[[int, int, str], None]
 
 LAW = "centroidal_joint"
 """Law of the designed flight: it tracks base and joints, which are excited, and not the tip."""

@@ -6,7 +6,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class LogFault:
         return one_line(f"{self.file}: {self.channel}: {self.finding}; {self.remedy}")
 
 
-Found: TypeAlias = tuple[str, str, str, str]
+Found = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
 IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -112,7 +112,7 @@ def _tangent(states: Array, still: Array) -> Array:
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
-Given: TypeAlias = tuple[tuple[Scalar, Scalar], Scalars]
+Given = tuple[tuple[Scalar, Scalar], Scalars]
 """Arrival time of a command (s) and fraction of the rotors' lag; values of the parameter paths."""
 
 

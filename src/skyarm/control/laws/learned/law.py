@@ -20,7 +20,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import resources
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> 
     return total
 
 
-Training: TypeAlias = dict[str, Any]
+Training = dict[str, Any]
 """Training record of a network, as stored in its file."""
 
 
