@@ -32,7 +32,7 @@ class _BodyMotion:
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     """World poses and velocities of the base and all links."""
     vehicle, state = untie_followers(vehicle, state)
-    base = Pose(state.quaternion.rotation(), state.position)
+    base = Pose(state.rotation, state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
     for i, link in enumerate(vehicle.links):

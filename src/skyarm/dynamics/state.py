@@ -41,17 +41,22 @@ class State:
         if not (vectors and tuples and type(self.quaternion) is Quaternion):
             accept_fields(self, "state")
 
+    @property
+    def rotation(self) -> Mat3:
+        """Rotation from base axes to world axes."""
+        return self.quaternion.rotation()
+
     def path_names(self) -> Names:
         """Parameter paths of the state's fields, and of roll, pitch and yaw as alternatives to the quaternion."""
         return field_paths(self) | {name: NumberView(name, Unit("rad")) for name in ANGLES}
 
     def number_of_view(self, name: str) -> float:
         """Roll, pitch or yaw angle (rad) of the base, by name."""
-        return float(euler_angles(self.quaternion.rotation())[ANGLES.index(name)])
+        return float(euler_angles(self.rotation)[ANGLES.index(name)])
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
         """State with roll, pitch or yaw (rad) replaced, by name; other angles stay."""
-        usual = dict(zip(ANGLES, euler_angles(self.quaternion.rotation()), strict=True))
+        usual = dict(zip(ANGLES, euler_angles(self.rotation), strict=True))
         half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (usual | dict(values)).values()]
         about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
         return replace(self, quaternion=about[2] * about[1] * about[0])

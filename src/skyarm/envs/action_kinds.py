@@ -273,4 +273,4 @@ def _free(limit: Scalar) -> bool:
 
 def _hover(model: Model) -> Scalars:
     """Rotor speeds (rad/s) of the nominal model in hover with all joints at zero."""
-    return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds
+    return hover_trim(model.vehicle, model.vehicle.zeros, model.gravity).speeds

@@ -174,7 +174,7 @@ def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
 
 def stated_joints(task: Task) -> list[tuple[float, ...]]:
     """Joint positions (rad or m) at the start and of the goals that state them."""
-    return [task.start.joints or (0.0,) * task.vehicle.n, *(each.to.joints for each in task.phases if each.to.joints)]
+    return [task.start.joints or task.vehicle.zeros, *(each.to.joints for each in task.phases if each.to.joints)]
 
 
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
@@ -435,7 +435,7 @@ def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
     from skyarm.dynamics.actuators.hover import hover_trim
 
-    trim = hover_trim(task.vehicle, task.start.joints or (0.0,) * task.vehicle.n, task.gravity)
+    trim = hover_trim(task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity)
     level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
     return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
 
@@ -642,7 +642,7 @@ def _plan_of(
     return Plan(
         task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
         x=best.x, u=best.u, K=best.K,
-        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seeds=tried,
+        edges=tuple(map(int, np.cumsum([0, *counts]))), solution=best, seeds=tried,
     )  # fmt: skip
 
 
@@ -788,7 +788,7 @@ def impossible(task: Task) -> str:
     """One line: which limit the start or a goal alone is beyond, so that no motion is within; empty if none is."""
     vehicle, limits = task.vehicle, task.limits
     near = clearances(vehicle, task.obstacles)
-    own, start = attitude(task.start.attitude), task.start.joints or (0.0,) * vehicle.n
+    own, start = attitude(task.start.attitude), task.start.joints or vehicle.zeros
     for pair, gap in zip(near.pairs, near.distances(task.start.position, own.rotation(), start), strict=True):
         if float(gap) < 0.0:
             return f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"

@@ -75,7 +75,7 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
     low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
-    shape = tuple(len(axis) for axis in axes)
+    shape = tuple(map(len, axes))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     nearest = [
         int(np.ravel_multi_index(tuple(np.clip(np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1)), shape))

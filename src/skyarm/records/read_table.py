@@ -249,7 +249,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
     if not isinstance(lists, (list, tuple)):
         raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
     rows = Fields({str(i): each for i, each in enumerate(lists)}, at)
-    return tuple(rows.numbers(i) for i in rows.table)
+    return tuple(map(rows.numbers, rows.table))
 
 
 def registered_from(

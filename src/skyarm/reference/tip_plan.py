@@ -391,7 +391,7 @@ def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tupl
     """Preferred joint positions of the arm within their limits; mid-range if none are given."""
     bounds = [joint.ends for joint in vehicle.joints]
     if not given and "posture" not in fields.table:
-        return tuple(middle_position(joint) for joint in vehicle.joints)
+        return tuple(map(middle_position, vehicle.joints))
     if len(given) != vehicle.n:
         raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
     for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):

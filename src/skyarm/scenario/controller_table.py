@@ -171,7 +171,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]
-    return with_safety_layer(made, limits, stow=tuple(float(q) for q in before.recovery.stow))
+    return with_safety_layer(made, limits, stow=tuple(map(float, before.recovery.stow)))
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:

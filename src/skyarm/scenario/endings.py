@@ -190,7 +190,7 @@ class RotorContact(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Clearance of each rotor disc from each fixed surface, with the names of both."""
-        R, clearances = state.quaternion.rotation(), list[Distance]()
+        R, clearances = state.rotation, list[Distance]()
         for contact in scenario.worlds:
             for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
                 at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
@@ -211,7 +211,7 @@ class BodyContact(DistanceEnding):
         """Distance of the base's origin and of each joint from each fixed surface, with the names of both."""
         vehicle, distances = scenario.agent.vehicle, list[Distance]()
         for contact in scenario.worlds:
-            R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
+            R, poses = state.rotation, link_poses(vehicle, state.joints)
             points = [("the base", state.position)]
             joints = zip(vehicle.links, poses, strict=False)
             points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
@@ -234,7 +234,7 @@ class Clearance(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Distance and names of each pair of bodies."""
-        pairs, rotation = clearances_of(scenario, moving=False), state.quaternion.rotation()
+        pairs, rotation = clearances_of(scenario, moving=False), state.rotation
         distances = pairs.distances(state.position, rotation, state.joints, state.tilts)
         return list(zip(distances, pairs.names, strict=True))
 
@@ -270,7 +270,7 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
     """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
-    R = state.quaternion.rotation()
+    R = state.rotation
     poses = link_poses(vehicle, state.joints, summed=True)
     points = [rotor.position for rotor in vehicle.rotors]
     points += [pose.p for pose in poses]

@@ -155,7 +155,7 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
 
 
 def _is_corner(before: Reference, after: Reference) -> bool:
-    base = math.hypot(*(float(c) for c in after.velocity - before.velocity))
+    base = math.hypot(*map(float, after.velocity - before.velocity))
     joints = [abs(float(a) - float(b)) for a, b in zip(before.joint_rates, after.joint_rates, strict=True)]
     return base > CORNER[0] or max(joints, default=0.0) > CORNER[1]
 

@@ -952,13 +952,13 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
     """
     vehicle = world.vehicle
     trim = hover_trim(vehicle, joints, world.gravity)
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     return State(
-        position=Vec3(*(data(c) for c in position)),
+        position=Vec3(*map(data, position)),
         quaternion=Quaternion(cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)),
         velocity=ZERO3_DATA,
         rate=ZERO3_DATA,
-        joints=tuple(data(q) for q in joints),
+        joints=tuple(map(data, joints)),
         joint_rates=still,
         rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
         tilts=(0.0,) * len(vehicle.tilts),
@@ -978,7 +978,7 @@ def _as_data(state: State) -> State:
     """State with all numbers as floats, which are inputs of compiled code, and with a normalised quaternion."""
 
     def as_data(value: Any) -> Any:
-        numbers = (data(each) for each in value)
+        numbers = map(data, value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
     fields = {name: as_data(value) for name, value in leaves.parts(state).items()}

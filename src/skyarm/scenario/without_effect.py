@@ -102,7 +102,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
     No axis if a part cannot be evaluated: it may react to moving air.
     """
     vehicle, blind = scenario.agent.vehicle, {*"xyz"}
-    command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
+    command, rates = Command(rotor_speeds=(), efforts=vehicle.zeros), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
     def forces(part: Component[Tree], air: Vec3) -> AnyArray:
@@ -185,7 +185,7 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
     guards, readings.read = scenario.agent.reference.guards, set()
     estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
-    command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+    command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
     used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
     tip = tip_sensor(sensors, vehicle)

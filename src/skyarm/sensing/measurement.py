@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
@@ -54,6 +54,11 @@ class Measurement:
         tuples = tuples and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
             accept_fields(self, "measurement")
+
+    @property
+    def rotation(self) -> Mat3:
+        """Rotation from base axes to world axes."""
+        return self.quaternion.rotation()
 
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:

@@ -205,7 +205,7 @@ class Heading(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Heading: name, error model and true value."""
-        return self.channels(heading=(euler_angles(state.quaternion.rotation())[2],))
+        return self.channels(heading=(euler_angles(state.rotation)[2],))
 
     def reading(self, t: Scalar, values: Sequence[Scalars], *rest: Any) -> tuple[Tree, Tree]:
         """Make the reading, which errors do not carry beyond half a turn."""
@@ -265,7 +265,7 @@ class Encoders(ChannelSensor):
 
     def first_own(self, vehicle: Vehicle) -> Tree:
         """Initial joint positions for the finite difference; () if rates are measured."""
-        return (0.0,) * vehicle.n if self.rates == "difference" else ()
+        return vehicle.zeros if self.rates == "difference" else ()
 
     def reading(
         self,
@@ -277,7 +277,7 @@ class Encoders(ChannelSensor):
         dt: float,
     ) -> tuple[Tree, EncoderReading]:
         """Make the encoder reading: quantised positions, and rates by finite difference or measured."""
-        joints = tuple(self._quantize(q) for q in values[0])
+        joints = tuple(map(self._quantize, values[0]))
         if self.rates == "measured":
             return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
         rates = tuple(where(first, 0.0, sub(q, old) * (1.0 / dt)) for q, old in zip(joints, own, strict=True))

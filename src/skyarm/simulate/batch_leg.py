@@ -273,7 +273,7 @@ class Leg:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
         self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
-        self.first = (self._loop.first, tuple(first_totals(each) for each in options.wanted))
+        self.first = (self._loop.first, tuple(map(first_totals, options.wanted)))
         used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)

@@ -60,7 +60,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
-    setpoints = tuple(data(effort) for effort in efforts)
+    setpoints = tuple(map(data, efforts))
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts)
     return AgentLoop(
         state=state,

@@ -105,7 +105,7 @@ class Waits:
         )
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
-        self._terms = tuple(self._terms_of(guard) for guard in self.guards)
+        self._terms = tuple(map(self._terms_of, self.guards))
 
     def _terms_of(self, guard: Guard) -> GuardTerms:
         rate = self._rate
@@ -255,7 +255,7 @@ class Waits:
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
             turned = frame_pose(self._vehicle, self._vehicle.frame(), measurement.joints).R
-            felt = measurement.quaternion.rotation().apply(turned.apply(Vec3(*measurement.tip_force)))
+            felt = measurement.rotation.apply(turned.apply(Vec3(*measurement.tip_force)))
         switches = measurement.switches if self.switches else ()
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 

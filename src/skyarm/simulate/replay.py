@@ -42,7 +42,7 @@ class Unexplained(Component[tuple[Vec3, Vec3]]):
         self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
         """Residual force and torque on the base, unexplained by the plant model, in world axes."""
-        force, torque = (motion.rotation.apply(each) for each in memory)
+        force, torque = map(motion.rotation.apply, memory)
         return [Wrench(force_W=force, torque_W=torque)]
 
 

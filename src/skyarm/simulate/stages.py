@@ -85,9 +85,9 @@ class Stages:
     def __init__(self, scenario: Scenario, commands: Sequence[Command] = (), given: Sequence[Scalar] = ()) -> None:
         self.scenario, self.period = scenario, 1.0 / scenario.rates.control
         self.worlds = tuple(each.plant for each in scenario.agents.values())
-        self.own = tuple(scenario.own_components(each) for each in scenario.agents.values())
+        self.own = tuple(map(scenario.own_components, scenario.agents.values()))
         self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
-        self._eventful = any(_acts(each) for each in (*self.shared, *(each for some in self.own for each in some)))
+        self._eventful = any(map(_acts, (*self.shared, *(each for some in self.own for each in some))))
         rows = zip_longest(scenario.agents, commands, given)
         self.agents = tuple(self._stages_of(name, command, mode) for name, command, mode in rows)
 
@@ -471,7 +471,7 @@ def push_at(frame: Frame, around: Surroundings, motion: PointMotion, loads: Sequ
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
-    axes = [motion.to_world(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
+    axes = [motion.to_world(axis, frame.link) for axis in map(frame.rotation.column, range(3))]
     return Push(
         force=Vec3(*(data(axis.dot(force)) for axis in axes)),
         torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),

@@ -442,7 +442,7 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         readings = readings_at(scenario, state, time)
-        command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+        command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
         try:
             result = call("step", memory, readings, command, period)
         except KeyError as error:

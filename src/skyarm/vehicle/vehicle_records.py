@@ -254,6 +254,11 @@ class Vehicle:
         return len(self.links)
 
     @property
+    def zeros(self) -> tuple[float, ...]:
+        """Zero for each joint: positions, rates or efforts."""
+        return (0.0,) * self.n
+
+    @property
     def joints(self) -> tuple[Joint, ...]:
         """Joints of the links, in their order."""
         return tuple(link.joint for link in self.links)

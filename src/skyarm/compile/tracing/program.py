@@ -235,7 +235,7 @@ def trace_loop(
     draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
     arguments = [rebuild(record, iter(group)) for record, group in zip(examples, groups, strict=True)]
     result = step(*arguments, draws)
-    following, log = (leaves(part) for part in result)
+    following, log = map(leaves, result)
     if wrong := mismatch(carry, result[0], "carry"):
         raise ValueError(f"the step returns another carry than it takes: {wrong}")
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]

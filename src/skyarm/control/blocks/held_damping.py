@@ -50,9 +50,9 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
         (n,) 1/(kg m^2) or 1/kg.
     """
     joints = vehicle.joints
-    if not any(_rubs(joint) for joint in joints):
+    if not any(map(_rubs, joints)):
         return (0,) * vehicle.n
-    M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    M = mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)
     units = ([float(row == 6 + i) for row in range(len(M))] for i in range(vehicle.n))
     mobilities = [ldl_solve(M, unit)[6 + i] for i, unit in enumerate(units)]
     return tuple(_if_quick(joint, m, period) for joint, m in zip(joints, mobilities, strict=True))

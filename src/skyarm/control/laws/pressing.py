@@ -122,7 +122,7 @@ def observe_contact(
     after = replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None
-    at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
+    at = levers(vehicle, measurement.rotation, measurement.joints)
     desired = wanted_of(reference.push[:5])
     into = -desired.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
     interaction, pressing = interact(
@@ -201,7 +201,7 @@ def pressing_command(
     par: PressingParameters, measurement: Measurement, reference: Reference, touch: ObservedContact
 ) -> Command:
     """Computed torque command plus the contact force command along the surface normal."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     up = wanted_specific_force(par, measurement, reference)
     reaction = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
     alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))

@@ -117,7 +117,7 @@ def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0)
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
     """Initial internal states of state estimator and control law, in hover with all joints at zero."""
     model = controller.par.model
-    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
+    trim = hover_trim(model.vehicle, model.vehicle.zeros, model.gravity)
     drives = drives_of(model.vehicle)
     efforts = tuple(
         drives[joint.name].standing(effort, 0.0) if joint.name in drives else effort
@@ -293,7 +293,7 @@ def _structs(
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
-    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n, tilts=angles)
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles)
     units = {"command": command_units(vehicle)}
     if behind_filter:
         units["memory"] = command_units(vehicle, "sent")

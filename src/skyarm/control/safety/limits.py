@@ -59,7 +59,7 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
     """Settled thrust (N) of a law along body z for constant vertical position and velocity errors."""
     model = controller.par.model
-    vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
+    vehicle, joints = model.vehicle, model.vehicle.zeros
     trim = hover_trim(vehicle, joints, model.gravity)
     place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
@@ -349,7 +349,7 @@ def _defaults(controller: Controller) -> dict[str, Any]:
 
 def _fastest(model: Model) -> float:
     """Highest rotor speed (rad/s); twice the hover speed for rotors without a limit."""
-    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
-    hover = max((float(speed) for speed in trim.speeds), default=0.0)
+    trim = hover_trim(model.vehicle, model.vehicle.zeros, model.gravity)
+    hover = max(map(float, trim.speeds), default=0.0)
     tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
     return max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)

@@ -87,7 +87,7 @@ class SafetyMemory:
 def first_memory(controller: Controller) -> SafetyMemory:
     """Initial internal state of a controller with the safety layer."""
     vehicle = controller.par.model.vehicle
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     return SafetyMemory(
         inner=controller.memory,
         started=0.0,

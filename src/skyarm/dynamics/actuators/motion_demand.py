@@ -74,7 +74,7 @@ class ActuatorDemand:
         """
         limits = np.repeat(efforts, len(self.time), axis=1)
         for i, servo in servos:
-            ends = (doubles(bound) for bound in servo.bounds(self.rates[i]))
+            ends = map(doubles, servo.bounds(self.rates[i]))
             low, high = (np.broadcast_to(end, self.time.shape) for end in ends)
             most = np.where(self.efforts[i] < 0.0, -low, high)
             limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))

@@ -292,7 +292,7 @@ class BetaflightLink(ProgramLink):
         """Read rotor signals and arming state from a motor message of Betaflight."""
         count, *motors = MOTORS.unpack(answer)
         motors = motors[: self._rotors]
-        if count != self._rotors or not all(math.isfinite(each) for each in motors):
+        if count != self._rotors or not all(map(math.isfinite, motors)):
             raise LinkError(f"Betaflight sent {count} motors, {shown_numbers(motors)}: must be {self._rotors} numbers")
         self._answered += 1
         self._signals = tuple(min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors)

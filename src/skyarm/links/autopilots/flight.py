@@ -134,7 +134,7 @@ def require_no_push(scenario: Scenario, title: str) -> None:
 def hover_at_start(scenario: Scenario) -> Trajectory:
     """Reference that holds the initial pose of the base and the initial joint positions."""
     start = first_state(scenario)
-    x, y, z = (float(c) for c in start.position)
+    x, y, z = map(float, start.position)
     return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(map(float, start.joints)))
 
 
@@ -143,7 +143,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     start, vehicle = first_state(scenario), scenario.agent.vehicle
     yaw = float(yaw_of(start.quaternion))
-    x, y, z = (float(c) for c in start.position)
+    x, y, z = map(float, start.position)
     half = 0.5 * yaw
     inertia = vehicle.base.inertia
     stand = LaunchStand(
@@ -159,7 +159,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
         velocity=ZERO3_DATA,
         rate=ZERO3_DATA,
-        joint_rates=(0.0,) * vehicle.n,
+        joint_rates=vehicle.zeros,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
     agent = replace(

@@ -51,7 +51,7 @@ class WorldFrame:
     @classmethod
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
         """Transformation that places the vehicle's present state at a position (m) and heading (rad) in the world."""
-        x, y, z = (float(c) for c in position)
+        x, y, z = map(float, position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
     def measurement(

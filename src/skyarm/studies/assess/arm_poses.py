@@ -31,7 +31,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
         gravity: m/s^2.
         joints: (lanes, n), rad or m.
     """
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
     return stack_values(len(joints), (*force.torque, force.force.z, *efforts))

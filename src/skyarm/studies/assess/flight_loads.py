@@ -129,7 +129,7 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
         velocity=ZERO3,
         rate=ZERO3,
         joints=tuple(reference.joints),
-        joint_rates=(0.0,) * vehicle.n,
+        joint_rates=vehicle.zeros,
     )
     motion = PointMotion(vehicle, state)
     return stack_values(len(time), motion.position(*motion.frame(frame or None)))

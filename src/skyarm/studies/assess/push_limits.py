@@ -70,7 +70,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
-    force, _, *normal = (float(c) for c in at.push[:5])
+    force, _, *normal = map(float, at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])

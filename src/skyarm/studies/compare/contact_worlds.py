@@ -160,5 +160,5 @@ def _uniform(bounds: tuple[float, float], share: Array) -> Array:
 
 
 def _log(bounds: tuple[float, float], share: Array) -> Array:
-    low, high = (math.log(each) for each in bounds)
+    low, high = map(math.log, bounds)
     return np.exp(low + (high - low) * share)

@@ -148,7 +148,7 @@ def _length(v: Vec3) -> float:
 
 def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
     """Smallest ratio of maximum to hover thrust over all rotors."""
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    trim = hover_trim(vehicle, vehicle.zeros, gravity)
     shares = [(float(r.max_speed) / max(float(w), 1e-9)) ** 2 for w, r in zip(trim.speeds, vehicle.rotors, strict=True)]
     return min(shares, default=math.inf)
 
@@ -162,7 +162,7 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
     truth = scenario.agent.vehicle
-    M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
+    M = dynamics.mass_matrix(truth, Mat3.identity(), truth.zeros)
     rescaled = dict(values)
     for i in range(truth.n):
         path = f"plant.vehicle.links.{i}.joint.damping"

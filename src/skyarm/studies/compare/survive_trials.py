@@ -85,7 +85,7 @@ def decaying(vehicle: Vehicle, rate: float) -> Array:
 
     What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the damping is rate / (M^-1)_ii.
     """
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), vehicle.zeros), dtype=float)
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()

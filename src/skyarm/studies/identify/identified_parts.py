@@ -104,7 +104,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 
     Moments that were found beside one that stays at the start's may add up to what no body has.
     """
-    xx, yy, zz, xy, xz, yz = (float(each) for each in inertia.entries)
+    xx, yy, zz, xy, xz, yz = map(float, inertia.entries)
     rows = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     second = 0.5 * np.trace(rows) * np.eye(3) - rows
     sizes, axes = np.linalg.eigh(second)

@@ -128,7 +128,7 @@ def _row(lag: Lag) -> Row:
     if not lag.is_known:
         return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
     factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
-    cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
+    cells = map(_cell, (lag.together, lag.delay, lag.up, lag.down))
     return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
 
 

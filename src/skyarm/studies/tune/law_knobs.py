@@ -302,4 +302,4 @@ def _log_factors(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
 
 
 def _mean(numbers: tuple[float, ...]) -> float:
-    return sum(math.log(number) for number in numbers) / len(numbers)
+    return sum(map(math.log, numbers)) / len(numbers)

@@ -230,7 +230,7 @@ class FleetPicture(StudioStage):
             ghost.remove()
         now, vehicles = first_loop_state(scenario), scenario.vehicles
         placed = [poses_of(*each) for each in zip(vehicles.values(), [own.state for own in now.agents], strict=True)]
-        bases, tips = (np.array(each) for each in ([p.positions[0] for p in placed], [p.tip for p in placed]))
+        bases, tips = map(np.array, ([p.positions[0] for p in placed], [p.tip for p in placed]))
         self._origin, self._around = bases.mean(axis=0), tips.mean(axis=0)
         self._follow(self._origin)
         scenes = scenes_at(scenario, now, 0.0, self._around)

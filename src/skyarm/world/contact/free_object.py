@@ -156,7 +156,7 @@ class FreeObject(Carrier[ObjectMotion]):
             divide(r.y * r.y, J.x) + divide(r.x * r.x, J.y),
         )
         beside = (divide(r.x * r.y, J.z), divide(r.x * r.z, J.y), divide(r.y * r.z, J.x))
-        xy, xz, yz = (absolute(each) for each in beside)
+        xy, xz, yz = map(absolute, beside)
         rows = (diagonal[0] + xy + xz, diagonal[1] + xy + yz, diagonal[2] + xz + yz)
         return 1.0 / self.mass + maximum(maximum(rows[0], rows[1]), rows[2])
 

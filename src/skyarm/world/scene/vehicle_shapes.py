@@ -131,7 +131,7 @@ def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
 
 def _mesh_shape(number: int, look: Look) -> Shape:
     """Drawn shape of a link with an STL mesh file."""
-    a, b, c = (floats(row) for row in look.rotation.rows)
+    a, b, c = map(floats, look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
     return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)

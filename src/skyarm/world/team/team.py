@@ -440,7 +440,7 @@ class Team(Component[TeamMemory]):
             seen=tuple(map(data_of, seen[: len(memory.seen)])),
             carries=carries,
             drawn=memory.drawn,
-            logged=tuple(data(each) for each in logged),
+            logged=tuple(map(data, logged)),
         )
 
     def usual_mass(self, limit: Scalar) -> Scalar:

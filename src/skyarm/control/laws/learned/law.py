@@ -193,7 +193,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
 
 def features(measurement: Measurement, reference: Reference, history: History) -> Scalars:
     """Input vector of the network from measurement, reference and filtered history."""
-    m, R = measurement, measurement.quaternion.rotation()
+    m, R = measurement, measurement.rotation
     new = history.started < 0.5
     pairs = zip(_velocities(m), history.motion, strict=True)
     rises = [where(new, 0.0, HISTORY * (x - filtered)) for x, filtered in pairs]
@@ -287,7 +287,7 @@ def learned_compensator(
 
 def compensate(measurement: Measurement, reference: Reference, unknown: Scalars, par: LearnedParameters) -> Command:
     """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
     specific = wanted_specific_force(par, measurement, reference)
     # what pushes already need not be thrust

@@ -97,7 +97,7 @@ def observe(
     Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our own.
     """
     foreseen, n = predict(model, before, command, dt), model.vehicle.n
-    R = measurement.quaternion.rotation()
+    R = measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
     speeds = (*(bandwidths.linear,) * 3, *(bandwidths.angular,) * 3, *(bandwidths.joints,) * n)

@@ -45,7 +45,7 @@ def accelerations(
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
     """
-    R = state.quaternion.rotation()
+    R = state.rotation
     return acceleration_under(
         model,
         R,
@@ -63,7 +63,7 @@ def base_accelerations(
     model: Model, state: State, joint_accelerations: Scalars, disturbance: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
-    vehicle, R = model.vehicle, state.quaternion.rotation()
+    vehicle, R = model.vehicle, state.rotation
     applied = _on_base(model, state, R, disturbance)
     still = Motion(ZERO3, ZERO3)
     moving = state.joints, state.rate, state.joint_rates
@@ -139,9 +139,7 @@ def runge_kutta_step(state: State, k1: State, slope: Callable[[State, Scalar], S
     k2 = slope(euler_step(state, k1, half), half)
     k3 = slope(euler_step(state, k2, half), half)
     k4 = slope(euler_step(state, k3, dt), dt)
-    mean = (
-        (a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*(leaves(k) for k in (k1, k2, k3, k4)), strict=True)
-    )
+    mean = ((a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*map(leaves, (k1, k2, k3, k4)), strict=True))
     end = euler_step(state, rebuild(k1, mean), dt)
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
     return rebuild(state, iter(values))

@@ -230,5 +230,5 @@ def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
     vehicle = model.vehicle
     if mode != "tool" or not vehicle.end_effector:
         return lambda _thrusts, values: np.zeros((len(values), 3))
-    compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, (0.0,) * vehicle.n)
+    compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, vehicle.zeros)
     return lambda thrusts, values: compiled(thrusts, values[:, 3:])

@@ -47,7 +47,7 @@ def guo_center_of_inertia(
 ) -> tuple[Memory, Command]:
     """SE(3) tracking of the centre of mass with the locked inertia; the joints are controlled separately."""
     del dt
-    vehicle, R, w = par.model.vehicle, measurement.quaternion.rotation(), measurement.rate
+    vehicle, R, w = par.model.vehicle, measurement.rotation, measurement.rate
     c, J = central_inertia(locked_inertia(vehicle, measurement.joints))
     cd = center_velocity(vehicle, measurement.joints, measurement.joint_rates)
     position, velocity, acceleration = center_reference(vehicle, reference)

@@ -144,7 +144,7 @@ def l1_adaptive(
     memory: L1Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: L1Parameters
 ) -> tuple[L1Memory, Command]:
     """L1 adaptive control: coupled geometric law minus the filtered estimate of the disturbance."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
     pairs = zip(predict_velocities(par, memory, dt), measured, strict=True)
@@ -244,7 +244,7 @@ def limits(model: Model) -> dict[str, Scalar]:
 
 def first_memory(par: L1Parameters) -> L1Memory:
     """Initial internal state of the L1 law: no prediction error and no disturbance."""
-    arm = (0.0,) * par.model.vehicle.n
+    arm = par.model.vehicle.zeros
     none = (0.0,) * (6 + len(arm))
     return L1Memory(
         started=0.0,

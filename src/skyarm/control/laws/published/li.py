@@ -41,7 +41,7 @@ def li_feedforward(
 ) -> tuple[Memory, Command]:
     """Geometric base control with feed-forward of the arm's reaction; the joints are controlled separately."""
     del dt
-    vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
+    vehicle, R, q = par.model.vehicle, measurement.rotation, measurement.joints
     reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
     specific = wanted_specific_force(par, measurement, reference)
     up = specific + R.apply(reaction.force) * inverse_mass(vehicle)
