@@ -78,7 +78,7 @@ def reach(vehicle: Vehicle) -> float:
     """Largest distance from the arm's first joint to the tip, m; 0 without an arm."""
     if not vehicle.links or not vehicle.end_effector:
         return 0.0
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     if frame.link == BASE:
         return 0.0
 

@@ -224,7 +224,7 @@ def tip_below(task: Task, joints: Array) -> Array:
     vehicle = task.vehicle
     if not vehicle.end_effector:
         return np.zeros(3)
-    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints.tolist())).p)])
+    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(), tuple(joints.tolist())).p)])
 
 
 @immutable(eq=False)

@@ -259,7 +259,7 @@ class Stage:
         vehicle, R = self.model.vehicle, state.rotation
         pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
         if vehicle.end_effector:
-            frame = vehicle.frame(vehicle.end_effector)
+            frame = vehicle.frame()
             columns = jacobian_columns(vehicle, frame, state.joints)
             tip = dynamics.frame_pose(vehicle, frame, state.joints).p
             if self.contact:
@@ -321,7 +321,7 @@ class Stage:
         for column, rate in zip(columns, state.joint_rates, strict=False):
             moving = moving + column.linear * rate
         if vehicle.end_effector:
-            axis = dynamics.frame_pose(vehicle, vehicle.frame(vehicle.end_effector), state.joints).R.column(2)
+            axis = dynamics.frame_pose(vehicle, vehicle.frame(), state.joints).R.column(2)
         turn = data.attitude.conjugate() * state.quaternion
         # at rest nothing moves and nothing begins to: the rotors balance the weight
         linear, angular = self.accelerations(state, vehicle.zeros, ZERO3)[:2]

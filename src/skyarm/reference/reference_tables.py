@@ -287,7 +287,7 @@ def _vehicle(setting: Setting, where: str) -> Vehicle:
     if vehicle is None or not vehicle.end_effector:
         name = "none is known" if vehicle is None else f"{vehicle.name!r} has none (end_effector)"
         raise ValueError(f"{where}: needs a vehicle with a tip; {name}")
-    link = vehicle.frame(vehicle.end_effector).link
+    link = vehicle.frame().link
     if link == BASE or link >= vehicle.n:
         body = "the base" if link == BASE else "a link that follows others"
         raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {body}")

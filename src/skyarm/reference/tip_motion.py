@@ -72,7 +72,7 @@ def arm_of(vehicle: Vehicle) -> Arm:
     """
     if not vehicle.end_effector:
         raise ValueError(f"vehicle {vehicle.name!r}: has no tip (end_effector)")
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     if frame.link >= vehicle.n:
         raise ValueError(f"vehicle {vehicle.name!r}: frame {frame.name!r} is carried by a follower, not by a joint")
     carriers = chain(vehicle, frame.link)

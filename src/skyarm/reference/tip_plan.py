@@ -330,7 +330,7 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *,
     inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
-        frame=vehicle.frame(vehicle.end_effector),
+        frame=vehicle.frame(),
         carriers=carriers,
         posture=choices.posture,
         lower=tuple(low for low, _ in inner),

@@ -147,7 +147,7 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
     inner, servos = before.own, bool(scenario.agent.controller.memory.drives)
-    return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
+    return on_actuators(_with_safety_of(inner, made, scenario), before.model, scenario.rates.period, servos)
 
 
 def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:

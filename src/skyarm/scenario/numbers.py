@@ -166,7 +166,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
-    after = with_consequences(changed.agent.controller, law, 1.0 / scenario.rates.control)
+    after = with_consequences(changed.agent.controller, law, scenario.rates.period)
     if after is not changed.agent.controller:
         changed = changed.with_controller(after)
     if start or angles:

@@ -291,7 +291,7 @@ def sensors_suffice(scenario: Scenario) -> None:
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.vehicle
+    period, vehicle = scenario.rates.period, scenario.agent.vehicle
     joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
     added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.agent.joint_drives:
@@ -368,7 +368,7 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
 @rule("environment", "payloads", "plant.vehicle", "plant.gravity", "rates")
 def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
-    vehicle, period = scenario.agent.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.vehicle, scenario.rates.period
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
@@ -380,7 +380,7 @@ def surroundings_fit(scenario: Scenario) -> None:
 @rule("environment", "team", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
 def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
-    period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
+    period, gravities = scenario.rates.period, {name: a.plant.gravity for name, a in scenario.agents.items()}
     first = next(iter(gravities))
     for name, gravity in gravities.items():
         if concrete(gravity, gravities[first]) and gravity != gravities[first]:

@@ -112,6 +112,11 @@ class Rates:
         ),
     ] = 50
 
+    @property
+    def period(self) -> float:
+        """Period of the control law, s."""
+        return 1.0 / self.control
+
     def __post_init__(self) -> None:
         accept_fields(self, "rates", ScenarioError)
         for fast, slow in (("physics", "control"), ("control", "reference")):

@@ -124,7 +124,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
     """Initial state of an environment model; for one with random numbers, all its values equal ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
-    memory = component.start(1.0 / scenario.rates.control, draws)
+    memory = component.start(scenario.rates.period, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
@@ -134,7 +134,7 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
     at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
     """
-    period, every = 1.0 / scenario.rates.control, max(1, scenario.steps // INSTANTS)
+    period, every = scenario.rates.period, max(1, scenario.steps // INSTANTS)
     memory = _begin(scenario, component, noise=float(len(blind) == 3))
     moved, acts = set[str](), component.uniforms > 0
     speeds = first_state(scenario).rotor_speeds
@@ -169,7 +169,7 @@ class _Readings(UserDict[str, object]):
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
-    vehicle, period = scenario.agent.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.vehicle, scenario.rates.period
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.agent.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
@@ -182,7 +182,7 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     if not sensors or autopilot_of(scenario.agent.controller) is not None:
         return
     model, vehicle, state = scenario.agent.model, scenario.agent.vehicle, first_state(scenario)
-    readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
+    readings, period = _Readings(readings_at(scenario, state, 0.0)), scenario.rates.period
     guards, readings.read = scenario.agent.reference.guards, set()
     estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)

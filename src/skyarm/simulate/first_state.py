@@ -32,7 +32,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
     """
     if draws is None:
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
-    period, left = 1.0 / scenario.rates.control, iter(draws)
+    period, left = scenario.rates.period, iter(draws)
     alone = [scenario.of(name) for name in scenario.agents]
     states = [first_state(each) for each in alone]
     motions = motions_of([each.agent.plant for each in alone], states, tuple(scenario.agents))
@@ -69,7 +69,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
         estimate=scenario.agent.placed_estimator.start(scenario.agent.model.vehicle),
         drives=tuple(
-            drive.begin(q, u, 1.0 / scenario.rates.control)
+            drive.begin(q, u, scenario.rates.period)
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),

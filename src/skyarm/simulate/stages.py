@@ -83,7 +83,7 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario, commands: Sequence[Command] = (), given: Sequence[Scalar] = ()) -> None:
-        self.scenario, self.period = scenario, 1.0 / scenario.rates.control
+        self.scenario, self.period = scenario, scenario.rates.period
         self.worlds = tuple(each.plant for each in scenario.agents.values())
         self.own = tuple(map(scenario.own_components, scenario.agents.values()))
         self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
@@ -256,7 +256,7 @@ class AgentStages:
 
     def __init__(self, scenario: Scenario, command: Command | None = None, given: Scalar | None = None) -> None:
         self.scenario, self._command, self._given = scenario, command, given
-        self.period, own = 1.0 / scenario.rates.control, scenario.agent
+        self.period, own = scenario.rates.period, scenario.agent
         self.sensors = own.all_sensors
         self.waits = Waits(scenario)
         self._law = checked_law(own.controller)

@@ -19,7 +19,7 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Sca
     """Tip position (m), world axes, from base position, attitude and joint positions."""
     if not vehicle.end_effector:
         return position
-    tip = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), joints).p
+    tip = frame_pose(vehicle, vehicle.frame(), joints).p
     return position + quaternion.rotation().apply(tip)
 
 
@@ -32,7 +32,7 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> MetricGoal:
         return MetricGoal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
     tool = reference.position
     if vehicle.end_effector:
-        tip = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
+        tip = frame_pose(vehicle, vehicle.frame(), reference.joints).p
         c, s = cos(reference.yaw), sin(reference.yaw)
         tool = tool + Vec3(c * tip.x - s * tip.y, s * tip.x + c * tip.y, tip.z)
     return MetricGoal(position=reference.position, joints=reference.joints, tool=tool)

@@ -312,7 +312,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
 
 def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
-    vehicle, component, period = scenario.agent.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, component, period = scenario.agent.vehicle, part.record, scenario.rates.period
     whole = part.whole
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
@@ -407,7 +407,7 @@ _check_motion = partial(_check_value, label="", example=None)
 def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
     joints = scenario.agent.vehicle.joint_names
     joint, drive = joints.index(part.place.rpartition("plant.drives.")[2]), part.record
-    period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
+    period, place = scenario.rates.period, first_state(scenario).joints[joint]
 
     def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: Scalars) -> Tree:
         position, rate = state.joints[joint], state.joint_rates[joint]
@@ -438,7 +438,7 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, estimator, period = scenario.agent.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, estimator, period = scenario.agent.vehicle, part.record, scenario.rates.period
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         readings = readings_at(scenario, state, time)
@@ -464,7 +464,7 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
-    leads, period = preview_leads(part.record.par), 1.0 / scenario.rates.control
+    leads, period = preview_leads(part.record.par), scenario.rates.period
     reference = scenario.agent.law_reference
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:

@@ -148,7 +148,7 @@ class BetaflightLink(ProgramLink):
         model = model_of(scenario)
         vehicle, gravity = model.vehicle, float(model.gravity)
         self._tape, self._rotors = tape, len(vehicle.rotors)
-        self._period = 1.0 / scenario.rates.control
+        self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)
         slow = min(1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK)
         self._control, self._filter = AngleControl(record.gains.slow_down(slow), gravity), MotionFilter(gravity)

@@ -302,7 +302,7 @@ class PilotedSession(Session):
         # drivers turn what they read into base axes; the place is a parameter of the autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
-        self._period = 1.0 / self.scenario.rates.control
+        self._period = self.scenario.rates.period
         stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
         self._signals: Sequence[float] = stopped if self._link is None else self._signals
         (self._inputs,) = engine.inputs.each

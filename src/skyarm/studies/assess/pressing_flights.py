@@ -137,7 +137,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
 
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner 2003.
     """
-    (contact,), vehicle, period = scenario.worlds, scenario.agent.vehicle, 1.0 / scenario.rates.control
+    (contact,), vehicle, period = scenario.worlds, scenario.agent.vehicle, scenario.rates.period
     joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
     mass, step = tip_mass(vehicle, joints, push / np.linalg.norm(push)), float(contact.largest_verlet_step or 0.0)
     hardest = max((float(each.material.stiffness) for each in contact.surfaces), default=0.0)

@@ -163,7 +163,7 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
     """Hover of a scenario, without its world, in which its base swings; blow, lateness and load are zero."""
     hover = hovering(scenario)
     x = Sum((hover.agent.reference.x, SWING))
-    pulse = Windowed(Constant(0.0), START, START + 1.0 / scenario.rates.control)
+    pulse = Windowed(Constant(0.0), START, START + scenario.rates.period)
     delays = hover.agent.delays
     return with_words(
         hover,

@@ -73,7 +73,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
     memoryless, left_out = list[Component[Tree]](), list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
-        memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
+        memory = part.start(scenario.rates.period, (0.5,) * (2 * part.uniforms))
         if not leaves(memory):
             memoryless.append(part)
         else:
@@ -84,7 +84,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
 
 def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.vehicle
+    period, vehicle = scenario.rates.period, scenario.agent.vehicle
     state = example_state(*vehicle.sizes)
 
     def advance(memory: Tree, time: tuple[Scalar], state: State, draws: Sequence[Scalar]) -> Tree:

@@ -173,7 +173,7 @@ class Differentiator:
         require_no_memory(self.scenario, first)
         self._first = first
         plant = rigid_body_plant(self.scenario, first)
-        self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
+        self._period, self._substeps = scenario.rates.period, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))

@@ -106,7 +106,7 @@ def _lines_at(plan: Plan, times: Array) -> Array:
     ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
     ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
     if vehicle.end_effector:
-        frame = vehicle.frame(vehicle.end_effector)
+        frame = vehicle.frame()
         ends.append((seen.place(body=frame.link), seen.place(frame.position, frame.link)))
     return np.array(ends).transpose(2, 0, 1, 3)
 

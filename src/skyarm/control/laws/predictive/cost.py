@@ -253,7 +253,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, joints, strict=True)]
     residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if mode == "tool" and vehicle.end_effector:
-        frame = vehicle.frame(vehicle.end_effector)
+        frame = vehicle.frame()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
         tip_goal = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
@@ -275,7 +275,7 @@ def planned_residuals(model: Model, weights: Weights, state: State, goal: StageG
     residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, goal.joints, strict=True)]
     residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if vehicle.end_effector:
-        frame, S = vehicle.frame(vehicle.end_effector), planned.attitude.rotation()
+        frame, S = vehicle.frame(), planned.attitude.rotation()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         tip_goal = goal.position + S.apply(frame_pose(vehicle, frame, goal.joints).p)
         residuals += [*((tip - tip_goal) * weights.tool)]

@@ -71,7 +71,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array, float_array
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -149,7 +149,7 @@ KEPT = 16
 """Largest number of compiled predictive controllers in the cache."""
 
 
-@immutable(kw_only=False)
+@positional
 class PredictiveEngine:
     """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 

@@ -26,7 +26,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
 from skyarm.records.arrays import Array, doubles
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement, blank_measurement
@@ -176,7 +176,7 @@ def command_row(command: Command) -> Array:
     return doubles([*command.rotor_speeds, *command.efforts])
 
 
-@immutable(kw_only=False)
+@positional
 class ObserverState:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
@@ -209,7 +209,7 @@ NOTICED = 0.5
 """Root mean square difference of rotor speeds (rad/s) below which the estimated command delay is not changed."""
 
 
-@immutable(kw_only=False)
+@positional
 class Lateness:
     """Statistics of the command delay: modelled rotor speeds and their differences from the measured ones.
 

@@ -21,7 +21,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.arrays import Array, float_array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle import Rotor
 
@@ -150,7 +150,7 @@ def euler_step(state: State, rate: State, dt: Scalar) -> State:
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
-@immutable(kw_only=False)
+@positional
 class Motors:
     """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 

@@ -22,7 +22,7 @@ from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.records.arrays import Array, IntArray
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples, samples_ahead
 from skyarm.vehicle import Vehicle
@@ -43,7 +43,7 @@ SETTLED = 2
 """Number of predicted samples in a row after which the change of the jerk is used."""
 
 
-@immutable(kw_only=False)
+@positional
 class SampledReference:
     """Last reference sample [x, y, z, yaw, joints ...], its age, third derivatives, and statistics of its oscillation.
 
@@ -213,7 +213,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
         yaw: rad.
         joints: positions, which give the tip's place under a level base.
     """
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     leaning = desired_attitude(-thrust, yaw, Mat3.identity())
     up = leaning.apply_T(Vec3(0, 0, 1))
     arm = frame_pose(vehicle, frame, joints).p
