@@ -224,7 +224,7 @@ def tip_below(task: Task, joints: Array) -> Array:
     vehicle = task.vehicle
     if not vehicle.end_effector:
         return np.zeros(3)
-    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(), tuple(joints.tolist())).p)])
+    return float_array(frame_pose(vehicle, vehicle.frame(), tuple(joints.tolist())).p)
 
 
 @immutable(eq=False)
@@ -813,7 +813,7 @@ def impossible(task: Task) -> str:
             return f"{at}.rest: hovering takes {weight:.4g} N, limits.thrust_share leaves {lift:.4g} N"
         for word, place, least in (("tip", goal.tip, limits.clearance), ("base", goal.base, 0.0)):
             for each in task.obstacles if place is not None else ():
-                gap = float(free_distance([each], np.array([*map(float, place or ())])))
+                gap = float(free_distance([each], float_array(place or ())))
                 if gap < least:
                     return f"{at}.{word}: is {gap:.3g} m from {each.name}, at least {least:.3g} m are needed"
     return ""

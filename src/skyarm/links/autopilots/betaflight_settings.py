@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import AttitudeCommand
 from skyarm.links.autopilots.autopilot import Numbers
 from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Vehicle
 
@@ -79,7 +79,7 @@ def mixer(vehicle: Vehicle) -> Array:
 def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
     """Thrust (N) of each rotor for given mixed throttles."""
     rows = zip(vehicle.rotors, mixes, strict=True)
-    return np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
+    return float_array(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed) for r, x in rows)
 
 
 def hover_slope(vehicle: Vehicle, gravity: float) -> Array:

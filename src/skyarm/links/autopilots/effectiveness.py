@@ -68,7 +68,7 @@ def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
     """Least-squares weight a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
     s = np.asarray(signals)
     full = float(push(rotor, rotor.max_speed))
-    thrust = np.array([float(push(rotor, each * float(rotor.max_speed))) for each in signals]) / full
+    thrust = float_array(push(rotor, each * float(rotor.max_speed)) for each in signals) / full
     bend = s * s - s
     return float(bend @ (thrust - s) / (bend @ bend))
 
