@@ -22,7 +22,7 @@ from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.records.arrays import Array, doubles, float_array, stack_values
+from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.world.contact.surface import Surface
@@ -253,7 +253,7 @@ def outline(task: Task) -> Outline:
             base = float_array(goal.base)
         elif goal.tip is not None:
             base = float_array(goal.tip) - tip_below(task, joints)
-        lengths.append(phase.duration or usual_length(float(np.linalg.norm(base - bases[-1]))))
+        lengths.append(phase.duration or usual_length(norm(base - bases[-1])))
         bases.append(base)
         postures.append(joints)
     return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
@@ -422,7 +422,7 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
     turn = before.conjugate() * after
     vector = np.array([*turn])
     vector = -vector if vector[0] < -1e-9 else vector
-    size = float(np.linalg.norm(vector[1:]))
+    size = norm(vector[1:])
     axis = vector[1:] / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
     angle = 2.0 * math.atan2(size, vector[0])
     angle = angle if sense > 0.0 else angle - 2.0 * math.pi * (size > 1e-9)

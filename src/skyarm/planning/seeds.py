@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3
-from skyarm.records.arrays import Array, doubles, float_array, lengths
+from skyarm.records.arrays import Array, doubles, float_array, lengths, norm
 from skyarm.vehicle import BASE
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Volume, surface_distance
@@ -71,7 +71,7 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
         if each.shape != "plane":
             middle, far = float_array(each.position), float(each.farthest) + 0.5 * MARGIN
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
-    far = MARGIN + DETOUR * float(np.linalg.norm(goal - start))
+    far = MARGIN + DETOUR * norm(goal - start)
     low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]

@@ -34,6 +34,11 @@ def doubles(values: object) -> Array:
     return np.asarray(values, dtype=float)
 
 
+def norm(vector: Array) -> float:
+    """Euclidean length of a vector (n,)."""
+    return float(np.linalg.norm(vector))
+
+
 def lengths(rows: Array) -> Array:
     """Euclidean lengths (K) of vectors (K, n)."""
     return np.asarray(np.linalg.norm(rows, axis=1))

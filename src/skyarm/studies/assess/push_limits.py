@@ -12,7 +12,7 @@ from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import part_of, presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.records.arrays import Array, doubles, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
@@ -106,7 +106,7 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
     vehicle = scenario.agent.vehicle
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
-    return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
+    return float(abs(lever @ push)), norm(np.cross(push, lever))
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:

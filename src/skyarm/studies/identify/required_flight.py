@@ -24,7 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import columns_at
-from skyarm.records.arrays import Array, float_array, lengths, stack_values
+from skyarm.records.arrays import Array, float_array, lengths, norm, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -197,6 +197,6 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
 def _radius(hubs: Array) -> float:
     """Half of the least distance between rotor hubs (rotors, 3) that do not share an axis, m."""
     apart: Sequence[float] = [
-        float(np.linalg.norm(a - b)) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
+        norm(a - b) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
     ]
     return 0.5 * min(apart, default=0.0)

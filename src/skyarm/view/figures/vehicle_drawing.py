@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array, doubles, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
@@ -112,7 +112,7 @@ class Posed:
         self.axes = [self.poses[i][0] @ float_array(joint.axis) for i, joint in enumerate(vehicle.joints)]
         named = [p for _, p in (*self.frames.values(), *self.poses.values())]
         named += [float_array(rotor.position) for rotor in vehicle.rotors]
-        self.reach = max(float(np.linalg.norm(each)) for each in named) or 0.1
+        self.reach = max(norm(each) for each in named) or 0.1
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
@@ -211,7 +211,7 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
     for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
-        apart = [float(np.linalg.norm(at - other)) for other in origins]
+        apart = [norm(at - other) for other in origins]
         size = min([0.13 * sheet.reach, *(0.8 * each for each in apart if each > 0.02 * sheet.reach)])
         bow = arc(at, axis, size * perpendicular(axis), 1.5 * math.pi)
         sheet.arrow(bow if joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
@@ -242,11 +242,11 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
         R, at = posed.poses[i]
         rods = [R @ end for body, end in ends if body == i and np.linalg.norm(end) > 1e-6]
         for rod in rods:
-            length, middle = float(np.linalg.norm(rod)), at + 0.5 * rod
+            length, middle = norm(rod), at + 0.5 * rod
             # two arms in one line of sight have one label
             words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
             labelled = any(text == words and math.dist(there, flat) < 0.02 * sheet.reach for text, there in written)
-            seen = float(np.linalg.norm(sheet.view.flat(rod))) >= 0.97 * length > 0.05 * sheet.reach
+            seen = norm(sheet.view.flat(rod)) >= 0.97 * length > 0.05 * sheet.reach
             if not seen or labelled:
                 continue
             written.append((words, flat))
@@ -262,7 +262,7 @@ def _mark_rotors(sheet: Sheet) -> None:
     sheet.triad("base", *sheet.posed.frames["base"])
     for i, rotor in enumerate(vehicle.rotors):
         hub, _ = _rotor_bow(sheet, rotor)
-        away = float(np.linalg.norm(hub[:2]))
+        away = norm(hub[:2])
         edge = hub * (1.0 + 0.95 * rotor_radius(vehicle) / away) if away > 0.0 else hub
         sheet.label(f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", edge)
         if i == 0 and away > 0.05 * sheet.reach:

@@ -13,7 +13,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Surroundings, motions_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, norm
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.scenario.scenario_record import Agent, Scenario
@@ -81,7 +81,7 @@ def _sight(
         tick=tick,
         time=time,
         tip=placed.tip,
-        error=float(np.linalg.norm(away)),
+        error=norm(away),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, command.efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),

@@ -69,7 +69,7 @@ from skyarm.control.laws.predictive.solver import (
 from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
@@ -417,7 +417,7 @@ def problem_at(
     targets = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
     error = x[:3] - targets[0, :3] - shift[0]
-    distance = float(np.linalg.norm(error))
+    distance = norm(error)
     if distance > LONGEST_ERROR:
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
