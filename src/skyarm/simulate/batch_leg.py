@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import compress
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import doubles
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference import Reference
@@ -202,7 +203,7 @@ OF_CHANGES = "changes."
 """Prefix of the paths of values that scheduled changes set."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class LegOptions:
     """Settings common to all intervals between the scheduled changes of a batch of flights.
 

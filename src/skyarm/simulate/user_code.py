@@ -11,7 +11,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -43,6 +43,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, is_record, leaves, named_parts, parts
 from skyarm.records.path_names import word_of
 from skyarm.records.registry.class_signatures import class_mistake
@@ -79,7 +80,7 @@ Fingerprint = dict[str, str]
 """Text of the traced results of a part's methods, by place."""
 
 
-@dataclass(frozen=True)
+@positional
 class UserPart:
     """User-defined model in a scenario, with its parameter path and the method that error messages refer to.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.records.arrays import Array, doubles, stack_values
-from skyarm.records.immutable import positional
+from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
@@ -154,7 +154,7 @@ ROUNDS, AROUND, CLOSER = 16, 24, 0.65
 """Local search around the worst pose: number of rounds, trials of each round, and factor on their steps per round."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class ArmPoses:
     """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from skyarm.view.pages.markup import grouped_table, page, paragraph, section
 
@@ -76,10 +76,10 @@ class Table:
         return grouped_table(self.head, self.groups or [("", self.rows)], self.caption)
 
 
-Facts = dict[str, Any]
+Facts: TypeAlias = dict[str, Any]
 """Facts of a report as plain data."""
 
-Line = str | Mark | Table
+Line: TypeAlias = str | Mark | Table
 """Line of a printed report: text, text with emphasis, or a table."""
 
 
