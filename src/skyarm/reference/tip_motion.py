@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import cos, divide, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars import divide, logical_or, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
@@ -130,8 +130,7 @@ def rotation_columns(turns: Iterable[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
     """Rotate a vector of Taylor series about the world z axis by a heading with derivatives."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
-    c, s = cos(heading), sin(heading)
-    return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+    return v.about_z(heading)
 
 
 def _derivatives(v: Vec3) -> FiveVectors:

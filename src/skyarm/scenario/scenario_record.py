@@ -7,6 +7,7 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
@@ -442,7 +443,7 @@ class Agent:
         if planned is None or follows_plan(self.controller.par):
             return self.reference
         only = PlannedBody(center=planned.center, tip=planned.tip)
-        return dataclasses.replace(self.reference, planned=only)
+        return replace(self.reference, planned=only)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
@@ -523,10 +524,10 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
             if group not in fields:
                 fields[group] = group_kind(**inner)
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
-                fields[group] = dataclasses.replace(fields[group], **inner)
+                fields[group] = replace(fields[group], **inner)
     if "agent" in fields:
         known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))
-        fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
+        fields["agents"] = replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
@@ -542,7 +543,7 @@ class Scenario:
     """Complete definition of one experiment.
 
     ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
-    the words of a group in the group's place: ``Scenario(wind=...)``, ``dataclasses.replace(scenario, wind=...)``.
+    the words of a group in the group's place: ``Scenario(wind=...)``, ``replace(scenario, wind=...)``.
 
     Attributes:
         name: short name. title: one-line description.
@@ -582,7 +583,7 @@ class Scenario:
             accept_fields(self, "")
             world = self.environment.world
             if world is not None and (fitted := world.on(self.vehicles)) is not world:
-                object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
+                object.__setattr__(self, "environment", replace(self.environment, world=fitted))
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -590,7 +591,7 @@ class Scenario:
     @property
     def as_begun(self) -> Scenario:
         """Scenario at the start of the flight, without scheduled changes."""
-        return dataclasses.replace(self, changes=()) if self.changes else self
+        return replace(self, changes=()) if self.changes else self
 
     @property
     def agent(self) -> Agent:
@@ -636,8 +637,8 @@ class Scenario:
         if len(self.agents) == 1:
             return self
         of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
-        changes = tuple(dataclasses.replace(each, path=word_of(each.path)) for each in of_it)
-        return dataclasses.replace(self, agents=self._members.only(name), changes=changes)
+        changes = tuple(replace(each, path=word_of(each.path)) for each in of_it)
+        return replace(self, agents=self._members.only(name), changes=changes)
 
     @property
     def is_team(self) -> bool:
@@ -683,46 +684,46 @@ class Scenario:
         records = tuple(
             mine
             if any(each.sensor.feels is not None for each in mine.sensors)
-            else dataclasses.replace(mine, plant=dataclasses.replace(mine.plant, loads=its.plant.loads))
+            else replace(mine, plant=replace(mine.plant, loads=its.plant.loads))
             for mine, its in pairs
         )
-        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=records))
+        return replace(self, agents=replace(self._members, records=records))
 
     def with_agent(self, agent: Agent) -> Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
-        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))
+        return replace(self, agents=replace(self._members, records=(agent,)))
 
     def under(self, *controllers: Controller) -> Scenario:
         """Scenario with another law of each vehicle in order, and without scheduled changes of the present laws."""
         agents = [self.agent] if len(controllers) == 1 else self.agents.values()
         pairs = zip(agents, controllers, strict=True)
-        records = tuple(dataclasses.replace(own, controller=controller) for own, controller in pairs)
+        records = tuple(replace(own, controller=controller) for own, controller in pairs)
         changes = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=changes, agents=dataclasses.replace(self._members, records=records))
+        return replace(self, changes=changes, agents=replace(self._members, records=records))
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
-        return self.with_agent(dataclasses.replace(self.agent, controller=controller))
+        return self.with_agent(replace(self.agent, controller=controller))
 
     def with_plant(self, plant: Truth) -> Scenario:
         """Scenario with another true vehicle or gravity; the law's model stays."""
-        return self.with_agent(dataclasses.replace(self.agent, plant=plant))
+        return self.with_agent(replace(self.agent, plant=plant))
 
     def with_reference(self, reference: Trajectory) -> Scenario:
         """Copy of the scenario with another reference trajectory."""
-        return self.with_agent(dataclasses.replace(self.agent, reference=reference))
+        return self.with_agent(replace(self.agent, reference=reference))
 
     def with_delays(self, delays: Delays) -> Scenario:
         """Copy of the scenario with other delays of measurements and commands."""
-        return self.with_agent(dataclasses.replace(self.agent, delays=delays))
+        return self.with_agent(replace(self.agent, delays=delays))
 
     def with_initial(self, initial: State) -> Scenario:
         """Copy of the scenario with another initial state of the vehicle."""
-        return self.with_agent(dataclasses.replace(self.agent, initial=initial))
+        return self.with_agent(replace(self.agent, initial=initial))
 
     def with_kind(self, kind: str) -> Scenario:
         """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
-        return dataclasses.replace(self, solver=dataclasses.replace(self.solver, kind=kind))
+        return replace(self, solver=replace(self.solver, kind=kind))
 
     @property
     def kind(self) -> str:
@@ -933,7 +934,7 @@ class FieldsByWord(TypedDict, total=False):
 def with_words(scenario: Scenario, **words: Unpack[FieldsByWord]) -> Scenario:
     """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
     # the class takes words of its groups, too, which type checkers do not see
-    return dataclasses.replace(scenario, **words)  # type: ignore[misc]
+    return replace(scenario, **words)  # type: ignore[misc]
 
 
 def check_name(name: str) -> None:

@@ -260,7 +260,7 @@ class AgentStages:
         self.sensors = own.all_sensors
         self.waits = Waits(scenario)
         self._law = checked_law(own.controller)
-        model = own.controller.par.model
+        model = own.model
         self._awaits_load = learns_load(own.controller.par) and own.reference.load is None
         self._estimator = own.placed_estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)

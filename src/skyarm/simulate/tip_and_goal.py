@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from skyarm.algebra import Quaternion, Scalars, Vec3
-from skyarm.algebra.scalars import cos, sin
 from skyarm.dynamics import State, frame_pose
 from skyarm.log.metrics.metric import MetricGoal
 from skyarm.reference import Reference
@@ -33,6 +32,5 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> MetricGoal:
     tool = reference.position
     if vehicle.end_effector:
         tip = frame_pose(vehicle, vehicle.frame(), reference.joints).p
-        c, s = cos(reference.yaw), sin(reference.yaw)
-        tool = tool + Vec3(c * tip.x - s * tip.y, s * tip.x + c * tip.y, tip.z)
+        tool = tool + tip.about_z(reference.yaw)
     return MetricGoal(position=reference.position, joints=reference.joints, tool=tool)

@@ -256,7 +256,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
         frame = vehicle.frame()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
-        tip_goal = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
+        tip_goal = goal.position + arm.about_z(goal.yaw)
         off = tip - tip_goal
         if goal.contact:
             off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)

@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -218,8 +217,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
     up = leaning.apply_T(Vec3(0, 0, 1))
     arm = frame_pose(vehicle, frame, joints).p
     bent = frame_pose(vehicle, frame, given_way(vehicle, joints, Vec3(up.y, -up.x, 0))).p
-    c, s = cos(yaw), sin(yaw)
-    return Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z) - leaning.apply(bent)
+    return arm.about_z(yaw) - leaning.apply(bent)
 
 
 def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
