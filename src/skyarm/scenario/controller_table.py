@@ -40,16 +40,7 @@ from skyarm.control.catalogue import (
 from skyarm.control.controller import Controller, ControllerError, FormerGainsWarning, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import (
-    Fields,
-    did_you_mean,
-    errors_as,
-    must_be_one_of,
-    number,
-    read_toml,
-    require_file,
-    shown,
-)
+from skyarm.records.files import Fields, did_you_mean, errors_as, must_be_one_of, number, read_toml, require_file, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, is_record_class, parts, replace_at, walk

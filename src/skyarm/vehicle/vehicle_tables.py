@@ -13,20 +13,8 @@ from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
-from skyarm.vehicle.attach import (
-    MIMIC,
-    Mimic,
-    Mount,
-    RigidBodies,
-    attach,
-    bodies_of,
-    couple,
-    place_in,
-    posed_in,
-)
-from skyarm.vehicle.attach import (
-    limits_that_contradict as contradicting_limits,
-)
+from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
+from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias

@@ -207,7 +207,7 @@ def measure_translation(
         dt: s.
     """
     felt = measurement.specific_force
-    there = where(felt.dot(felt) > 0.0, 1.0, 0.0)
+    there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
     new = there * fresh.specific_force
     beside = R.apply(felt - seen.bias - modelled)
     ahead = seen.integrated + (linear + beside * new) * dt

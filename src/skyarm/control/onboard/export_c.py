@@ -36,13 +36,7 @@ from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.sensing.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
 from skyarm.sensing.measurement import Measurement, blank_measurement
-from skyarm.sensing.sensor_kinds import (
-    EncoderReading,
-    HeadingReading,
-    ImuReading,
-    PoseReading,
-    PositionReading,
-)
+from skyarm.sensing.sensor_kinds import EncoderReading, HeadingReading, ImuReading, PoseReading, PositionReading
 from skyarm.vehicle import Joint, Vehicle
 
 SETPOINTS = {"efforts": Unit("", "command of each joint as in its line above, in that order")}

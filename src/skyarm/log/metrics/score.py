@@ -21,15 +21,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import (
-    ADDED,
-    CONTINUOUS,
-    Total,
-    Totals,
-    advance_totals,
-    first_totals,
-    quantity,
-)
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Total, Totals, advance_totals, first_totals, quantity
 from skyarm.log.metrics.interaction import TOTALS
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals, values

@@ -38,9 +38,7 @@ from skyarm.sensing.estimate.error_state import (
     transition,
     update_by_scalar,
 )
-from skyarm.sensing.estimate.error_state import (
-    correct_state as with_error,
-)
+from skyarm.sensing.estimate.error_state import correct_state as with_error
 from skyarm.sensing.estimate.filter_constants import (
     AIDS,
     BLANK_BELIEF,

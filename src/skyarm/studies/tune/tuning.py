@@ -26,23 +26,12 @@ from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import LOCAL, Progress, require_place
-from skyarm.studies.tune.candidate_flights import (
-    WEIGHTS,
-    CandidateFlights,
-    Flown,
-    Scores,
-    of_drawn,
-    scores,
-    with_own,
-)
+from skyarm.studies.tune.candidate_flights import WEIGHTS, CandidateFlights, Flown, Scores, of_drawn, scores, with_own
 from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread
-from skyarm.studies.tune.law_knobs import (
-    GainKnob,
-    numbers_at,
-)
+from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
 from skyarm.studies.tune.subject import VEHICLE, SearchSizes, Subject
 from skyarm.studies.tune.team_subject import TeamSubject
 from skyarm.vehicle import Vehicle

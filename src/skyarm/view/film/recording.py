@@ -18,13 +18,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import (
-    CAMERAS,
-    FIELD_OF_VIEW,
-    free_azimuth,
-    looking_towards,
-    vehicle_reach,
-)
+from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, free_azimuth, looking_towards, vehicle_reach
 from skyarm.view.film.captions import state_words
 from skyarm.view.film.filmed_flight import (
     LEAST_FORCE,

@@ -41,12 +41,7 @@ from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
-from skyarm.control.laws.predictive.observer import (
-    Bandwidths,
-    Observation,
-    ObserverState,
-    command_row,
-)
+from skyarm.control.laws.predictive.observer import Bandwidths, Observation, ObserverState, command_row
 from skyarm.control.laws.predictive.prediction import command_for
 from skyarm.control.laws.predictive.preview import (
     SampledReference,

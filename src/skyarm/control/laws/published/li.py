@@ -20,13 +20,7 @@ from __future__ import annotations
 
 from skyarm.algebra import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
-from skyarm.control.blocks.common import (
-    arm_alone,
-    inverse_mass,
-    make_command,
-    turn_towards,
-    wanted_specific_force,
-)
+from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards, wanted_specific_force
 from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
