@@ -91,7 +91,7 @@ WRONG: list[tuple[Any, str]] = [
     (of("function", name="os:system"), "nothing of this module is registered here"),
     (of("function", name="skyarm.records.files.writing:write_atomically"), "must be a function of a law"),
     (of("function", name="skyarm.control.controller:os.system"), "is not there any more"),
-    (of("function", name="skyarm.control.controller:dataclasses.replace"), "is another function than was written"),
+    (of("function", name="skyarm.control.controller:replace"), "is another function than was written"),
     (of("partial", function=of("function", name="os:system"), arguments=["true"], keywords={}), "nothing of this"),
     (of("function"), "must be a record that was written"),
     (of("array", kind="object", entries=[1]), "kind = 'object': must be one of float64"),

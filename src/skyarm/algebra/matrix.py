@@ -199,7 +199,7 @@ class Sym3:
             return Sym3.of_matrix(self.full().rotate(R))
         a = self.full() @ R.T
         r0, r1, r2 = R.rows
-        c0, c1, c2 = (a.column(j) for j in range(3))
+        c0, c1, c2 = map(a.column, range(3))
         return Sym3(r0.dot(c0), r1.dot(c1), r2.dot(c2), r0.dot(c1), r0.dot(c2), r1.dot(c2))
 
 

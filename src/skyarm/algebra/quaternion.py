@@ -47,7 +47,7 @@ class Quaternion(ArrayLike):
         """
         square = rate.dot(rate)
         z = square * (seconds * seconds * 0.0625)
-        sine: Scalar = SINC[-1] * (0.5 * seconds)  # of the quarter, times the length of half the vector's factor
+        sine = SINC[-1] * (0.5 * seconds)  # of the quarter, times the length of half the vector's factor
         for c in reversed(SINC[:-1]):
             sine = sine * z + c * (0.5 * seconds)
         cosine: Scalar = COSINE[-1]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, SupportsIndex
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import Scalar, Scalars, add, mul, neg, same, sqrt, structural, sub, total
+from skyarm.algebra.scalars import Scalar, Scalars, add, cos, mul, neg, same, sin, sqrt, structural, sub, total
 
 
 class ArrayLike:
@@ -99,6 +99,11 @@ class Vec3(ArrayLike):
             sub(mul(self.z, other.x), mul(self.x, other.z)),
             sub(mul(self.x, other.y), mul(self.y, other.x)),
         )
+
+    def about_z(self, angle: Scalar) -> Vec3:
+        """Vector turned about the z axis by an angle (rad)."""
+        c, s = cos(angle), sin(angle)
+        return Vec3(c * self.x - s * self.y, s * self.x + c * self.y, self.z)
 
     def coordinate_axis(self) -> int | None:
         """Index of the coordinate axis along a constant vector, of either sign; None for other vectors."""

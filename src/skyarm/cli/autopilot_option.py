@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
 import re
 import shlex
 import tomllib
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 from skyarm.control.actuator_layer import plain_model
@@ -50,7 +50,7 @@ def load_under_autopilot(
     name = autopilot_name(typed, controller)
     load = partial(load_scenario, source, plant=plant, seed=seed, duration=duration)
     same = False
-    with contextlib.suppress(ValueError):  # the scenario's own law may not load where another stands in its place
+    with suppress(ValueError):  # the scenario's own law may not load where another stands in its place
         own = autopilot_of(load().agent.controller)
         same = own is not None and own.name == name
     return with_typed_options(load(controller=None if same else name), typed)
@@ -77,8 +77,8 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
     made = innermost(by_words(table, plain_model(controller.par.model), {}).par)
     given = {option: getattr(made.autopilot, option) for option in options if option != "joint_gains"}
     gains = made.joint_gains if "joint_gains" in options else par.joint_gains
-    own = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, **given), joint_gains=gains)
-    return planned.with_controller(dataclasses.replace(controller, par=with_innermost(controller.par, own)))
+    own = replace(par, autopilot=replace(par.autopilot, **given), joint_gains=gains)
+    return planned.with_controller(replace(controller, par=with_innermost(controller.par, own)))
 
 
 def _options(words: str, typed: str) -> dict[str, Entry]:
@@ -104,7 +104,7 @@ def _options(words: str, typed: str) -> dict[str, Entry]:
 
 def _value(text: str) -> Entry:
     """Parse a value as TOML; text that is not TOML is returned unchanged."""
-    with contextlib.suppress(tomllib.TOMLDecodeError, RecursionError):
+    with suppress(tomllib.TOMLDecodeError, RecursionError):
         table: dict[str, Entry] = tomllib.loads(f"value = {text}")
         if len(table) == 1:
             return table["value"]
@@ -119,5 +119,5 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     mavlink, joints = record.outside_ports
     law = " --laws LAW" if autopilot_of(load_scenario(scenario).agent.controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-    vehicle = planned.agent.controller.par.model.vehicle
+    vehicle = planned.agent.model.vehicle
     return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

@@ -15,7 +15,7 @@ from skyarm.records.files.own_inputs import inputs_kept
 from skyarm.scenario.scenario_file import kind_of_file
 from skyarm.studies.assess.assessment import check as assess
 from skyarm.studies.assess.check_sheet import sheet
-from skyarm.studies.assess.former_words import Upgrade, upgrade_file
+from skyarm.studies.assess.former_words import upgrade_file
 
 
 def check(
@@ -88,7 +88,7 @@ def _tell_former_words(what: str) -> None:
     """List the words of an earlier version in a file that this version does not read."""
     if kind_of_file(what) not in ("vehicle", "scenario"):
         return
-    found: Upgrade = upgrade_file(Path(what))
+    found = upgrade_file(Path(what))
     if found.changes:
         count = f"{len(found.changes)} word{'s' if len(found.changes) > 1 else ''} of an earlier version"
         tell(f"{what}: {count}; 'skyarm check {what} --upgrade' writes the file anew", *map(str, found.changes))

@@ -29,10 +29,10 @@ OF_AGENT, OF_ALL = ("faults", "sensors", "drives", "payloads"), ("air", "forces"
 
 def scenario_lines(scenario: Scenario) -> Iterable[Line]:
     """Lines of a scenario: title, vehicle, law, plant, surroundings."""
-    several, rows, kinds = len(scenario.agents) > 1, dict[str, str](), dict[str, str]()
+    several, rows, kinds = scenario.is_team, dict[str, str](), dict[str, str]()
     for name, agent in scenario.agents.items():
         of = f" of {name}" if several else ""
-        rows |= {f"vehicle{of}": agent.plant.vehicle.name, f"law{of}": agent.controller.name}
+        rows |= {f"vehicle{of}": agent.vehicle.name, f"law{of}": agent.controller.name}
         kinds |= {f"{each}{of}": _kinds(getattr(agent, each)) for each in OF_AGENT}
     gravity = float(next(iter(scenario.agents.values())).plant.gravity)
     rows |= {
@@ -55,7 +55,7 @@ def _kinds(records: Iterable[object]) -> str:
 SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[Line]], Callable[[Any], Any] | None]] = {
     Log: (lambda log: summary(log, facts(log)), lambda log: plot(log, kind="tracking")),
     TeamLog: (lambda log: summary(log, facts(log)), None),
-    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.agent.plant.vehicle)),
+    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.agent.vehicle)),
     Vehicle: (lambda vehicle: vehicle_sheet(vehicle, vehicle_facts(vehicle, 9.81))[:1], vehicle_drawing),
     Assessment: (sheet, None),
 }

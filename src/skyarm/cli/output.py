@@ -6,7 +6,6 @@ Every command has ``--json``, ``--quiet`` and ``--plugin`` (:func:`with_output_o
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import inspect
 import io
@@ -16,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
@@ -207,7 +206,7 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
             return
         words = io.StringIO()
         ended: typer.Exit | None = None
-        with contextlib.redirect_stdout(words):
+        with redirect_stdout(words):
             try:
                 yield
             except typer.Exit as stop:  # a flight that ended early is a result, too

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -100,13 +100,13 @@ def plain_model(model: Model) -> Model:
     if not has_tables(model):
         return model
     rotors = tuple(map(_plain, model.vehicle.rotors))
-    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, rotors=rotors))
+    return replace(model, vehicle=replace(model.vehicle, rotors=rotors))
 
 
 def _plain(rotor: Rotor) -> Rotor:
     if rotor.table is None:
         return rotor
-    return dataclasses.replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
+    return replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
 
 
 def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:
@@ -147,7 +147,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
         raise ControllerError("servos = true: the nominal vehicle must have drives ([drives.JOINT] of its file)")
     drives = believed_drives(model) if servos else ()
     law = partial(actuator_law, inner=checked_law(controller), servos=servos)
-    return dataclasses.replace(
+    return replace(
         controller,
         law=law,
         par=ActuatorParameters.around(controller.par, model=model),
@@ -179,23 +179,23 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     inside = [place[len(vehicle) :] for place in changed if place[: len(vehicle)] == vehicle]
     if any(place[0] == "rotors" for place in inside):
         mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
-        controller = dataclasses.replace(controller, par=dataclasses.replace(par, mixer=mixer))
+        controller = replace(controller, par=replace(par, mixer=mixer))
     own = innermost(controller.par)
     if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
         constants, begun = own.refit(innermost(memory), par.model, control_period)
         par, memory = with_innermost(controller.par, constants), with_innermost(memory, begun)
-        controller = dataclasses.replace(controller, par=par, memory=memory)
+        controller = replace(controller, par=par, memory=memory)
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
     if late and isinstance(memory, ActuatorMemory) and memory.drives:
         drives = _first_memories(believed_drives(par.model), control_period)
-        controller = dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
+        controller = replace(controller, memory=replace(memory, drives=drives))
     return controller
 
 
 def believed_drives(model: Model) -> tuple[Drive, ...]:
     """Modelled drive of each joint: as listed in the vehicle model, else an ideal torque drive."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
-    return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
+    return tuple(carried.get(joint.name, TORQUE_DRIVE) for joint in model.vehicle.joints)
 
 
 def actuator_law(
@@ -214,7 +214,7 @@ def actuator_law(
         w if rotor.table is None else _plain_speed(rotor, w)
         for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True)
     )
-    inner_measurement = dataclasses.replace(measurement, rotor_speeds=turning)
+    inner_measurement = replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(
         w if rotor.table is None else speed_of_push(rotor, w * w)
@@ -223,8 +223,8 @@ def actuator_law(
     moved, efforts = memory, command.efforts
     if servos:
         moved, efforts = _setpoints(memory, inner_measurement, efforts, own.model, par.model, dt)
-    moved = dataclasses.replace(moved, inner=following, started=1.0)
-    return moved, dataclasses.replace(command, rotor_speeds=speeds, efforts=efforts)
+    moved = replace(moved, inner=following, started=1.0)
+    return moved, replace(command, rotor_speeds=speeds, efforts=efforts)
 
 
 def _setpoints(
@@ -257,7 +257,7 @@ def _setpoints(
         setpoints.append(setpoint)
         drives.append(drive.advance(now, setpoint, q, qd, dt))
         ahead.append(seen.ahead(qdd, dt))
-    return dataclasses.replace(memory, drives=tuple(drives), joints=tuple(ahead)), tuple(setpoints)
+    return replace(memory, drives=tuple(drives), joints=tuple(ahead)), tuple(setpoints)
 
 
 def _mean_motion(drive: Drive, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:

@@ -7,13 +7,13 @@ and its options.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import re
 import sys
 import tomllib
 import warnings
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
 from typing import Any
@@ -114,7 +114,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
             raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options(), option)}")
     made = call_maker(entry.function(), name, model, options)
     # a maker may return another law's controller
-    return dataclasses.replace(made, name=name) if made.name in LAWS else made
+    return replace(made, name=name) if made.name in LAWS else made
 
 
 def suitable_options(law: str, given: Mapping[str, float]) -> dict[str, Any]:
@@ -229,7 +229,7 @@ def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller
         except (AttributeError, IndexError):
             raise ControllerError(f"controller.{path}: the law has no such constant") from None
         par = replace_at(par, {place: rebuild(numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)]))})
-    return dataclasses.replace(controller, par=par)
+    return replace(controller, par=par)
 
 
 @lru_cache(maxsize=1)

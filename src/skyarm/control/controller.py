@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias, TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Scalar, Scalars
 from skyarm.algebra.scalars import logical_and, where
@@ -19,7 +19,7 @@ from skyarm.vehicle import Vehicle
 
 Memory = TypeVar("Memory")
 
-LawOptions: TypeAlias = Mapping[str, Any]
+LawOptions = Mapping[str, Any]
 """Options of a control law by name, from a file or a call, not yet checked."""
 
 Law = Callable[..., tuple[Any, Command]]
@@ -87,8 +87,8 @@ def _whole(par: Any) -> Any:
     inner = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
-    filled = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
-    return dataclasses.replace(par, inner=_whole(filled))
+    filled = replace(inner, model=par.model, mixer=par.mixer)
+    return replace(par, inner=_whole(filled))
 
 
 def innermost(record: Any) -> Any:
@@ -104,7 +104,7 @@ def innermost(record: Any) -> Any:
 def with_innermost(record: Any, own: Tree) -> Any:
     """Replace the constants (or internal state) of the control law inside all layers such as safety or servos."""
     inner = getattr(record, "inner", None)
-    return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
+    return replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
 
 class FormerNameWarning(UserWarning):
@@ -130,14 +130,12 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     """
     stored = getattr(memory, "sent", None)
     if isinstance(stored, Command):
-        desired, updated = stored, dataclasses.replace(memory, sent=sent)
+        desired, updated = stored, replace(memory, sent=sent)
     elif isinstance(stored, tuple) and stored and all(isinstance(each, Command) for each in stored):
-        desired, updated = stored[-1], dataclasses.replace(memory, sent=(*stored[:-1], sent))
+        desired, updated = stored[-1], replace(memory, sent=(*stored[:-1], sent))
     else:
         return memory
-    return (
-        dataclasses.replace(updated, applied=_applied_flags(desired, sent)) if hasattr(memory, "applied") else updated
-    )
+    return replace(updated, applied=_applied_flags(desired, sent)) if hasattr(memory, "applied") else updated
 
 
 def part_of(record: Tree, name: str) -> Any:

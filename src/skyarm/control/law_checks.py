@@ -7,12 +7,12 @@ someone's own; its trial compares floats with the traced program.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import math
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import FrozenInstanceError, replace
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -201,7 +201,7 @@ def mistake_in(error: Exception) -> str | None:
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
-    if isinstance(error, dataclasses.FrozenInstanceError):
+    if isinstance(error, FrozenInstanceError):
         return f"changes a record: {text}; must make another, by dataclasses.replace"
     if isinstance(error, RecordError):
         return f"makes a record that cannot be: {text}"
@@ -329,7 +329,7 @@ def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command:
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
     """Measurements of a slowly drifting vehicle, one per period, for the trial of a law."""
-    return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
+    return [replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
 def perturb(record: Measurement, k: int) -> Measurement:
@@ -339,9 +339,9 @@ def perturb(record: Measurement, k: int) -> Measurement:
         return rebuild(record, iter(start))
     moved = [x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k) for i, x in enumerate(start)]
     perturbed = rebuild(record, iter(moved))
-    return dataclasses.replace(perturbed, quaternion=perturbed.quaternion.normalized())
+    return replace(perturbed, quaternion=perturbed.quaternion.normalized())
 
 
 def level(blank: Measurement, gravity: float) -> Measurement:
     """Measurement at rest with a level base; gravity in m/s^2."""
-    return dataclasses.replace(blank, specific_force=Vec3(0.0, 0.0, gravity))
+    return replace(blank, specific_force=Vec3(0.0, 0.0, gravity))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Any
 
@@ -107,10 +107,10 @@ def law_maker(
         of_controller: further fields of :class:`Controller`.
     """
     readers = readers or {}
-    inherited = {field.name for field in dataclasses.fields(Parameters)}
+    inherited = {field.name for field in fields(Parameters)}
     defaults: dict[str, Any] = {name: usual(Options)[name] for name in ("gains", "joint_gains", "mixer_policy")}
-    for field in dataclasses.fields(kind):
-        if field.name in shared or (field.name not in inherited and field.default is not dataclasses.MISSING):
+    for field in fields(kind):
+        if field.name in shared or (field.name not in inherited and field.default is not MISSING):
             defaults[field.name] = field.default
     defaults |= {option: default for option, (default, _) in readers.items()}
     keyword = inspect.Parameter.KEYWORD_ONLY
@@ -127,7 +127,7 @@ def law_maker(
             chosen["gains"] = default_gains(model)
         if chosen["joint_gains"] is None:
             chosen["joint_gains"] = default_joint_gains(model, torque=torque_gains)
-        values: dict[str, Any] = {"rate_error": rate_error, **(constants(model) if constants else {})}
+        values = {"rate_error": rate_error, **(constants(model) if constants else {})}
         for option, value in chosen.items():
             values[option] = checked_option(kind, option, value, model, readers)
         _require_fitting(values, model.vehicle.n)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Scalar, Vec3
@@ -12,10 +11,9 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.records.words import Word
 from skyarm.vehicle import Vehicle, VehicleError
@@ -175,7 +173,7 @@ class Parameters:
             effect="lower values overshoot less and track a moving reference later",
         ),
     ] = ()
-    euler: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    euler: bool = field_if_any(default=False)
 
 
 @immutable
@@ -213,7 +211,7 @@ class LayerParameters:
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:
         """Constants of a layer wrapped around the constants of a law."""
-        return cls(**{"mixer": par.mixer, "inner": dataclasses.replace(par, model=None, mixer=None)} | constants)
+        return cls(**{"mixer": par.mixer, "inner": replace(par, model=None, mixer=None)} | constants)
 
     @property
     def inner_model(self) -> Model:
@@ -223,4 +221,4 @@ class LayerParameters:
     @property
     def own(self) -> Any:
         """Constants of the law inside a layer, with the law's model and mixer filled in."""
-        return dataclasses.replace(self.inner, model=self.inner_model, mixer=self.mixer)
+        return replace(self.inner, model=self.inner_model, mixer=self.mixer)

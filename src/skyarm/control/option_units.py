@@ -6,10 +6,10 @@ written otherwise than they are stored, and texts.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import entry_of
@@ -92,10 +92,10 @@ def option_texts(law: str) -> dict[str, OptionText]:
         unit = _merge_units(unit, own.unit)
         if law == "centroidal" and option in RANGES:
             low, high = RANGES[option]
-            unit = dataclasses.replace(unit, low=low, high=high)
+            unit = replace(unit, low=low, high=high)
         elif law == "centroidal" and option in GAINS:
-            unit = dataclasses.replace(unit, low=0.0)
-        texts[option] = dataclasses.replace(own, unit=unit, default=value, entry=own.entry or _entry(value))
+            unit = replace(unit, low=0.0)
+        texts[option] = replace(own, unit=unit, default=value, entry=own.entry or _entry(value))
     return texts
 
 
@@ -111,6 +111,4 @@ def _merge_units(declared: Unit, described: Unit) -> Unit:
     """Unit of a field with the meaning that it has as an option."""
     if declared is NUMBER or not (declared.unit or declared.meaning or math.isfinite(declared.low)):
         return described
-    return dataclasses.replace(
-        declared, unit=declared.unit or described.unit, meaning=described.meaning or declared.meaning
-    )
+    return replace(declared, unit=declared.unit or described.unit, meaning=described.meaning or declared.meaning)

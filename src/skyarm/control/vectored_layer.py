@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
@@ -92,7 +92,7 @@ def law_inside(controller: Controller) -> Controller:
     """Controller inside the allocation to tilting rotors, which sees a pair of fixed rotors in each of them."""
     layer: Any = controller.law
     inner, memory = layer.keywords["inner"], controller.memory.inner
-    return dataclasses.replace(controller, law=inner, par=controller.par.own, memory=memory)
+    return replace(controller, law=inner, par=controller.par.own, memory=memory)
 
 
 def turns_rotors(controller: Controller) -> bool:
@@ -105,7 +105,7 @@ def turns_rotors(controller: Controller) -> bool:
 
 def pairs_model(model: Model) -> Model:
     """Model with two fixed rotors in place of each tilting one."""
-    return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))
+    return replace(model, vehicle=as_pairs(model.vehicle))
 
 
 def with_tilting(controller: Controller, model: Model) -> Controller:
@@ -127,7 +127,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt")
     rest = (0.0,) * len(vehicle.tilts)
     law = partial(vectored_law, inner=checked_law(controller))
-    return dataclasses.replace(
+    return replace(
         controller,
         law=law,
         par=VectoredParameters.around(
@@ -172,7 +172,7 @@ def vectored_law(
     own = par.own
     angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
-    inner_measurement = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
+    inner_measurement = replace(measurement, rotor_speeds=turning, tilts=())
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
     goals = goal_angles(par.model, forces, memory.goals, dt)

@@ -19,7 +19,7 @@ from skyarm.algebra import Force, Mat3, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import shown
 from skyarm.records.leaves import is_record
 from skyarm.vehicle import Vehicle
@@ -261,7 +261,7 @@ def stack_leaves(values: Nested, lead: tuple[int, ...]) -> Array:
     if isinstance(values, (list, tuple)):
         parts = [stack_leaves(value, lead) for value in values]
         return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
-    return np.broadcast_to(np.asarray(values, dtype=float), lead)
+    return np.broadcast_to(doubles(values), lead)
 
 
 def leading_axes(*arrays: ArrayLike) -> tuple[int, ...]:
@@ -270,7 +270,7 @@ def leading_axes(*arrays: ArrayLike) -> tuple[int, ...]:
     Raises:
         ValueError: they do not broadcast; the message lists them.
     """
-    shapes = [np.asarray(a, dtype=float).shape[:-1] for a in arrays]
+    shapes = [doubles(a).shape[:-1] for a in arrays]
     try:
         return np.broadcast_shapes(*shapes)
     except ValueError as error:

@@ -46,7 +46,7 @@ def forward_dynamics(
     biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
     base = spatial_inertia(vehicle.base)
     base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
-    U: list[Force] = [Force(ZERO3, ZERO3)] * n
+    U = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n
     for i in reversed(range(n)):

@@ -32,7 +32,7 @@ class _BodyMotion:
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     """World poses and velocities of the base and all links."""
     vehicle, state = untie_followers(vehicle, state)
-    base = Pose(state.quaternion.rotation(), state.position)
+    base = Pose(state.rotation, state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
     for i, link in enumerate(vehicle.links):
@@ -50,7 +50,7 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
-    total: Vec3 = ZERO3
+    total = ZERO3
     for motion in _body_motions(vehicle, state):
         total = total + motion.com * motion.body.mass
     return total * divide(1.0, vehicle.mass)
@@ -75,8 +75,8 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     for motion in _body_motions(vehicle, state):
         w, body = motion.pose.R.apply_T(motion.w), motion.body
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
-    for link, rate in zip(vehicle.links, state.joint_rates, strict=True):
-        total = add(total, mul(link.joint.armature, mul(rate, rate)))
+    for joint, rate in zip(vehicle.joints, state.joint_rates, strict=True):
+        total = add(total, mul(joint.armature, mul(rate, rate)))
     return mul(0.5, total)
 
 

@@ -115,7 +115,7 @@ def load_forces(
     """
     joints, joint_rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
     joint_accelerations, vehicle = every_rate(vehicle, joint_accelerations), vehicle.with_free_followers
-    places = [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
+    places = [joint_placement(joint, q) for joint, q in zip(vehicle.joints, joints, strict=True)]
     moving = motions(vehicle, places, state.rate, joint_rates)
     # by their index, of which the base's is the last
     accelerations = [*_accelerations(vehicle, places, moving, base, joint_accelerations), base]

@@ -59,7 +59,7 @@ class PointMotion:
     @cached_property
     def rotation(self) -> Mat3:
         """Rotation matrix R_WB of the base, from base axes to world axes."""
-        return self.state.quaternion.rotation()
+        return self.state.rotation
 
     @cached_property
     def _links(self) -> Sequence[Pose]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import cos, sin
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.path_names import Names, NumberView, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
 
@@ -33,7 +32,7 @@ class State:
     joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")] = ()
     joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
     rotor_speeds: Annotated[Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
-    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field(default=(), metadata=WRITTEN_IF_ANY)
+    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors and tuples already is not looked at
@@ -42,17 +41,22 @@ class State:
         if not (vectors and tuples and type(self.quaternion) is Quaternion):
             accept_fields(self, "state")
 
+    @property
+    def rotation(self) -> Mat3:
+        """Rotation from base axes to world axes."""
+        return self.quaternion.rotation()
+
     def path_names(self) -> Names:
         """Parameter paths of the state's fields, and of roll, pitch and yaw as alternatives to the quaternion."""
         return field_paths(self) | {name: NumberView(name, Unit("rad")) for name in ANGLES}
 
     def number_of_view(self, name: str) -> float:
         """Roll, pitch or yaw angle (rad) of the base, by name."""
-        return float(euler_angles(self.quaternion.rotation())[ANGLES.index(name)])
+        return float(euler_angles(self.rotation)[ANGLES.index(name)])
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
         """State with roll, pitch or yaw (rad) replaced, by name; other angles stay."""
-        usual = dict(zip(ANGLES, euler_angles(self.quaternion.rotation()), strict=True))
+        usual = dict(zip(ANGLES, euler_angles(self.rotation), strict=True))
         half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (usual | dict(values)).values()]
         about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
         return replace(self, quaternion=about[2] * about[1] * about[0])

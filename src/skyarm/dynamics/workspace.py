@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.kinematics import Pose, chain, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.vehicle import BASE, Joint, Vehicle
 
 Quantities = Callable[[Array], list[Array]]
@@ -43,9 +43,9 @@ def samples_of(joints: int) -> int:
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
     """Search range of each joint: its limits, at most half a turn or 1 m either way from zero."""
-    free = [math.pi if k.joint.turns else 1.0 for k in vehicle.links]
-    low = [max(float(k.joint.lower), -span) for k, span in zip(vehicle.links, free, strict=True)]
-    high = [min(float(k.joint.upper), span) for k, span in zip(vehicle.links, free, strict=True)]
+    free = [math.pi if joint.turns else 1.0 for joint in vehicle.joints]
+    low = [max(float(joint.lower), -span) for joint, span in zip(vehicle.joints, free, strict=True)]
+    high = [min(float(joint.upper), span) for joint, span in zip(vehicle.joints, free, strict=True)]
     return np.array(low), np.array(high)
 
 
@@ -78,7 +78,7 @@ def reach(vehicle: Vehicle) -> float:
     """Largest distance from the arm's first joint to the tip, m; 0 without an arm."""
     if not vehicle.links or not vehicle.end_effector:
         return 0.0
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     if frame.link == BASE:
         return 0.0
 
@@ -88,7 +88,7 @@ def reach(vehicle: Vehicle) -> float:
     def distance(joints: Array) -> list[Array]:
         poses = link_poses(vehicle, tuple(joints.T))
         arm = (poses[frame.link] @ local).p - poses[first].p
-        return [np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))]
+        return [np.sqrt(sum(doubles(c) ** 2 for c in arm))]
 
     return _largest(vehicle, distance, 1)[0]
 
@@ -102,6 +102,6 @@ def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
 
     def holding(joints: Array) -> list[Array]:
         _, torques = inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
-        return [np.abs(np.asarray(torque, dtype=float)) for torque in torques]
+        return [np.abs(doubles(torque)) for torque in torques]
 
     return _largest(vehicle, holding, vehicle.n)

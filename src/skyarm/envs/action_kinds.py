@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
@@ -202,7 +202,7 @@ class References(Actions):
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
         tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
-        shifted = dataclasses.replace(reference, position=position, joints=joints, tip=tip, ahead=())
+        shifted = replace(reference, position=position, joints=joints, tip=tip, ahead=())
         return now.law(now.memory, now.measurement, shifted)
 
 
@@ -226,7 +226,7 @@ class Residual(Actions):
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
         efforts = tuple(u + a * half for u, (a, (_, half)) in zip(own.efforts, self.spans(action, now), strict=True))
-        sent = dataclasses.replace(within_limits(now, speeds, efforts), tilts=own.tilts)
+        sent = replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_applied_command(following, _as_kept(following, sent)), sent
 
 
@@ -264,7 +264,7 @@ def _as_kept(memory: Tree, sent: Command) -> Command:
     """Vehicle command in the form in which a control law stores its previous command."""
     stored = getattr(memory, "sent", None)
     newest = stored[-1] if isinstance(stored, tuple) and stored else stored
-    return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
+    return sent if getattr(newest, "tilts", ()) else replace(sent, tilts=())
 
 
 def _free(limit: Scalar) -> bool:
@@ -273,4 +273,4 @@ def _free(limit: Scalar) -> bool:
 
 def _hover(model: Model) -> Scalars:
     """Rotor speeds (rad/s) of the nominal model in hover with all joints at zero."""
-    return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds
+    return hover_trim(model.vehicle, model.vehicle.zeros, model.gravity).speeds

@@ -8,8 +8,8 @@ are the numbers: :class:`skyarm.Session` with the same commands flies the same b
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Scalar, Scalars, Vec3
@@ -87,7 +87,7 @@ class EnvProgram:
         self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
-        self.size = task.actions.size(scenario.agent.controller.par.model.vehicle)
+        self.size = task.actions.size(scenario.agent.model.vehicle)
         self._plant = rigid_body_plant(task.randomised.stiffest)
         # what more steps joints need at stops is a loop; JAX, which has none, takes those that stops need at rest
         self._substeps = self._plant.substeps if loops else self._plant.steps_at_rest
@@ -137,7 +137,7 @@ class EnvProgram:
         stages = self._stages(numbers)
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
-            first = first.with_agent(dataclasses.replace(first.agent, memory=()))
+            first = first.with_agent(replace(first.agent, memory=()))
         row = held_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.agent.law_reference(row))
 
@@ -161,8 +161,8 @@ class EnvProgram:
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
         # endings are a separate output of the step, and a period that ends an episode counts
-        flown = flown.with_agent(dataclasses.replace(flown.agent, state=state))
-        flown = dataclasses.replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
+        flown = flown.with_agent(replace(flown.agent, state=state))
+        flown = replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measure_next(stages, flown, coming, draws)
@@ -170,7 +170,7 @@ class EnvProgram:
         result = Result(
             state=state,
             reference=coming.reference,
-            vehicle=stages.scenario.agent.plant.vehicle,
+            vehicle=stages.scenario.agent.vehicle,
             action=action,
             action_before=now.action,
             command=command,
@@ -209,7 +209,7 @@ class EnvProgram:
         reference = stages.agent.law_reference(row)
         turn = Turn(now.loop.agent.memory, measurement, reference, stages.agent.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
-        return memory, with_rest(stages.scenario.agent.plant.vehicle, command)
+        return memory, with_rest(stages.scenario.agent.vehicle, command)
 
     def _measure_next(
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
@@ -217,17 +217,15 @@ class EnvProgram:
         """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
         measured = measure(stages, RigidBodySteps(stages, self._substeps), now, (row,), draws)
         (half,) = measured.agents
-        agent = dataclasses.replace(
-            now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components
-        )
-        return dataclasses.replace(now.with_agent(agent), components=measured.components), half.read.measurement
+        agent = replace(now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components)
+        return replace(now.with_agent(agent), components=measured.components), half.read.measurement
 
     def _select_numbers(self, measurement: Measurement) -> Scalars:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
     def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
-        model = stages.scenario.agent.controller.par.model
+        model = stages.scenario.agent.model
         return observation_of(
             self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
         )

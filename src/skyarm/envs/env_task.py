@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -90,7 +90,7 @@ def make_task(
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = flown.with_controller(dataclasses.replace(flown.agent.controller, margin=None))
+        flown = flown.with_controller(replace(flown.agent.controller, margin=None))
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return LearningTask(
@@ -108,7 +108,7 @@ def _scenario(given: Scenario | PathLike, controller: str | None, duration: floa
     if isinstance(given, Scenario):
         if controller is not None:
             raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
-        flown = given if duration is None else dataclasses.replace(given, duration=duration)
+        flown = given if duration is None else replace(given, duration=duration)
     else:
         flown = load_scenario(given, controller=controller, duration=duration)
     require_flight(flown.alone("an environment"))

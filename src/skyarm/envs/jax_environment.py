@@ -6,9 +6,8 @@ Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw th
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -87,7 +86,7 @@ class JaxEnvironment:
             raise ScenarioError("precision = 'double': must come after jax.config.update(\"jax_enable_x64\", True)")
         self.task = task
         whole = with_fixed(task.randomised, task.scenario, numbers)
-        self._program = EnvProgram(dataclasses.replace(task, randomised=whole), loops=False)
+        self._program = EnvProgram(replace(task, randomised=whole), loops=False)
         drawn, loop = len(task.randomised.paths), self._program.loop
         self.paths = self._program.paths[drawn:]
         self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).models if count]
@@ -138,7 +137,7 @@ class JaxEnvironment:
                 f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many"
             )
         carry, observed, reward, truncated, ending = self._stepped(state, self._numbers(params), given)
-        after = dataclasses.replace(state, carry=carry, period=state.period + jnp.uint32(1))
+        after = replace(state, carry=carry, period=state.period + jnp.uint32(1))
         terminated, truncated = ending > 0.5, truncated > 0.5
         info = {"terminated": terminated, "truncated": truncated, "ending": ending.astype(np.int32)}
         return observed, after, reward, terminated | truncated, info

@@ -107,7 +107,7 @@ class Attitude(Observed):
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The nine entries of the rotation matrix for the observation vector."""
-        R = sight.measurement.quaternion.rotation()
+        R = sight.measurement.rotation
         return [*R.r0, *R.r1, *R.r2]
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import LearningTask
 from skyarm.envs.observed_quantities import Sight
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, is_record
@@ -84,7 +84,7 @@ def as_law(
         ControllerError: no policy, or one whose numbers do not fit the environment.
     """
     task = task_of(environment)
-    planned, size = task.scenario.agent.controller, task.actions.size(task.scenario.agent.controller.par.model.vehicle)
+    planned, size = task.scenario.agent.controller, task.actions.size(task.scenario.agent.model.vehicle)
     if not callable(policy):
         policy = network(policy)
     if isinstance(policy, Network) and len(policy.limits) != size:
@@ -92,7 +92,7 @@ def as_law(
     asks, record = task.actions.asks_law, is_record(policy)
     law = partial(
         policy_law,
-        observation=dataclasses.replace(task, reward=()),
+        observation=replace(task, reward=()),
         asked=planned.law if asks else _no_law,
         function=None if record else policy,
     )
@@ -103,7 +103,7 @@ def as_law(
             model=planned.par.model,
             mixer=planned.par.mixer,
             policy=policy if record else (),
-            inner=dataclasses.replace(planned.par, model=None, mixer=None) if asks else (),
+            inner=replace(planned.par, model=None, mixer=None) if asks else (),
         ),
         memory=PolicyMemory(inner=planned.memory if asks else (), action=(0.0,) * size),
         margin=planned.margin if asks else None,
@@ -133,7 +133,7 @@ def policy_law(
     if len(given) != len(memory.action):
         raise ControllerError(f"policy: gives {len(given)} numbers, must be {len(memory.action)} for these actions")
     action = tuple(clip(a, -1.0, 1.0) for a in given)
-    own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
+    own = replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
 
     def law(inner: Tree, measured: Measurement, target: Reference) -> Decision:
         return asked(inner, measured, target, dt, par=own)
@@ -165,7 +165,7 @@ def network(
         ControllerError: layers that do not follow one another, or numbers that are none.
     """
     try:
-        pairs = [(np.asarray(weights, dtype=float), np.asarray(offsets, dtype=float)) for weights, offsets in layers]
+        pairs = [(doubles(weights), doubles(offsets)) for weights, offsets in layers]
     except (TypeError, ValueError):
         raise ControllerError(f"policy = {shown(layers)}: must be a function, or layers (weights, offsets)") from None
     if not pairs:
@@ -197,7 +197,7 @@ def network(
 def _row(field: str, given: Sequence[float] | None, count: int, usual: float) -> Array:
     """Check that a list has ``count`` finite numbers, or fill it with a default number."""
     try:
-        row = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
+        row = np.full(count, usual) if given is None else doubles(given)
     except (TypeError, ValueError):
         row = np.full(0, usual)
     if row.shape != (count,) or not np.isfinite(row).all():

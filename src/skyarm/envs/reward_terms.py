@@ -95,7 +95,7 @@ class Upright(RewardTerm):
 
     def value(self, result: Result) -> Scalar:
         """Cosine of the tilt angle, between -1 and 1."""
-        return result.state.quaternion.rotation().r2.z
+        return result.state.rotation.r2.z
 
 
 @immutable

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
-from skyarm.envs.env_task import KEYS, Info, LearningTask, make_task, require_open, seed_of, seeds_of
+from skyarm.envs.env_task import KEYS, Info, make_task, require_open, seed_of, seeds_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -50,7 +50,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         count = require_count("num_envs", num_envs)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
-        made: LearningTask = make_task(scenario, **task)
+        made = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
         rate = made.scenario.rates.control

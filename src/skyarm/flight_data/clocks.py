@@ -24,7 +24,7 @@ from skyarm.algebra.frames import to_base
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, rotations_between, thin_samples
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, doubles
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
@@ -292,7 +292,7 @@ def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
 
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, by the median absolute deviation."""
-    return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12)
+    return 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12
 
 
 def _is_usual(values: Array) -> Mask:
@@ -403,7 +403,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
         change, *_ = np.linalg.lstsq(flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None)
         residual = given - (flat @ change).reshape(count, axes)
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
-    return np.asarray(change, dtype=float), residual, weights
+    return doubles(change), residual, weights
 
 
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
@@ -411,4 +411,4 @@ def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights
-    return np.asarray(inverse @ (windows.T @ windows) @ inverse / (memory + 1))
+    return inverse @ (windows.T @ windows) @ inverse / (memory + 1)

@@ -12,7 +12,6 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -42,9 +41,9 @@ EVENT, VARIABLE = (re.compile(each, re.DOTALL) for each in (rb"(..)([^\0]*)\0(..
 """Patterns: number, name and variable count of an event type; name and type of a variable."""
 
 
-Rows: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
+Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 
-Events: TypeAlias = Mapping[int, tuple[str, np.dtype[np.void]]]
+Events = Mapping[int, tuple[str, np.dtype[np.void]]]
 """Number of an event type -> its name, and the NumPy type of a row: number, time, variables."""
 
 

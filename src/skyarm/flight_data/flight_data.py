@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import PathLike, must_be_one_of, one_line, require_file, shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import RegistryError, find, names
@@ -43,7 +43,7 @@ class Channel:
     names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        time, values = np.asarray(self.time, dtype=float), np.asarray(self.values, dtype=float)
+        time, values = doubles(self.time), doubles(self.values)
         if time.ndim != 1 or values.ndim != 2 or len(time) != len(values):
             raise ValueError(f"values = {values.shape} at times {time.shape}: must be (N, k) at (N,)")
         if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():

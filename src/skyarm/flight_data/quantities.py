@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from skyarm.records.immutable import positional
 
 GRAVITY = 9.81
 """Gravity (m/s^2) of a flight that states none."""
@@ -23,7 +25,7 @@ BODY, WORLD, ATTITUDE, NONE = "body", "world", "attitude", ""
 """Axes of a quantity: base, world, attitude of one in the other, none."""
 
 
-@dataclass(frozen=True, slots=True)
+@positional
 class Quantity:
     """Measured quantity: number of columns, units that files may state, axes and meaning.
 

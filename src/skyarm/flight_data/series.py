@@ -11,7 +11,7 @@ from skyarm.algebra import Quaternion
 from skyarm.algebra.frames import continuous, unit_rows
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import QUANTITIES
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, lengths
 
 FASTER = 1.5
 """Ratio of a channel's rate to that of a clock above which its samples are averaged."""
@@ -25,7 +25,7 @@ def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Arra
         known: (M,), rising, of the samples.
         values: (M, k), samples.
     """
-    asked, given = np.asarray(time, dtype=float), np.asarray(known, dtype=float)
+    asked, given = doubles(time), doubles(known)
     return np.stack([np.interp(asked, given, column) for column in values.T], axis=1)
 
 
@@ -54,7 +54,7 @@ def rotations_between(first: Array, second: Array) -> Array:
     """Rotation vectors (K, 3), base axes, between two series of attitudes (K, 4), w x y z, the shorter way."""
     w, *axis = Quaternion(*first.T).conjugate() * Quaternion(*second.T)
     rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
-    size = np.linalg.norm(rows, axis=1)
+    size = lengths(rows)
     angle = 2.0 * np.arctan2(size, np.abs(w))
     return np.asarray(rows * np.where(size > 1e-9, angle / np.maximum(size, 1e-300), 2.0)[:, None])
 

@@ -11,7 +11,6 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
 
-Parameters: TypeAlias = Mapping[str, float]
+Parameters = Mapping[str, float]
 
 SECOND = 1e-6
 """Unit (s) of the stamps."""

@@ -64,7 +64,7 @@ def fly(
         require_writable(out)
         require_replaceable(*files, renames=True)
         say_suspicious(planned)
-        vehicle = planned.agent.controller.par.model.vehicle
+        vehicle = planned.agent.model.vehicle
         arm = open_joints(joints, vehicle)
         try:
             autopilot = open_link(link, patience)
@@ -105,7 +105,7 @@ def _three(text: str) -> tuple[float, float, float]:
         ValueError: anything else.
     """
     try:
-        x, y, z = (float(word) for word in text.split(","))
+        x, y, z = map(float, text.split(","))
     except ValueError:
         x = y = z = 0.0
     if not all(0.0 < each < 1e3 for each in (x, y, z)):

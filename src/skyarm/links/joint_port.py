@@ -6,7 +6,6 @@ of zeros, time (double), then n setpoints for a command, or n positions and n ra
 
 from __future__ import annotations
 
-import contextlib
 import math
 import socket
 import struct
@@ -14,6 +13,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated
 
 from skyarm.links.sockets import Address, drain
@@ -165,7 +165,7 @@ class UdpJoints(JointLink):
         self._socket.close()
 
     def _tell(self, kind: int, values: Sequence[float] = (), at: float = 0.0) -> None:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._socket.send(pack(kind, self._count, at, values))
 
 
@@ -210,7 +210,7 @@ class JointServer:
 
     def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
         """Send joint states at a time (s) to the commander; return its setpoints, or None without recent ones."""
-        with contextlib.suppress(ConnectionError):
+        with suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 self._take(data, sender, at)
         if self._partner is None:
@@ -218,7 +218,7 @@ class JointServer:
         if time.monotonic() - self._heard > FRESH:
             self._partner, self._setpoints = None, None
             return None
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
         return self._setpoints
 

@@ -11,7 +11,7 @@ import re
 import reprlib
 import struct
 from collections.abc import Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 from skyarm.links.mavlink_messages import (
     DEFINITIONS,
@@ -23,7 +23,7 @@ from skyarm.links.mavlink_messages import (
 )
 from skyarm.records.immutable import immutable
 
-DecodedValue: TypeAlias = int | float | str | tuple[int, ...] | tuple[float, ...]
+DecodedValue = int | float | str | tuple[int, ...] | tuple[float, ...]
 """Value of a received field: a number, a text, or a tuple of numbers."""
 
 _MAGIC_2, _MAGIC_1 = 0xFD, 0xFE

@@ -11,12 +11,11 @@ import binascii
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TypeAlias
 
 from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import immutable
 
-FieldValue: TypeAlias = int | float | str | bytes | Sequence[int] | Sequence[float]
+FieldValue = int | float | str | bytes | Sequence[int] | Sequence[float]
 """Value of a field to send: a number, a text for characters, or a sequence of numbers for an array."""
 
 _TYPES = {

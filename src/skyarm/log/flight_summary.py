@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import printable
 from skyarm.records.text_tables import shown_number
 from skyarm.view.pages import Facts, Line, heading, table_of
@@ -54,7 +54,7 @@ def facts(log: Log) -> Facts:
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
         return shared | {name: each for name, each in (("grasp_forces", forces), ("carried", carried)) if each}
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
-    values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    values = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     values["cause"] = values["cause"] or None
     if "autopilot" in info:
         values["autopilot"] = info["autopilot"]
@@ -69,12 +69,12 @@ def facts(log: Log) -> Facts:
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
-    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
+    values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
     if log.lag_found.size:
         values["lag_found_s"] = log.lag_found[-1]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
-        values["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+        values["grasps"] = [asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)
         values["phase_ends"] = [
@@ -119,7 +119,7 @@ def error_norms(log: Log) -> dict[str, Array]:
         pairs["joints"] = log.joints, log.joints_reference
     if not np.array_equal(log.tool, log.position):
         pairs["tip"] = log.tool, log.tool_reference
-    return {what: np.linalg.norm(flown - desired, axis=1) for what, (flown, desired) in pairs.items()}
+    return {what: lengths(flown - desired) for what, (flown, desired) in pairs.items()}
 
 
 def _peak_thrust(log: Log) -> float | None:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, lru_cache
-from typing import Any, TypeAlias
+from typing import Any
 
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.identity import log_digest, own_files
@@ -20,7 +20,7 @@ from skyarm.records.words import slots
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of the record stored in a log as ``scenario_record``."""
 
-Info: TypeAlias = dict[str, Any]
+Info = dict[str, Any]
 """Description of a flight as stored in its log's file, plain data from outside; readers check what they use."""
 
 

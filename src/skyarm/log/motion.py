@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra.frames import continuous, unit_rows
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.immutable import immutable
 
 
@@ -75,6 +75,6 @@ def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
 
 def distance_between(one: PoseSeries, other: PoseSeries) -> tuple[Array, Array]:
     """Distance (m) and rotation angle (rad) between the bases of two motions, (K,) each, at the same times."""
-    apart = np.linalg.norm(one.position - other.position, axis=1)
+    apart = lengths(one.position - other.position)
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
     return apart, 2.0 * np.arccos(np.minimum(same, 1.0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.log.flown_scenario import Info
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, is_record, parts, walk
 from skyarm.records.units import Unit, units
@@ -83,7 +83,7 @@ def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Arra
         numbers = [(place, each) for place, each in walk(value) if not isinstance(each, (str, bool, type(None)))]
         if not numbers:
             continue
-        table = np.stack([np.broadcast_to(np.asarray(each, dtype=float), (count,)) for _, each in numbers], axis=1)
+        table = np.stack([np.broadcast_to(doubles(each), (count,)) for _, each in numbers], axis=1)
         single = numbers[0][0] == ()
         unit = said.get(name, Unit())
         axes = None if single else ["_".join(place) for place, _ in numbers]

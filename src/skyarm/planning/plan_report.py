@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion
 from skyarm.planning.planner import Plan
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, float_array, lengths
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import entry_of
@@ -66,8 +66,8 @@ class Summary:
 def summary(plan: Plan) -> Summary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to find."""
     vehicle, task = plan.task.vehicle, plan.task
-    efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
-    joints = [link.joint.name for link in vehicle.links]
+    efforts = float_array(joint.effort_limit for joint in vehicle.joints)
+    joints = vehicle.joint_names
     torque = rate = None
     if joints:
         rate = _tightest(plan.t, np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate, joints)
@@ -77,9 +77,9 @@ def summary(plan: Plan) -> Summary:
     return Summary(
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
-        speed=float(np.linalg.norm(plan.x[:, 7:10], axis=1).max()),
+        speed=float(lengths(plan.x[:, 7:10]).max()),
         tilt=float(tilts(plan).max()),
-        rotor=_tightest(plan.t, plan.thrust_shares, [rotor.name for rotor in vehicle.rotors]),
+        rotor=_tightest(plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)),
         torque=torque,
         joint_rate=rate,
         clearance=near.gap if math.isfinite(near.gap) else None,
@@ -99,10 +99,10 @@ def summary(plan: Plan) -> Summary:
 def tilts(plan: Plan) -> Array:
     """Tilt (rad) of the base at the nodes of a plan."""
     up = Quaternion(*plan.x[:, 3:7].T).rotation().rows[2].z
-    return np.asarray(np.arccos(np.clip(np.asarray(up, dtype=float), -1.0, 1.0)))
+    return np.asarray(np.arccos(np.clip(doubles(up), -1.0, 1.0)))
 
 
-def _tightest(t: Array, shares: Array, names: list[str]) -> Tight:
+def _tightest(t: Array, shares: Array, names: tuple[str, ...]) -> Tight:
     k, j = np.unravel_index(int(shares.argmax()), shares.shape)
     return Tight(name=names[int(j)], share=float(shares[k, j]), time=float(t[k]))
 

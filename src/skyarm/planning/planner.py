@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust
@@ -22,7 +22,7 @@ from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
 from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
 from skyarm.planning.task import Goal, PlanPhase, Task
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.world.contact.surface import Surface
@@ -108,7 +108,7 @@ class Plan:
     @property
     def thrust_shares(self) -> Array:
         """Thrusts at the nodes over those at the highest speeds, (N + 1, rotors)."""
-        most = np.array([float(rotor.max_speed) for rotor in self.task.vehicle.rotors])
+        most = float_array(rotor.max_speed for rotor in self.task.vehicle.rotors)
         return np.asarray((self.rotor_speeds / most) ** 2)
 
     @property
@@ -116,8 +116,8 @@ class Plan:
         """Joint torques (N m or N) at the nodes, (N + 1, n)."""
         vehicle, stage = self.task.vehicle, self.stage
         limits = self.compiled.values(self.x, self.u, self.data)[0][:, self.compiled.limits]
-        columns = [self.compiled.names.index(f"torque of {link.joint.name}") for link in vehicle.links]
-        most = [float(link.joint.effort_limit) * stage.limits.torque_share for link in vehicle.links]
+        columns = [self.compiled.names.index(f"torque of {joint.name}") for joint in vehicle.joints]
+        most = [float(joint.effort_limit) * stage.limits.torque_share for joint in vehicle.joints]
         return np.asarray((limits[:, columns] + 1.0) * most)
 
     @property
@@ -174,14 +174,14 @@ def nearer_pairs(task: Task, near: Clearances) -> tuple[float, ...]:
 
 def stated_joints(task: Task) -> list[tuple[float, ...]]:
     """Joint positions (rad or m) at the start and of the goals that state them."""
-    return [task.start.joints or (0.0,) * task.vehicle.n, *(each.to.joints for each in task.phases if each.to.joints)]
+    return [task.start.joints or task.vehicle.zeros, *(each.to.joints for each in task.phases if each.to.joints)]
 
 
 def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
     """Range of each joint (rad or m) without :data:`JOINT_MARGIN`; what start and goals say is within it."""
     found = []
-    for link, places in zip(task.vehicle.links, zip(*stated_joints(task), strict=True), strict=True):
-        low, high = link.joint.ends
+    for joint, places in zip(task.vehicle.joints, zip(*stated_joints(task), strict=True), strict=True):
+        low, high = joint.ends
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
         found.append((max(low, min(low + margin, *places)), min(high, max(high - margin, *places))))
     return tuple(found)
@@ -224,7 +224,7 @@ def tip_below(task: Task, joints: Array) -> Array:
     vehicle = task.vehicle
     if not vehicle.end_effector:
         return np.zeros(3)
-    return np.array([*map(float, frame_pose(vehicle, vehicle.frame(vehicle.end_effector), tuple(joints.tolist())).p)])
+    return float_array(frame_pose(vehicle, vehicle.frame(), tuple(joints.tolist())).p)
 
 
 @immutable(eq=False)
@@ -244,16 +244,16 @@ def outline(task: Task) -> Outline:
     """Straight outline of a task: the base above or below each tip goal, at rest in its posture."""
     n = task.vehicle.n
     joints = np.array(task.start.joints or (0.0,) * n)
-    base = np.array([*map(float, task.start.position)])
+    base = float_array(task.start.position)
     bases, postures, lengths = [base], [joints], []
     for phase in task.phases:
         goal = phase.to
         joints = np.array(goal.joints) if goal.joints else joints
         if goal.base is not None:
-            base = np.array([*map(float, goal.base)])
+            base = float_array(goal.base)
         elif goal.tip is not None:
-            base = np.array([*map(float, goal.tip)]) - tip_below(task, joints)
-        lengths.append(phase.duration or usual_length(float(np.linalg.norm(base - bases[-1]))))
+            base = float_array(goal.tip) - tip_below(task, joints)
+        lengths.append(phase.duration or usual_length(norm(base - bases[-1])))
         bases.append(base)
         postures.append(joints)
     return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
@@ -298,7 +298,7 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
         edge = last
     goals[0, stage.goal["inputs"]] = True
     # goals at an edge have the numbers of the phase that ends there; its tilt is the smaller one of both phases
-    table, names = np.array([leaves(row) for row in (*rows, rows[-1])], dtype=float), _columns(example)
+    table, names = doubles([leaves(row) for row in (*rows, rows[-1])]), _columns(example)
     table[:, names["upright"]], edge = NO_TILT, 0
     table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
     for phase, count in zip(task.phases, counts, strict=True):
@@ -351,7 +351,7 @@ LEAST_PRESS = 0.02
 
 def _data(example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
-    goal, contact, none = phase.to, phase.contact, Vec3(0.0, 0.0, 0.0)
+    goal, contact, none = phase.to, phase.contact, ZERO3_DATA
     turned = tuple(map(float, goal.attitude or (0.0, 0.0, goal.heading or 0.0)))
 
     def numbers(v: Vec3 | None) -> Vec3:
@@ -422,7 +422,7 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
     turn = before.conjugate() * after
     vector = np.array([*turn])
     vector = -vector if vector[0] < -1e-9 else vector
-    size = float(np.linalg.norm(vector[1:]))
+    size = norm(vector[1:])
     axis = vector[1:] / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
     angle = 2.0 * math.atan2(size, vector[0])
     angle = angle if sense > 0.0 else angle - 2.0 * math.pi * (size > 1e-9)
@@ -435,7 +435,7 @@ def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
     from skyarm.dynamics.actuators.hover import hover_trim
 
-    trim = hover_trim(task.vehicle, task.start.joints or (0.0,) * task.vehicle.n, task.gravity)
+    trim = hover_trim(task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity)
     level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
     return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
 
@@ -642,7 +642,7 @@ def _plan_of(
     return Plan(
         task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
         x=best.x, u=best.u, K=best.K,
-        edges=tuple(int(e) for e in np.cumsum([0, *counts])), solution=best, seeds=tried,
+        edges=tuple(map(int, np.cumsum([0, *counts]))), solution=best, seeds=tried,
     )  # fmt: skip
 
 
@@ -719,7 +719,7 @@ def states_at(plan: Plan, t: Array) -> Array:
     )
     out[:, held] = cubic[:, held]
     out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
-    return np.asarray(out)
+    return out
 
 
 def _better(one: Solution, other: Solution | None) -> bool:
@@ -788,7 +788,7 @@ def impossible(task: Task) -> str:
     """One line: which limit the start or a goal alone is beyond, so that no motion is within; empty if none is."""
     vehicle, limits = task.vehicle, task.limits
     near = clearances(vehicle, task.obstacles)
-    own, start = attitude(task.start.attitude), task.start.joints or (0.0,) * vehicle.n
+    own, start = attitude(task.start.attitude), task.start.joints or vehicle.zeros
     for pair, gap in zip(near.pairs, near.distances(task.start.position, own.rotation(), start), strict=True):
         if float(gap) < 0.0:
             return f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
@@ -799,10 +799,10 @@ def impossible(task: Task) -> str:
         places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
     lift = limits.thrust_share * float(highest_thrust(vehicle))
     for at, (stated, tilt), goal in places:
-        for link, value in zip(vehicle.links, goal.joints, strict=False):
-            low, high = link.joint.ends
+        for joint, value in zip(vehicle.joints, goal.joints, strict=False):
+            low, high = joint.ends
             if not low <= value <= high:
-                return f"{at}.joints: {link.joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
+                return f"{at}.joints: {joint.name} = {value:.4g} is beyond its range, {low:.4g} to {high:.4g}"
         lean = math.acos(max(-1.0, min(1.0, float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z))))
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
@@ -813,7 +813,7 @@ def impossible(task: Task) -> str:
             return f"{at}.rest: hovering takes {weight:.4g} N, limits.thrust_share leaves {lift:.4g} N"
         for word, place, least in (("tip", goal.tip, limits.clearance), ("base", goal.base, 0.0)):
             for each in task.obstacles if place is not None else ():
-                gap = float(free_distance([each], np.array([*map(float, place or ())])))
+                gap = float(free_distance([each], float_array(place or ())))
                 if gap < least:
                     return f"{at}.{word}: is {gap:.3g} m from {each.name}, at least {least:.3g} m are needed"
     return ""

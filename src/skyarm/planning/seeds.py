@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, float_array, lengths, norm
 from skyarm.vehicle import BASE
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Volume, surface_distance
@@ -43,7 +43,7 @@ def free_distance(obstacles: Sequence[Surface], points: Array) -> Array:
     for each in obstacles:
         place = Vec3(points[..., 0], points[..., 1], points[..., 2])
         gap = surface_distance(Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0)
-        best = np.minimum(best, np.broadcast_to(np.asarray(gap, dtype=float), best.shape))
+        best = np.minimum(best, np.broadcast_to(doubles(gap), best.shape))
     return best
 
 
@@ -69,13 +69,13 @@ def _grid(obstacles: Sequence[Surface], start: Array, goal: Array) -> tuple[Arra
     low, high = np.minimum(start, goal) - MARGIN, np.maximum(start, goal) + MARGIN
     for each in obstacles:
         if each.shape != "plane":
-            middle, far = np.array([*map(float, each.position)]), float(each.farthest) + 0.5 * MARGIN
+            middle, far = float_array(each.position), float(each.farthest) + 0.5 * MARGIN
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
-    far = MARGIN + DETOUR * float(np.linalg.norm(goal - start))
+    far = MARGIN + DETOUR * norm(goal - start)
     low, high = np.maximum(low, np.minimum(start, goal) - far), np.minimum(high, np.maximum(start, goal) + far)
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
-    shape = tuple(len(axis) for axis in axes)
+    shape = tuple(map(len, axes))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     nearest = [
         int(np.ravel_multi_index(tuple(np.clip(np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1)), shape))
@@ -90,7 +90,7 @@ STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 def _search(gaps: Array, points: Array, shape: tuple[int, ...], ends: tuple[int, int], ball: float) -> Array | None:
     """Shortest way (points, 3) of a ball from cell to cell by A*; None if there is none."""
     start, goal = ends
-    room, ahead = gaps.tolist(), np.linalg.norm(points - points[goal], axis=1).tolist()
+    room, ahead = gaps.tolist(), lengths(points - points[goal]).tolist()
     room[start], room[goal] = max(room[start], 2.0 * ball), max(room[goal], 2.0 * ball)
     cell = float(points[1, 2] - points[0, 2])
     rows, columns, layers = shape

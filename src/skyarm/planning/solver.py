@@ -241,7 +241,7 @@ def curvature(J: Array, pulls: Array, old: Array, step: Array, costates: Array) 
     along = (step * change).sum(axis=1)
     sure = along > BENDING * np.sqrt((step**2).sum(axis=1) * (change**2).sum(axis=1)) + NOISE
     share = np.where(sure, 1.0 / np.where(sure, along, 1.0), 0.0)
-    return np.asarray(share[:, None, None] * (change[:, :, None] * change[:, None, :]))
+    return share[:, None, None] * (change[:, :, None] * change[:, None, :])
 
 
 def merit_of(problem: PlanProblem, y: Array, z: Array, penalty: float, weight: float) -> Callable[[_Values], Array]:

@@ -102,7 +102,7 @@ class Place:
     @classmethod
     def of(cls, surface: Surface) -> Place:
         """Place of a surface."""
-        numbers = [tuple(float(c) for c in each) for each in (surface.size, surface.position, surface.angles)]
+        numbers = [tuple(map(float, each)) for each in (surface.size, surface.position, surface.angles)]
         return cls(size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2]))
 
 
@@ -192,7 +192,7 @@ class Stage:
 
     def __post_init__(self) -> None:
         vehicle = self.model.vehicle
-        trim = hover_trim(vehicle, (0.0,) * vehicle.n, self.model.gravity)
+        trim = hover_trim(vehicle, vehicle.zeros, self.model.gravity)
         mean = math.sqrt(sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared))
         object.__setattr__(self, "hover", tuple(mean for _ in vehicle.rotors))
 
@@ -235,7 +235,7 @@ class Stage:
 
     def example(self) -> StageData:
         """Example of a stage's numbers, for tracing."""
-        still = (0.0,) * self.model.vehicle.n
+        still = self.model.vehicle.zeros
         return StageData(free=(0.0,) * self.free, joints=still, obstacles=tuple(map(Place.of, self.obstacles)))
 
     def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
@@ -256,10 +256,10 @@ class Stage:
 
     def accelerations(self, state: State, joints: Scalars, push: Vec3) -> tuple[Vec3, Vec3, list[Motion], Vec3]:
         """Accelerations of the base under given joint accelerations, tip Jacobian and tip position, base axes."""
-        vehicle, R = self.model.vehicle, state.quaternion.rotation()
+        vehicle, R = self.model.vehicle, state.rotation
         pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
         if vehicle.end_effector:
-            frame = vehicle.frame(vehicle.end_effector)
+            frame = vehicle.frame()
             columns = jacobian_columns(vehicle, frame, state.joints)
             tip = dynamics.frame_pose(vehicle, frame, state.joints).p
             if self.contact:
@@ -286,7 +286,7 @@ class Stage:
         numbers = list(leaves(after))
         scaled = [a * (1.0 / b) for a, b in zip(numbers[at.speeds], self.hover, strict=True)]
         end = [*numbers[: at.speeds.start], *scaled, *ends, *x[at.arm.stop :]]
-        R = state.quaternion.rotation()
+        R = state.rotation
         proper = proper_acceleration(R, linear, angular, self.model.gravity)
         _, torques = dynamics.inverse_dynamics(vehicle, state.joints, state.rate, state.joint_rates, proper, joints)
         held = R.apply_T(push)
@@ -294,8 +294,8 @@ class Stage:
         root = sqrt(dt)
         costs = [(w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]]
         costs += [
-            t * (math.sqrt(weights.torque) / largest(link.joint.effort_limit) * root)
-            for t, link in zip(efforts, vehicle.links, strict=True)
+            t * (math.sqrt(weights.torque) / largest(joint.effort_limit) * root)
+            for t, joint in zip(efforts, vehicle.joints, strict=True)
         ]
         moving = (*state.rate, *state.joints, *state.joint_rates)
         costs += [a * (math.sqrt(weights.state) * root) for a in moving]
@@ -316,15 +316,15 @@ class Stage:
 
     def _goals(self, state: State, data: StageData, columns: list[Motion], tip: Vec3) -> dict[str, Sequence[Scalar]]:
         """Errors of the goals, by name."""
-        vehicle, R = self.model.vehicle, state.quaternion.rotation()
+        vehicle, R = self.model.vehicle, state.rotation
         moving, axis = state.rate.cross(tip), E_Z
         for column, rate in zip(columns, state.joint_rates, strict=False):
             moving = moving + column.linear * rate
         if vehicle.end_effector:
-            axis = dynamics.frame_pose(vehicle, vehicle.frame(vehicle.end_effector), state.joints).R.column(2)
+            axis = dynamics.frame_pose(vehicle, vehicle.frame(), state.joints).R.column(2)
         turn = data.attitude.conjugate() * state.quaternion
         # at rest nothing moves and nothing begins to: the rotors balance the weight
-        linear, angular = self.accelerations(state, (0.0,) * vehicle.n, ZERO3)[:2]
+        linear, angular = self.accelerations(state, vehicle.zeros, ZERO3)[:2]
         ahead = data.attitude.rotation().column(0)
         nose = R.column(0)
         tip_velocity = state.velocity + R.apply(moving)
@@ -376,13 +376,13 @@ class Stage:
     def _state_limits(self, x: Sequence[Scalar], state: State, data: StageData) -> list[tuple[str, Scalar]]:
         """Limits of the state: rotor thrust, joints, tilt, speed, clearance, and lengths of free phases."""
         vehicle, limits = self.model.vehicle, self.limits
-        R, out = state.quaternion.rotation(), list[tuple[str, Scalar]]()
+        R, out = state.rotation, list[tuple[str, Scalar]]()
         for rotor, w, hover in zip(vehicle.rotors, x[self.at.speeds], self.hover, strict=True):
             share = w * (1.0 / (float(rotor.max_speed) / hover))
             out += [
                 (f"thrust of {rotor.name}", each) for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
             ]
-        ranges = limits.ranges or [link.joint.ends for link in vehicle.links]
+        ranges = limits.ranges or [joint.ends for joint in vehicle.joints]
         for link, (low, high), q, rate in zip(vehicle.links, ranges, state.joints, state.joint_rates, strict=True):
             joint = link.joint
             for end, sign in ((high, 1.0), (low, -1.0)):
@@ -480,7 +480,7 @@ class CompiledStage:
         tangent = ((0.0,) * nt, (0.0,) * nu)
         self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True)
         self._values = Kernel(trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)), lanes, logging=True)
-        values: StageValues = parts["values"]
+        values = parts["values"]
         self.nx, self.nt, self.nu = nx, nt, nu
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)

@@ -37,9 +37,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -209,7 +209,7 @@ class Task:
         n = self.vehicle.n
         if self.phases and (last := self.phases[-1]).kind == "hold" and last.to.velocity is None:
             # nothing comes after it: a tip that rests on a base that moves on would rest for this instant only
-            ending = dataclasses.replace(last, to=dataclasses.replace(last.to, rest=True))
+            ending = replace(last, to=replace(last.to, rest=True))
             object.__setattr__(self, "phases", (*self.phases[:-1], ending))
         if not self.phases:
             raise TaskError("phases: must be one phase or more")

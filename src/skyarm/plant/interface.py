@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra import Scalar
@@ -11,10 +11,9 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import checked, rules
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry import find
 from skyarm.records.units import nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
@@ -37,7 +36,7 @@ class Truth:
     gravity: Annotated[
         Scalar, nonnegative("m/s^2", "true gravitational acceleration, downwards", rule=coerce.number, usual=25.0)
     ] = 9.81
-    loads: tuple[tuple[int, Body], ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    loads: tuple[tuple[int, Body], ...] = field_if_any(default=())
 
     def number_of_view(self, name: str) -> float:
         """Current value (kg) of the point mass that a parameter path adds at a frame: always zero."""
@@ -125,7 +124,7 @@ def make_plant(scenario: Any, around: Any) -> Plant:
     kind = find("plant", scenario.kind, "plant.kind")
     if getattr(kind, "several", False):
         world = tuple(each.plant for each in scenario.agents.values())
-    elif len(scenario.agents) > 1:
+    elif scenario.is_team:
         raise ValueError(f"plant.kind = {scenario.kind!r}: flies one agent, not {', '.join(scenario.agents)}")
     else:
         world, around = scenario.agent.plant, around.of(0)

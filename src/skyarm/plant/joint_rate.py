@@ -19,7 +19,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.largest_step import FRICTION_STEP
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import Joint, Vehicle, VehicleError
@@ -44,7 +44,7 @@ def friction_rate(vehicle: Vehicle) -> float:
     Raises:
         VehicleError: friction so stiff that no explicit integrator can afford it; names the joint and the field.
     """
-    joints = [link.joint for link in vehicle.links]
+    joints = vehicle.joints
     if not joints or not concrete(*leaves((vehicle.base, vehicle.links))):
         return 0.0
     D = np.array([float(j.damping) + _steepest(j) for j in joints])
@@ -75,7 +75,7 @@ def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
 def _masses(vehicle: Vehicle) -> Array:
     """Mass matrices (SAMPLES + 1, 6 + n, 6 + n) of a vehicle at the sampled joint positions."""
     still = np.array([1.0, 0.0, 0.0, 0.0])
-    return mass_matrix(vehicle, np.zeros(3), still, _configurations([link.joint for link in vehicle.links]))
+    return mass_matrix(vehicle, np.zeros(3), still, _configurations(vehicle.joints))
 
 
 def _steepest(joint: Joint) -> float:
@@ -83,7 +83,7 @@ def _steepest(joint: Joint) -> float:
     return float(joint.coulomb) / float(joint.coulomb_rate)
 
 
-def _configurations(joints: list[Joint]) -> Array:
+def _configurations(joints: tuple[Joint, ...]) -> Array:
     """Sampled joint positions (SAMPLES + 1, n) within limits, beginning with those nearest to zero."""
     middle = np.array([nearest_to_zero(j) for j in joints])
     reach = np.array([REACH[j.kind] for j in joints])
@@ -128,7 +128,7 @@ def stop_frequency(vehicle: Vehicle) -> float:
 
     Zero without stops, or where the numbers are not concrete.
     """
-    joints = [link.joint for link in vehicle.links]
+    joints = vehicle.joints
     if not any(joint.has_stops for joint in joints) or not concrete(*leaves((vehicle.base, vehicle.links))):
         return 0.0
     stiffness, damping = (np.array([of(joint) for joint in joints]) for of in (_stiffness, _damping))
@@ -172,10 +172,10 @@ def stop_numbers(vehicle: Vehicle) -> StopNumbers:
     Rounded, vehicles of nearly equal masses share a program. The acceleration is that by the largest efforts of all
     drives. () also where the numbers are not concrete, or masses too far apart.
     """
-    joints = [link.joint for link in vehicle.links]
+    joints = vehicle.joints
     if not any(joint.has_stops for joint in joints) or not concrete(*leaves((vehicle.base, vehicle.links))):
         return ()
-    efforts = np.array([float(joint.effort_limit) for joint in joints])
+    efforts = float_array(joint.effort_limit for joint in joints)
     efforts[np.isinf(efforts)] = 0.0
     try:
         with np.errstate(all="ignore"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
@@ -55,9 +55,9 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     links = list(vehicle.links)
     for i, share in enumerate(stuck):
         if type(share) is not int:
-            joint = dataclasses.replace(links[i].joint, armature=add(links[i].joint.armature, mul(LOCKED, share)))
-            links[i] = dataclasses.replace(links[i], joint=joint)
-    return dataclasses.replace(vehicle, links=tuple(links))
+            joint = replace(links[i].joint, armature=add(links[i].joint.armature, mul(LOCKED, share)))
+            links[i] = replace(links[i], joint=joint)
+    return replace(vehicle, links=tuple(links))
 
 
 def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, Scalars]:
@@ -138,7 +138,7 @@ STEADY = Surroundings()
 def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY) -> State:
     """Vehicle state whose rotor speeds and tilt angles have followed a constant command for ``dt`` seconds."""
     commands = around.rotor_commands(vehicle.rotors, command.rotor_speeds)
-    return dataclasses.replace(
+    return replace(
         state,
         rotor_speeds=speeds_after(vehicle.rotors, state.rotor_speeds, commands, dt),
         tilts=angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else (),
@@ -185,11 +185,11 @@ def felt_in_step(
                 mean, until = felt_in(rotor, speeds[0], asked, dt)
                 short = held or lag < SHORT_LAG
                 speeds, lag = [where(short, mean, each) for each in speeds], where(short, until, lag)
-            turned.append(dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag))
+            turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
-        made.append(dataclasses.replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
+        made.append(replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
-        felt.append([dataclasses.replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)])
+        felt.append([replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)])
     return made, [*zip(*felt, strict=True)]
 
 

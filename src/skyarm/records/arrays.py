@@ -29,6 +29,21 @@ AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
 
 
+def doubles(values: object) -> Array:
+    """Array of doubles of the given numbers; one that is an array of doubles already stays the same object."""
+    return np.asarray(values, dtype=float)
+
+
+def norm(vector: Array) -> float:
+    """Euclidean length of a vector (n,)."""
+    return float(np.linalg.norm(vector))
+
+
+def lengths(rows: Array) -> Array:
+    """Euclidean lengths (K) of vectors (K, n)."""
+    return np.asarray(np.linalg.norm(rows, axis=1))
+
+
 def float_array(values: Iterable[SupportsFloat]) -> Array:
     """Array (n,) of scalars that are plain numbers."""
     return np.array([*map(float, values)])

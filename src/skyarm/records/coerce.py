@@ -131,7 +131,7 @@ def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scal
     """Entries xx yy zz xy xz yz of a 3 x 3 matrix, after a check of its symmetry."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     concrete = [each for row in rows for each in row if type(each) is float]
-    slack = TOLERANCE * max((abs(each) for each in concrete), default=0.0)
+    slack = TOLERANCE * max(map(abs, concrete), default=0.0)
     if len(concrete) == 9 and any(abs(float(a) - float(b)) > slack for a, b in pairs):
         refuse(field, value, "must be symmetric")
     return [rows[0][0], rows[1][1], rows[2][2], *(a for a, _ in pairs)]

@@ -10,6 +10,8 @@ from typing import TypeVar, cast, dataclass_transform, overload
 
 T = TypeVar("T")
 
+V = TypeVar("V")
+
 F = TypeVar("F", bound=Callable[..., object])
 
 
@@ -22,6 +24,15 @@ def memoize(function: F) -> F:
 def declarations(kind: type) -> tuple[Field[object], ...]:
     """Fields of a dataclass with their defaults and metadata; empty for any other type."""
     return fields(kind) if is_dataclass(kind) else ()
+
+
+UNWRITTEN = "unwritten"
+"""Key of a field's metadata: plain data contains the field only if it is neither empty nor this value."""
+
+
+def field_if_any(*, default: V, repr: bool = True) -> V:
+    """Field that plain data contains only if it is not empty, so that digests of older records stay the same."""
+    return field(default=default, repr=repr, metadata={UNWRITTEN: None})
 
 
 LONGEST = 300
@@ -75,7 +86,7 @@ def immutable(kind: type[T], /) -> type[T]: ...
 def immutable(*, kw_only: bool = True, **options: bool) -> Callable[[type[T]], type[T]]: ...
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field, field_if_any))
 def immutable(
     kind: type[T] | None = None, /, *, kw_only: bool = True, **options: bool
 ) -> type[T] | Callable[[type[T]], type[T]]:
@@ -108,7 +119,7 @@ def positional(kind: type[T], /) -> type[T]: ...
 def positional(**options: bool) -> Callable[[type[T]], type[T]]: ...
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+@dataclass_transform(frozen_default=True, field_specifiers=(field, field_if_any))
 def positional(kind: type[T] | None = None, /, **options: bool) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a class an immutable record whose fields may be given by position; see :func:`immutable`."""
     make = immutable(kw_only=False, **options)

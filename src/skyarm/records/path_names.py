@@ -37,7 +37,7 @@ class NumberView:
 Denoted: TypeAlias = "tuple[Place, ...] | NumberView | Names"
 """Target of a name in a parameter path: one or several fields, a computed view, or further names."""
 
-Names: TypeAlias = Mapping[str, Denoted]
+Names = Mapping[str, Denoted]
 """Names that may follow in a parameter path, each with its target."""
 
 

@@ -11,7 +11,7 @@ from enum import Enum
 from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
-from skyarm.records.immutable import declarations, memoize
+from skyarm.records.immutable import UNWRITTEN, declarations, memoize
 from skyarm.records.leaves import field_names
 from skyarm.records.members import SOLE, alone
 
@@ -28,9 +28,6 @@ class Named(Protocol):
     @property
     def __name__(self) -> str: ...
 
-
-UNWRITTEN = "unwritten"
-"""Key of a field's metadata: plain data contains the field only if it is neither empty nor this value."""
 
 WRITTEN_IF_ANY = {UNWRITTEN: None}
 """Metadata of a field that plain data contains only if it is not empty, so that digests of older records stay the

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import re
 import types
 import typing
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import MISSING
 from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Scalar, Vec3
@@ -52,7 +52,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
             fields.take(called.get(name, name), None)
         values = read_short(fields)
     for field in declarations(kind):
-        name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
+        name, required = field.name, field.default is field.default_factory is MISSING
         if name in values:
             continue
         word = called.get(name, name)
@@ -162,7 +162,7 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
     """
     numbers, usual = dict[str, float](), defaults(kind)
     for name, unit in scalars(kind).items():
-        if fields.take(name, None) is None and (partial or usual[name] is not dataclasses.MISSING):
+        if fields.take(name, None) is None and (partial or usual[name] is not MISSING):
             continue
         try:
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
@@ -249,7 +249,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
     if not isinstance(lists, (list, tuple)):
         raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
     rows = Fields({str(i): each for i, each in enumerate(lists)}, at)
-    return tuple(rows.numbers(i) for i in rows.table)
+    return tuple(map(rows.numbers, rows.table))
 
 
 def registered_from(

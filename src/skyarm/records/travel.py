@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import pickle
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from types import CellType, CodeType, FunctionType
@@ -109,7 +109,7 @@ def _own_registrations() -> Iterator[bytes]:
         for row in registrations(kind).values():
             # one that cannot travel is missed only by what uses it, and is named then
             if row.source != SHIPPED:
-                with contextlib.suppress(ValueError):
+                with suppress(ValueError):
                     yield pack(row)
 
 
@@ -123,5 +123,5 @@ def unload(content: bytes) -> None:
     load_again(plugins, sources)
     for row in rows:
         # of a module that is not here: named by what uses it
-        with contextlib.suppress(Exception):
+        with suppress(Exception):
             take_over(unpack(row))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
@@ -46,6 +46,6 @@ class Carry:
     @classmethod
     def none(cls) -> Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
-        zero = Vec3(0.0, 0.0, 0.0)
+        zero = ZERO3_DATA
         names = ("force", "moment", "forgotten_force", "forgotten_moment", "offset", "offset_rate", "heading")
         return cls(held=0.0, offset_acceleration=zero, settling=0.0, mass=0.0, **dict.fromkeys(names, zero))

@@ -141,7 +141,7 @@ class CarriedPlace(Signal):
         )
         columns = rotation_columns((cos(a), sin(a)) for a in (roll, pitch, yaw))
         along = sum((c[self.axis] * p for c, p in zip(columns, place, strict=True)), middle)
-        return tuple(along.derivative(k) for k in range(5))
+        return tuple(map(along.derivative, range(5)))
 
 
 def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:

@@ -8,8 +8,8 @@ so that points which do not fall make a time that never runs backwards.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.records.arrays import doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, positive
@@ -47,7 +48,7 @@ class PathTime:
         accept_fields(self, "path_time")
         if len(self.points) < FEWEST:
             raise ValueError(f"path_time.points: {len(self.points)}, must be at least {FEWEST}")
-        if np.any(np.diff(np.asarray(self.points, dtype=float)) < 0.0):
+        if np.any(np.diff(doubles(self.points)) < 0.0):
             raise ValueError("path_time.points: must not fall, the time of a reference never runs backwards")
 
     @property
@@ -57,9 +58,9 @@ class PathTime:
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Path time s and its derivatives up to d4s/dt4 at flight time t (s)."""
-        points, step = np.asarray(self.points, dtype=float), float(self.step)
+        points, step = doubles(self.points), float(self.step)
         # sums and products alone, so that every machine finds the same bits
-        u = np.clip(np.asarray(t, dtype=float) / step, 0.0, float(len(points) - FEWEST + 1))
+        u = np.clip(doubles(t) / step, 0.0, float(len(points) - FEWEST + 1))
         piece = np.minimum(u.astype(int), len(points) - FEWEST)
         left = u - piece
         window = [points[piece + i] for i in range(FEWEST)]
@@ -116,7 +117,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
     moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
     rates: dict[str, Any] = dict(zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True))
-    return dataclasses.replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
+    return replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
 def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Scalar, Scalar]:
@@ -153,7 +154,7 @@ def offset_reference(
         left = left * Taylor.of_derivatives([one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)])
     moved = {name: getattr(reference, name) + offset * left.derivative(order) for order, name in enumerate(VECTORS)}
     tip = tuple(c + o * left.derivative(0) for c, o in zip(reference.tip, offset, strict=False))
-    return dataclasses.replace(reference, tip=tip, **moved)
+    return replace(reference, tip=tip, **moved)
 
 
 ONE = (1.0, 0.0, 0.0, 0.0, 0.0)

@@ -177,7 +177,7 @@ def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
     i = names.index(move.joint)
     if i in carriers:
         raise ValueError(f"{move.where}: must be left out, joint {move.joint!r} carries the tip and follows its path")
-    signal: Signal = trajectory.joints[i]
+    signal = trajectory.joints[i]
     if not isinstance(signal, Constant):
         raise ValueError(f"{move.where}: must be left out, reference.joints[{i}] moves joint {move.joint!r} already")
     return i

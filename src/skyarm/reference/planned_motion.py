@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, lengths, stack_values
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, require_file, shown
 from skyarm.records.files.toml import Entry
@@ -176,7 +176,7 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
             raise ValueError(f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})")
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")
-    if not (np.linalg.norm(arrays["quaternion"], axis=1) > SHORTEST).all():
+    if not (lengths(arrays["quaternion"]) > SHORTEST).all():
         raise ValueError(f"{at}: quaternion: must be of length 1 at each node")
     if "vehicle" in arrays and (np.ndim(arrays["vehicle"]) or np.asarray(arrays["vehicle"]).dtype.kind != "U"):
         raise ValueError(f"{at}: vehicle: must be a name")

@@ -65,14 +65,14 @@ The joints follow from ``posture`` and inverse kinematics: ``[[reference.joints]
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
@@ -225,7 +225,7 @@ def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
     looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
     with np.errstate(all="ignore"):
-        return looks, np.broadcast_to(np.asarray(signal.derivatives(looks)[0], dtype=float), looks.shape)
+        return looks, np.broadcast_to(doubles(signal.derivatives(looks)[0]), looks.shape)
 
 
 def reference_from(table: object, n_joints: int, where: str, setting: Setting) -> Trajectory:
@@ -262,7 +262,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         if carried is None:
             path = motion_from(fields.take("path"), fields.at("path"), setting)
         else:
-            path, base = carried, dataclasses.replace(base, yaw=base.yaw + carried.yaw)
+            path, base = carried, replace(base, yaw=base.yaw + carried.yaw)
         trajectory = tip_trajectory(fields, base, path, vehicle, setting)
         if "base" in rest:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
@@ -270,7 +270,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         trajectory = trajectory_from(rest, n_joints, where, setting)
         if carried is not None and not own_base:
             yaw = trajectory.yaw + carried.yaw
-            trajectory = dataclasses.replace(trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw)
+            trajectory = replace(trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw)
         if setting.joint_moves:
             from skyarm.reference.phases import with_joint_moves
 
@@ -279,7 +279,7 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
     _require_reach(trajectory, where, setting.duration)
-    return dataclasses.replace(trajectory, push=push, load=load, planned=planned)
+    return replace(trajectory, push=push, load=load, planned=planned)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:
@@ -287,7 +287,7 @@ def _vehicle(setting: Setting, where: str) -> Vehicle:
     if vehicle is None or not vehicle.end_effector:
         name = "none is known" if vehicle is None else f"{vehicle.name!r} has none (end_effector)"
         raise ValueError(f"{where}: needs a vehicle with a tip; {name}")
-    link = vehicle.frame(vehicle.end_effector).link
+    link = vehicle.frame().link
     if link == BASE or link >= vehicle.n:
         body = "the base" if link == BASE else "a link that follows others"
         raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {body}")

@@ -359,7 +359,7 @@ class Turning(Signal):
         """Value and derivatives one to four at time t (s)."""
         a = Taylor.of_derivatives(self.angle.derivatives(t))
         place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
-        return tuple(place.derivative(k) for k in range(5))
+        return tuple(map(place.derivative, range(5)))
 
 
 def signal_from(entry: object, where: str) -> Signal:

@@ -18,7 +18,7 @@ import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import where
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import positional
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
@@ -129,7 +129,7 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
     given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.
     """
-    values = np.asarray(samples, dtype=float)
+    values = doubles(samples)
     points = values.copy()
     for _ in range(30):
         padded = np.concatenate([np.repeat(points[:1], 2), points, np.repeat(points[-1:], 2)])

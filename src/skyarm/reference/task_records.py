@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Scalar
 from skyarm.records.field_rules import checked
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Signal
 from skyarm.reference.tip_motion import TipPush
@@ -84,9 +82,9 @@ class Guard:
     fails: bool = False
     early: bool = False
     loads: tuple[str, ...] = ()
-    sensed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
-    closed: str = field(default="", metadata=WRITTEN_IF_ANY)
-    open: str = field(default="", metadata=WRITTEN_IF_ANY)
+    sensed: bool = field_if_any(default=False)
+    closed: str = field_if_any(default="")
+    open: str = field_if_any(default="")
 
 
 @immutable
@@ -149,7 +147,7 @@ class Setting:
     def all_guards(self) -> tuple[Guard, ...]:
         """All conditions that end phases of the tasks."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
-        return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
+        return tuple(replace(guard, loads=loads) for guard in self.guards)
 
     @property
     def all_phases(self) -> tuple[Phase, ...]:

@@ -16,21 +16,19 @@ With a ``pivot`` the normal is the direction from an axis through it to the tip:
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import field
 from typing import Annotated
 
 import numpy as np
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import cos, divide, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars import divide, logical_or, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Record, leaves, rebuild
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Signal
@@ -74,7 +72,7 @@ def arm_of(vehicle: Vehicle) -> Arm:
     """
     if not vehicle.end_effector:
         raise ValueError(f"vehicle {vehicle.name!r}: has no tip (end_effector)")
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     if frame.link >= vehicle.n:
         raise ValueError(f"vehicle {vehicle.name!r}: frame {frame.name!r} is carried by a follower, not by a joint")
     carriers = chain(vehicle, frame.link)
@@ -132,8 +130,7 @@ def rotation_columns(turns: Iterable[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
     """Rotate a vector of Taylor series about the world z axis by a heading with derivatives."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
-    c, s = cos(heading), sin(heading)
-    return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+    return v.about_z(heading)
 
 
 def _derivatives(v: Vec3) -> FiveVectors:
@@ -168,14 +165,14 @@ class TipPush:
         tuple[Scalar, Scalar, Scalar], Unit("", "outward unit normal of the modelled surface, world axes")
     ]
     speed: Annotated[Scalar, nonnegative("m/s", "approach speed of the tip")] = SPEED
-    grip: Annotated[Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")] = field(
-        default=None, metadata=WRITTEN_IF_ANY
+    grip: Annotated[Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")] = field_if_any(
+        default=None
     )
     pivot: Annotated[
         tuple[Scalar, Scalar, Scalar] | None, Unit("m", "point on the axis about which the tip turns, world axes")
-    ] = field(default=None, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=None)
     axis: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "direction of the axis through the pivot, world axes")] = (
-        field(default=UPRIGHT, metadata=WRITTEN_IF_ANY)
+        field_if_any(default=UPRIGHT)
     )
 
     def at(self, t: Scalar) -> Scalars:

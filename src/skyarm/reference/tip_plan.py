@@ -14,9 +14,9 @@ arm leaves (:mod:`skyarm.reference.tip_motion`).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -326,11 +326,11 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
     """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
     length = max(float(reach(vehicle)), 1e-3)
-    limits = [link.joint.ends for link in vehicle.links]
+    limits = [joint.ends for joint in vehicle.joints]
     inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
-        frame=vehicle.frame(vehicle.end_effector),
+        frame=vehicle.frame(),
         carriers=carriers,
         posture=choices.posture,
         lower=tuple(low for low, _ in inner),
@@ -379,19 +379,19 @@ def tip_trajectory(
         ValueError: one line with field, value and what is allowed.
     """
     choices = record_from(TipChoices, fields)
-    choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields))
+    choices = replace(choices, posture=_posture(choices.posture, vehicle, fields))
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     with errors_as(ValueError, f"{fields.where}."):
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration, setting.turned)
-    planned = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
+    planned = replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
     return with_joint_moves(planned, setting.joint_moves, vehicle, choices.joint_speed)
 
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
     """Preferred joint positions of the arm within their limits; mid-range if none are given."""
-    bounds = [link.joint.ends for link in vehicle.links]
+    bounds = [joint.ends for joint in vehicle.joints]
     if not given and "posture" not in fields.table:
-        return tuple(middle_position(link.joint) for link in vehicle.links)
+        return tuple(map(middle_position, vehicle.joints))
     if len(given) != vehicle.n:
         raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
     for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):

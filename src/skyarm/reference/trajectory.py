@@ -5,7 +5,6 @@ A publisher samples it at one rate and holds each sample for a controller that r
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,10 +16,9 @@ from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.path_names import Names, field_paths
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.motion_names import motion_names
 from skyarm.reference.planned_motion import PlannedBody
@@ -125,14 +123,12 @@ class Trajectory:
     z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
     yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m", "desired joint positions, in the vehicle's order")] = ()
-    tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    push: TipPush | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
-    planned: PlannedBody | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    tip: TipMotion | None = field_if_any(default=None)
+    push: TipPush | None = field_if_any(default=None)
+    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = field_if_any(default=None)
+    planned: PlannedBody | None = field_if_any(default=None)
+    guards: tuple[Guard, ...] = field_if_any(default=())
+    phases: tuple[Phase, ...] = field_if_any(default=())
 
     def path_names(self) -> Names:
         """Names, in parameter paths, of the fields that are set and of the base motion's parameters."""
@@ -171,7 +167,7 @@ class Trajectory:
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Copy of the trajectory with other joint signals; a number is a constant signal."""
-        return dataclasses.replace(self, joints=signals(joints))
+        return replace(self, joints=signals(joints))
 
     def shifted(self, delay: Scalar) -> Trajectory:
         """Copy of the trajectory that is ``delay`` seconds later."""
@@ -258,7 +254,7 @@ def circle(
         for phase in (math.pi / 2.0, 0.0)
     ]
     at_center = hover(center, yaw=yaw, joints=joints)
-    return dataclasses.replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
+    return replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
 
 
 Tick = TypeVar("Tick", int, AnyArray)

@@ -21,15 +21,15 @@ Each begins and ends at rest, and stays before and after.
 from __future__ import annotations
 
 import csv
-import itertools
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import numpy as np
 
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.files import Fields, number, require_file, shown, three_numbers
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
@@ -93,9 +93,9 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
 @lru_cache(maxsize=64)  # a check, a run and a sweep of one file ask for the same times
 def _allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[float, ...]:
-    spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in itertools.pairwise(points)]
+    spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
-    unit = tuple(itertools.accumulate(shares, initial=0.0))
+    unit = tuple(accumulate(shares, initial=0.0))
     derivatives = sample_derivatives(through(points, unit), unit)
 
     def meets(stretch: float) -> bool:
@@ -135,7 +135,7 @@ def _cost(points: Points, shares: Sequence[float], small: float = 1e-4) -> tuple
     """Least snap for shares of the time, and its change with the logarithm of each share, by finite differences."""
     lanes = np.tile(np.array(shares)[:, None], len(shares) + 1)
     np.fill_diagonal(lanes, lanes.diagonal() * (1.0 + small))
-    spans = span_powers([*itertools.accumulate(lanes, initial=np.zeros(len(shares) + 1))])
+    spans = span_powers([*accumulate(lanes, initial=np.zeros(len(shares) + 1))])
     values = [np.array(point)[:, None] for point in points]
     x, y, z = np.asarray(snap_cost(spans, snap_pieces(spans, values))).tolist()
     *moved, cost = (a + b + c for a, b, c in zip(x, y, z, strict=True))
@@ -144,7 +144,7 @@ def _cost(points: Points, shares: Sequence[float], small: float = 1e-4) -> tuple
 
 def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
     """Velocity, acceleration, jerk and snap of a trajectory at many times, as four arrays (3, N)."""
-    at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
+    at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
     return [stack_values(len(at), [row[k] for row in rows]) for k in (1, 2, 3, 4)]
 
@@ -212,7 +212,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     start, limits = number_within(fields, "start", 0.0), limits_of(fields, setting)
     if fields.take("times", None) is None:
         require_way(None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))])
-        times: tuple[float, ...] = allocate(points, limits, setting.gravity)
+        times = allocate(points, limits, setting.gravity)
     else:
         times = rising(fields.numbers("times"), fields.at("times"))
         if len(times) != len(points):
@@ -300,7 +300,7 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
         names: names of their fields.
     """
     path = points if start is None else [start, *points]
-    for (a, b), name in zip(itertools.pairwise(path), names[len(names) - len(path) + 1 :], strict=True):
+    for (a, b), name in zip(pairwise(path), names[len(names) - len(path) + 1 :], strict=True):
         if math.dist(a, b) < SHORTEST:
             said = "where the task is already" if a is start else "the point before"
             raise ValueError(f"{name} = {shown(list(b))}: must be {SHORTEST:g} m or more from {said}")
@@ -308,7 +308,7 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
 
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
     """Check that times increase and return them."""
-    if len(times) < 2 or any(b - a < CLOSEST for a, b in itertools.pairwise(times)):
+    if len(times) < 2 or any(b - a < CLOSEST for a, b in pairwise(times)):
         allowed = f"must be at least two times, each {CLOSEST:g} s or more after the one before"
         raise ValueError(f"{at} = {shown(list(times))}: {allowed}")
     for i, t in enumerate(times):
@@ -325,8 +325,8 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
         ValueError: one line: the swing and when.
     """
     low, high = min(values), max(values)
-    looks = np.concatenate([np.linspace(a, b, INSTANTS, endpoint=False) for a, b in itertools.pairwise(times)])
-    motion = np.broadcast_to(np.asarray(minimum_snap(times, values).derivatives(looks)[0], dtype=float), looks.shape)
+    looks = np.concatenate([np.linspace(a, b, INSTANTS, endpoint=False) for a, b in pairwise(times)])
+    motion = np.broadcast_to(doubles(minimum_snap(times, values).derivatives(looks)[0]), looks.shape)
     away = np.maximum(motion - high, low - motion)
     worst = int(np.argmax(away))
     if away[worst] > SWING * (high - low) + LEAST:

@@ -40,16 +40,7 @@ from skyarm.control.catalogue import (
 from skyarm.control.controller import Controller, ControllerError, FormerGainsWarning, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import (
-    Fields,
-    did_you_mean,
-    errors_as,
-    must_be_one_of,
-    number,
-    read_toml,
-    require_file,
-    shown,
-)
+from skyarm.records.files import Fields, did_you_mean, errors_as, must_be_one_of, number, read_toml, require_file, shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, is_record_class, parts, replace_at, walk
@@ -147,7 +138,7 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
     inner, servos = before.own, bool(scenario.agent.controller.memory.drives)
-    return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
+    return on_actuators(_with_safety_of(inner, made, scenario), before.model, scenario.rates.period, servos)
 
 
 def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:
@@ -171,7 +162,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]
-    return with_safety_layer(made, limits, stow=tuple(float(q) for q in before.recovery.stow))
+    return with_safety_layer(made, limits, stow=tuple(map(float, before.recovery.stow)))
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:

@@ -79,7 +79,7 @@ class Divergence(Ending):
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message naming the first number that is not finite, else the first that is too large."""
-        words, x = state_words(scenario.agent.plant.vehicle), leaves(state)
+        words, x = state_words(scenario.agent.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
                 return f"{name} is not finite"
@@ -113,7 +113,7 @@ class JointLimits(Ending):
 
     def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Scalar, Link]]:
         """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
-        every = zip(state.joints, scenario.agent.plant.vehicle.links, strict=True)
+        every = zip(state.joints, scenario.agent.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
@@ -178,7 +178,7 @@ class Ground(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Height of the vehicle's lowest point above the ground, if there is one."""
-        return [(lowest_point(scenario.agent.plant.vehicle, state),)] if scenario.floor == 0.0 else []
+        return [(lowest_point(scenario.agent.vehicle, state),)] if scenario.floor == 0.0 else []
 
 
 @immutable
@@ -190,9 +190,9 @@ class RotorContact(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Clearance of each rotor disc from each fixed surface, with the names of both."""
-        R, clearances = state.quaternion.rotation(), list[Distance]()
+        R, clearances = state.rotation, list[Distance]()
         for contact in scenario.worlds:
-            for rotor in turn_rotors(scenario.agent.plant.vehicle, state.tilts).rotors:
+            for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
                 at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
                 for surface in contact.still:
                     gap = surface.clearance(at, axis, contact.rotor_radius, 0.0)
@@ -209,9 +209,9 @@ class BodyContact(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Distance of the base's origin and of each joint from each fixed surface, with the names of both."""
-        vehicle, distances = scenario.agent.plant.vehicle, list[Distance]()
+        vehicle, distances = scenario.agent.vehicle, list[Distance]()
         for contact in scenario.worlds:
-            R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
+            R, poses = state.rotation, link_poses(vehicle, state.joints)
             points = [("the base", state.position)]
             joints = zip(vehicle.links, poses, strict=False)
             points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
@@ -234,7 +234,7 @@ class Clearance(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Distance and names of each pair of bodies."""
-        pairs, rotation = clearances_of(scenario, moving=False), state.quaternion.rotation()
+        pairs, rotation = clearances_of(scenario, moving=False), state.rotation
         distances = pairs.distances(state.position, rotation, state.joints, state.tilts)
         return list(zip(distances, pairs.names, strict=True))
 
@@ -262,7 +262,7 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
     """
     from skyarm.world.scene.clearance import clearances
 
-    vehicle, (name,) = scenario.agent.plant.vehicle, scenario.agents
+    vehicle, (name,) = scenario.agent.vehicle, scenario.agents
     contacts = [each.of_agent(name) for each in scenario.worlds]
     surfaces = (surface for each in contacts for surface in (each.surfaces if moving else each.still))
     return clearances(vehicle, surfaces, {body for each in contacts * touching for body in each.touching(vehicle)})
@@ -270,9 +270,9 @@ def clearances_of(scenario: Scenario, *, moving: bool = True, touching: bool = T
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
     """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
-    R = state.quaternion.rotation()
+    R = state.rotation
     poses = link_poses(vehicle, state.joints, summed=True)
-    points: list[Vec3] = [rotor.position for rotor in vehicle.rotors]
+    points = [rotor.position for rotor in vehicle.rotors]
     points += [pose.p for pose in poses]
     points += [f.position if f.link == BASE else poses[f.link].apply(f.position) for f in vehicle.frames]
     lowest: Scalar = 0.0
@@ -285,7 +285,7 @@ def state_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a plant state, in order, for messages: position.x, joint 'elbow', and so on."""
     axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
-    joints = [link.joint.name for link in vehicle.links]
+    joints = vehicle.joint_names
     named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
     named += [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
     return named + [f"angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
@@ -294,7 +294,7 @@ def state_words(vehicle: Vehicle) -> list[str]:
 def command_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a command, in order, for messages: rotor speeds, joint efforts, rotor angles."""
     words = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    words += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    words += [f"commanded effort of joint '{joint.name}'" for joint in vehicle.joints]
     return words + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 

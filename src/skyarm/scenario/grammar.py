@@ -266,7 +266,7 @@ def _of_record(
             when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
             when = when if annotation not in SHAPING and "'" not in entry_in_words(annotation) else "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next((_one_of(each) for each in more), entry_in_words(annotation))
+            entry = next(map(_one_of, more), entry_in_words(annotation))
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
             text = word_texts.of_field(tuple(bases), name)
             held = next((each.__name__ for each in _records_in(annotation)), "")
@@ -471,7 +471,7 @@ def entry_in_words(annotation: object) -> str:
 
 def _one_of(texts: typing.Iterable[object]) -> str:
     """Text that lists the allowed values of an entry."""
-    return " or ".join(repr(each) for each in texts)
+    return " or ".join(map(repr, texts))
 
 
 def _bounds(unit: Unit) -> str:

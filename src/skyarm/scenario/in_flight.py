@@ -64,12 +64,12 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         changed = by_agent(scenario, {path: value}, lambda one, own: with_part(one, *next(iter(own.items()))))
         check_scenario(changed)
         return changed
     scenario, path = alone(scenario, path)
-    model = scenario.agent.controller.par.model
+    model = scenario.agent.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
         changed = replace_at(scenario, fields)
@@ -89,7 +89,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        trajectory = trajectory_from({entry: value}, scenario.agent.plant.vehicle.n, "reference", document.setting)
+        trajectory = trajectory_from({entry: value}, scenario.agent.vehicle.n, "reference", document.setting)
         return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
     return document.planned_fields()
 
@@ -384,10 +384,10 @@ def _held_by_all(scenario: Scenario) -> dict[str, object]:
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
     """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
-    vehicle, delays, model = scenario.agent.plant.vehicle, scenario.agent.delays, scenario.agent.controller.par.model
+    vehicle, delays, model = scenario.agent.vehicle, scenario.agent.delays, scenario.agent.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
-    settings: dict[str, object] = {
+    settings = {
         **{"rates": scenario.rates, "duration": scenario.duration},
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
         **{"plant.closure": scenario.closure},

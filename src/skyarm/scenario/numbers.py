@@ -22,8 +22,8 @@ value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from skyarm.algebra import Quaternion, Scalar
 from skyarm.algebra.scalars import data, divide
@@ -50,7 +50,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         for name in ("", *scenario.agents):
             own = [word_of(path) if name else path for path in paths if agent_of(path) == name]
             one = [alone(scenario, path)[0] for path in paths if agent_of(path) == name][:1]
@@ -76,7 +76,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     """True if two parameter paths denote the same number of a scenario."""
-    if len(scenario.agents) > 1 and agent_of(path) != agent_of(other):
+    if scenario.is_team and agent_of(path) != agent_of(other):
         return False
     (scenario, path), (_, other) = alone(scenario, path), alone(scenario, other)
     scenario = _with_initial_state(scenario, (path, other))
@@ -148,7 +148,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         changed = by_agent(scenario, values, with_numbers)
         check_scenario(changed, numbers=True)
         return changed
@@ -166,7 +166,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
-    after = with_consequences(changed.agent.controller, law, 1.0 / scenario.rates.control)
+    after = with_consequences(changed.agent.controller, law, scenario.rates.period)
     if after is not changed.agent.controller:
         changed = changed.with_controller(after)
     if start or angles:
@@ -179,7 +179,7 @@ def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
     """Copy of a record with some fields replaced first, then some values that are computed from several fields."""
-    changed: Record = replace_at(record, fields) if fields else record
+    changed = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
         viewed: Viewed = part(changed, place)
         changed = replace_at(changed, {place: viewed.with_views(numbers)})
@@ -232,7 +232,7 @@ def _start_with(
     if angles or not any(place[0] == "quaternion" for place in inside):
         return state
     q, length = state.quaternion, state.quaternion.norm()
-    return dataclasses.replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
+    return replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
@@ -278,7 +278,7 @@ def _declaration(record: object, place: Place) -> Unit:
             unit = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
         if " or " in unit.unit and hasattr(record, "kind"):
-            unit = dataclasses.replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
+            unit = replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
         record = getattr(record, name)
     return unit
 

@@ -7,10 +7,10 @@ keeps it as a curve of time (:mod:`skyarm.reference.path_time`), so that every e
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -21,7 +21,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, MotionSamples, attitude, demand_of_motion, motion_of
 from skyarm.dynamics.actuators.servo import Servo
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
@@ -99,17 +99,17 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     """
     if scenario.agent.reference.planned is not None:
         raise ValueError("reference.governor: must be left out with a plan, which is within its limits in its own time")
-    bare = scenario.with_agent(dataclasses.replace(scenario.agent, path_time=None))
+    bare = scenario.with_agent(replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
     if plan.beyond > MISSED:
-        name = PathLimits(bare.agent.controller.par.model, options).names()[plan.limit]
+        name = PathLimits(bare.agent.model, options).names()[plan.limit]
         line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
         return bare
-    return bare.with_agent(dataclasses.replace(bare.agent, path_time=plan.path_time))
+    return bare.with_agent(replace(bare.agent, path_time=plan.path_time))
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
@@ -134,7 +134,7 @@ def _switches(scenario: Scenario) -> list[float]:
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.controller.par.model, options)
+    trajectory, limits = scenario.agent.reference, PathLimits(scenario.agent.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:
@@ -148,14 +148,14 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     """Times (s) at which the path has a corner, or starts with nonzero speed from rest."""
     corners = []
     first = trajectory.at(0.0)
-    rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
+    rest = replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
     if scenario.agent.initial is None and _is_corner(rest, first):
         corners.append(0.0)
     return [*corners, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
 
 
 def _is_corner(before: Reference, after: Reference) -> bool:
-    base = math.hypot(*(float(c) for c in after.velocity - before.velocity))
+    base = math.hypot(*map(float, after.velocity - before.velocity))
     joints = [abs(float(a) - float(b)) for a, b in zip(before.joint_rates, after.joint_rates, strict=True)]
     return base > CORNER[0] or max(joints, default=0.0) > CORNER[1]
 
@@ -234,10 +234,10 @@ class PathLimits:
         weight = np.array([0.0, 0.0, 0.0, float(model.vehicle.mass) * self._gravity])
         lifting = np.array(mixer.inverse, dtype=float) @ weight
         self._hover = np.maximum(lifting[:, None], 1e-9 * self._highest)
-        efforts = [float(link.joint.effort_limit) or math.inf for link in model.vehicle.links]
+        efforts = [float(joint.effort_limit) or math.inf for joint in model.vehicle.joints]
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}
-        drives = [(i, named.get(link.joint.name)) for i, link in enumerate(model.vehicle.links)]
+        drives = [(i, named.get(joint.name)) for i, joint in enumerate(model.vehicle.joints)]
         self._tip = model.vehicle.end_effector if model.vehicle.n else ""
         self._servos = [(i, drive) for i, drive in drives if isinstance(drive, Servo)]
         for i, servo in self._servos:
@@ -246,7 +246,7 @@ class PathLimits:
     def names(self) -> list[str]:
         """Names of the vehicle limits, one for each row of the array of demands."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
-        joints = [link.joint.name for link in self._vehicle.links]
+        joints = self._vehicle.joint_names
         return [
             *(f"most of rotor {name!r}" for name in rotors),
             *(f"least of rotor {name!r}" for name in rotors),
@@ -263,7 +263,7 @@ class PathLimits:
         shares = self._shares(demand)
         if self._tip:
             # a law may hold the tip or the base: the vehicle must be able to do both
-            motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
+            motion = replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
             demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
             shares = np.maximum(shares, self._shares(demand))
         return shares
@@ -272,12 +272,12 @@ class PathLimits:
         """Extra base acceleration (m/s^2), shape (3, K), that keeps the tip on its path although the base tilts."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         tip = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
-        arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in tip])
+        arm = np.stack([np.broadcast_to(doubles(c), len(motion.time)) for c in tip])
         c, s = np.cos(motion.yaw), np.sin(motion.yaw)
         level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
         off = level - np.einsum("ijk,jk->ik", attitude(settled(force), motion.yaw), arm)
         velocity = np.gradient(off, motion.time, axis=1, edge_order=2)
-        return np.asarray(settled(np.gradient(velocity, motion.time, axis=1, edge_order=2)))
+        return settled(np.gradient(velocity, motion.time, axis=1, edge_order=2))
 
     def at_rest(self, motion: MotionSamples) -> Array:
         """Static demands of each posture of a motion as fractions of the limits, (limits, K): a lower bound."""

@@ -6,10 +6,10 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from typing import TypeVar
 
@@ -45,21 +45,21 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
         if name not in scenario.agents:
             known = must_be_one_of(scenario.agents, name)
             raise ScenarioError(f"path = {path!r}: agents.{name}: {known}")
-        if len(scenario.agents) > 1 and not is_of_agent(word):
+        if scenario.is_team and not is_of_agent(word):
             raise ScenarioError(f"path = {path!r}: is of all agents, must be {word}")
         return scenario.of(name), word
-    if len(scenario.agents) > 1 and is_of_agent(path):
+    if scenario.is_team and is_of_agent(path):
         names = ", ".join(scenario.agents)
         raise ScenarioError(f"path = {path!r}: is of one agent, must be agents.NAME.{path} with one of {names}")
     one = scenario.of(next(iter(scenario.agents)))
     if one is not scenario and is_below(path, "changes"):  # numbered among those of all
-        one = dataclasses.replace(one, changes=scenario.changes)
+        one = replace(one, changes=scenario.changes)
     return one, path
 
 
 def prefix_of(scenario: Scenario, name: str) -> str:
     """Beginning of the parameter paths of one of a scenario's vehicles; empty for the only one."""
-    return f"{OF_AGENT}{name}." if len(scenario.agents) > 1 else ""
+    return f"{OF_AGENT}{name}." if scenario.is_team else ""
 
 
 def is_of_agent(path: str) -> bool:
@@ -93,12 +93,12 @@ def by_agent(
     if shared:
         one = change(scenario.of(next(iter(scenario.agents))), shared)
         shared_parts = {name: getattr(one, name) for name in ("environment", "endings", "team")}
-        changed = dataclasses.replace(changed, **shared_parts)
+        changed = replace(changed, **shared_parts)
     agents = dict(changed.agents)
     for name, own in groups.items():
         with errors_of_agent(name):
             agents[name] = change(changed.of(name), own).agent
-    return dataclasses.replace(changed, agents=agents) if groups else changed
+    return replace(changed, agents=agents) if groups else changed
 
 
 @contextmanager
@@ -237,8 +237,7 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
-        f"plant.drives.{each.name}": (*carried, str(i), "drive")
-        for i, each in enumerate(scenario.agent.plant.vehicle.drives)
+        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.agent.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:
@@ -254,7 +253,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
     view: NumberView | None = None
     whole = True
     for word in words:
-        options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
+        options = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
             at_word = whole and start in variable_words().values()
             names = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]

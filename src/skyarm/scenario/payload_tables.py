@@ -21,9 +21,9 @@ The model of the law takes a point mass at the frame, by changes of ``model.payl
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyarm.records.files import did_you_mean, shown
@@ -67,7 +67,7 @@ def with_model_changes(
     steps = duration * rate  # of an absurd duration, which is refused later, infinity
     last = round(steps) if math.isfinite(steps) else steps
     changes = sorted((each for each in mass_changes if each.tick(rate) < last), key=lambda change: change.at)
-    marked = (dataclasses.replace(each, believed=False) if each in believed else each for each in payloads)
+    marked = (replace(each, believed=False) if each in believed else each for each in payloads)
     return tuple(marked), tuple(changes)
 
 
@@ -161,4 +161,4 @@ def _with_task_windows(gripper: Gripper, events: Sequence[TaskEvent], rate: floa
     if not windows:
         return gripper
     signal = windows[0] if len(windows) == 1 else Sum(tuple(windows))
-    return dataclasses.replace(gripper, closed=type(gripper.closed)(signal))
+    return replace(gripper, closed=type(gripper.closed)(signal))

@@ -426,7 +426,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     stands = fields.flag("standing", False)
     start = scenario.agent.reference.at(0.0)
     joints = rules(State)["joints"](fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints]))
-    n = scenario.agent.plant.vehicle.n
+    n = scenario.agent.vehicle.n
     if len(joints) != n:
         raise ValueError(f"{fields.at('joints')}: {len(joints)} values, must be {n}, one for each joint")
     trim = trimmed_state(scenario.agent.plant, start.position, float(start.yaw), joints)
@@ -452,7 +452,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         return state
     from skyarm.world.contact.static_equilibrium import stand_vehicle
 
-    return stand_vehicle(scenario.agent.plant.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)
+    return stand_vehicle(scenario.agent.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:

@@ -7,10 +7,10 @@ its path, which is applied after all else is read.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +151,7 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     tables = _with_changes(_with_entries(begun, target, stated), folder, target)
     read, rate = scenario_from(tables, folder), target.rates.control
     if in_order(read.changes, rate) == in_order(target.changes, rate):
-        target = dataclasses.replace(target, changes=read.changes)
+        target = replace(target, changes=read.changes)
     # a varied payload is written as the numbers of the body that holds it
     target = target.with_loads_of(read)
     numbers = _numbers(read, target)
@@ -209,7 +209,7 @@ def _under_laws(tables: Tables, laws: Mapping[str, str], folder: PathLike) -> Ta
 def _until_end(scenario: Scenario) -> Scenario:
     """Scenario without metric windows and scheduled changes that lie beyond its end."""
     coming = tuple(each for each in scenario.changes if each.tick(scenario.rates.control) < scenario.steps)
-    return dataclasses.replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
+    return replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
 
 
 def _tables_of(base: PathLike | Mapping[str, Entry]) -> tuple[Tables, Path]:

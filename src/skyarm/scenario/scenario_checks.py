@@ -104,7 +104,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
     """
     rules = [r for r in RULES if changed is None or ((r.numbers or not numbers) and touches(r, changed))]
     for name in scenario.agents:
-        one, of = scenario.of(name), name if len(scenario.agents) > 1 else ""
+        one, of = scenario.of(name), name if scenario.is_team else ""
         with errors_as(ScenarioError), errors_of_agent(of):
             for each in rules:
                 each.check(one)
@@ -148,7 +148,7 @@ def law_has_model(scenario: Scenario) -> None:
 @rule("plant.vehicle", numbers=False)
 def joints_can_be_compiled(scenario: Scenario) -> None:
     """Check that the plant has no more joints than machine code can be made for."""
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     if truth.n > MOST_JOINTS:
         raise ValueError(
             f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
@@ -159,7 +159,7 @@ def joints_can_be_compiled(scenario: Scenario) -> None:
 def initial_state_is_possible(scenario: Scenario) -> None:
     """Check an initial state that is stated against the plant's joints, rotors and tilts."""
     if scenario.agent.initial is not None:
-        _check_initial(scenario.agent.initial, scenario.agent.plant.vehicle)
+        _check_initial(scenario.agent.initial, scenario.agent.vehicle)
 
 
 @rule("rates", "delays", "duration", "plant.kind")
@@ -230,7 +230,7 @@ def reference_fits(scenario: Scenario) -> None:
             )
     if scenario.agent.path_time is not None:
         scenario.agent.path_time.check(scenario.duration, bool(scenario.agent.reference.guards))
-    count, joints = len(scenario.agent.reference.joints), scenario.agent.plant.vehicle.n
+    count, joints = len(scenario.agent.reference.joints), scenario.agent.vehicle.n
     if count != joints:
         raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
 
@@ -255,7 +255,7 @@ def plan_is_there(scenario: Scenario) -> None:
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")
 def sensors_suffice(scenario: Scenario) -> None:
     """Check named sensors: periods, unique names, and all sensors that the law, phases and estimator need."""
-    rates, vehicle = scenario.rates, scenario.agent.plant.vehicle
+    rates, vehicle = scenario.rates, scenario.agent.vehicle
     sensors: dict[str, Sensor] = {}
     for each in scenario.agent.sensors:
         where = f"sensors.{each.name}"
@@ -291,8 +291,8 @@ def sensors_suffice(scenario: Scenario) -> None:
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
-    joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.agent.drives]
+    period, vehicle = scenario.rates.period, scenario.agent.vehicle
+    joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
     added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
@@ -320,7 +320,7 @@ def law_can_be_called(scenario: Scenario) -> None:
 @rule("plant.vehicle")
 def plant_can_fly(scenario: Scenario) -> None:
     """Check that the plant can be simulated: its rotors span torque and thrust, whether they can lift it or not."""
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
         require_plant(truth)
         make_mixer(truth)
@@ -330,7 +330,7 @@ def plant_can_fly(scenario: Scenario) -> None:
 @rule("plant.vehicle", "controller", numbers=False)
 def law_fits_plant(scenario: Scenario) -> None:
     """Check that plant and model have as many joints and rotors, and that lists of the law have matching lengths."""
-    truth, model = scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle
+    truth, model = scenario.agent.vehicle, scenario.agent.model.vehicle
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
@@ -368,7 +368,7 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
 @rule("environment", "payloads", "plant.vehicle", "plant.gravity", "rates")
 def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
-    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.vehicle, scenario.rates.period
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
@@ -380,7 +380,7 @@ def surroundings_fit(scenario: Scenario) -> None:
 @rule("environment", "team", "world", "plant.vehicle", "plant.gravity", "plant.closure", "rates", shared=True)
 def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames and bodies that exist."""
-    period, gravities = 1.0 / scenario.rates.control, {name: a.plant.gravity for name, a in scenario.agents.items()}
+    period, gravities = scenario.rates.period, {name: a.plant.gravity for name, a in scenario.agents.items()}
     first = next(iter(gravities))
     for name, gravity in gravities.items():
         if concrete(gravity, gravities[first]) and gravity != gravities[first]:
@@ -497,7 +497,7 @@ def _require_start_outside(scenario: Scenario, name: str) -> None:
     from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
-    state, vehicle, gravity = first_state(scenario), scenario.agent.plant.vehicle, scenario.agent.plant.gravity
+    state, vehicle, gravity = first_state(scenario), scenario.agent.vehicle, scenario.agent.plant.gravity
     for contact in (each.of_agent(name) for each in scenario.worlds):
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself

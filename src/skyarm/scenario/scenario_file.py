@@ -45,10 +45,10 @@ vehicle and gravity, but knows of no payload. Every error is one line: file, fie
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -236,7 +236,7 @@ def _scenario_of(document: Document) -> Scenario:
         require_changes(scenario)
     made = readers.at_start(scenario, initials)
     planned = {name: each.plan_time(made.of(name)).agent for name, each in members.items()}
-    made = dataclasses.replace(made, agents=planned)
+    made = replace(made, agents=planned)
     with errors_as(ScenarioError, "numbers: "):
         return _with_stated_numbers(made, numbers) if numbers else made
 
@@ -251,7 +251,7 @@ def _payloads_and_changes(document: Document, name: str) -> tuple[tuple[TimedPay
     flight = document.word("reference"), document.word("duration"), document.word("rates").control
     payloads, changes = with_model_changes(payloads, *flight)
     before = f"{OF_AGENT}{name}." if name else ""
-    return payloads, [dataclasses.replace(each, path=before + each.path) for each in changes]
+    return payloads, [replace(each, path=before + each.path) for each in changes]
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:

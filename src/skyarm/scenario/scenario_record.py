@@ -7,11 +7,13 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import cos, data, minimum, sin
 from skyarm.control.controller import Controller, autopilot_of, follows_plan
+from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -23,12 +25,11 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, checked, defaults, require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
 from skyarm.records.leaves import field_names, parts
 from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
-from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.records.words import STRUCTURAL, Word, groups
@@ -111,6 +112,11 @@ class Rates:
             effect="lower rates make the law follow coarser steps of the reference",
         ),
     ] = 50
+
+    @property
+    def period(self) -> float:
+        """Period of the control law, s."""
+        return 1.0 / self.control
 
     def __post_init__(self) -> None:
         accept_fields(self, "rates", ScenarioError)
@@ -340,8 +346,8 @@ class Environment:
     air: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="air")] = ()
     forces: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
-    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
+    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = field_if_any(
+        default=None
     )
 
     def __post_init__(self) -> None:
@@ -389,9 +395,7 @@ class Agent:
         Unit("s", "time at which the law begins to track; before, it holds the initial reference", low=0.0),
         Word("reference.tracking_start"),
     ] = 0
-    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
+    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = field_if_any(default=None)
     noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
@@ -408,7 +412,7 @@ class Agent:
     payloads: Annotated[
         tuple[TimedPayload, ...],
         Word(kind="payload", usual="rigid", reader="payloads"),
-    ] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -422,13 +426,24 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
     @property
+    def vehicle(self) -> Vehicle:
+        """True vehicle, as the plant moves it."""
+        return self.plant.vehicle
+
+    @property
+    def model(self) -> Model:
+        """Model of the vehicle that the law computes with."""
+        model: Model = self.controller.par.model
+        return model
+
+    @property
     def law_reference(self) -> Trajectory:
         """Reference as the law receives it: attitude and rotors of a plan if it follows the whole state."""
         planned = self.reference.planned
         if planned is None or follows_plan(self.controller.par):
             return self.reference
         only = PlannedBody(center=planned.center, tip=planned.tip)
-        return dataclasses.replace(self.reference, planned=only)
+        return replace(self.reference, planned=only)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
@@ -472,7 +487,7 @@ class Agent:
     def all_drives(self) -> tuple[Drive, ...]:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
+        return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
@@ -509,10 +524,10 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
             if group not in fields:
                 fields[group] = group_kind(**inner)
             elif isinstance(fields[group], group_kind):  # what is not is refused as the group
-                fields[group] = dataclasses.replace(fields[group], **inner)
+                fields[group] = replace(fields[group], **inner)
     if "agent" in fields:
         known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))
-        fields["agents"] = dataclasses.replace(known, records=(fields.pop("agent"),))
+        fields["agents"] = replace(known, records=(fields.pop("agent"),))
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
@@ -528,7 +543,7 @@ class Scenario:
     """Complete definition of one experiment.
 
     ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
-    the words of a group in the group's place: ``Scenario(wind=...)``, ``dataclasses.replace(scenario, wind=...)``.
+    the words of a group in the group's place: ``Scenario(wind=...)``, ``replace(scenario, wind=...)``.
 
     Attributes:
         name: short name. title: one-line description.
@@ -553,14 +568,10 @@ class Scenario:
         Word("", group=True),
     ] = dataclasses.field(metadata={"alone": "agent"})
     environment: Annotated[Environment, Word(group=True)] = Environment()
-    team: Annotated[Team | None, Word(kind="team", reader="team")] = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
+    team: Annotated[Team | None, Word(kind="team", reader="team")] = field_if_any(default=None)
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
-    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = dataclasses.field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = field_if_any(default=())
     seed: Annotated[int, STRUCTURAL] = 0
     episode: Annotated[int, STRUCTURAL] = 0
 
@@ -572,7 +583,7 @@ class Scenario:
             accept_fields(self, "")
             world = self.environment.world
             if world is not None and (fitted := world.on(self.vehicles)) is not world:
-                object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
+                object.__setattr__(self, "environment", replace(self.environment, world=fitted))
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -580,7 +591,7 @@ class Scenario:
     @property
     def as_begun(self) -> Scenario:
         """Scenario at the start of the flight, without scheduled changes."""
-        return dataclasses.replace(self, changes=()) if self.changes else self
+        return replace(self, changes=()) if self.changes else self
 
     @property
     def agent(self) -> Agent:
@@ -626,13 +637,18 @@ class Scenario:
         if len(self.agents) == 1:
             return self
         of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
-        changes = tuple(dataclasses.replace(each, path=word_of(each.path)) for each in of_it)
-        return dataclasses.replace(self, agents=self._members.only(name), changes=changes)
+        changes = tuple(replace(each, path=word_of(each.path)) for each in of_it)
+        return replace(self, agents=self._members.only(name), changes=changes)
+
+    @property
+    def is_team(self) -> bool:
+        """True if several vehicles fly."""
+        return len(self.agents) > 1
 
     @property
     def vehicles(self) -> dict[str, Vehicle]:
         """True vehicle of each agent by name."""
-        return {name: each.plant.vehicle for name, each in self.agents.items()}
+        return {name: each.vehicle for name, each in self.agents.items()}
 
     @property
     def law_names(self) -> str:
@@ -668,46 +684,46 @@ class Scenario:
         records = tuple(
             mine
             if any(each.sensor.feels is not None for each in mine.sensors)
-            else dataclasses.replace(mine, plant=dataclasses.replace(mine.plant, loads=its.plant.loads))
+            else replace(mine, plant=replace(mine.plant, loads=its.plant.loads))
             for mine, its in pairs
         )
-        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=records))
+        return replace(self, agents=replace(self._members, records=records))
 
     def with_agent(self, agent: Agent) -> Scenario:
         """Copy of the scenario of one vehicle with another one in its place."""
-        return dataclasses.replace(self, agents=dataclasses.replace(self._members, records=(agent,)))
+        return replace(self, agents=replace(self._members, records=(agent,)))
 
     def under(self, *controllers: Controller) -> Scenario:
         """Scenario with another law of each vehicle in order, and without scheduled changes of the present laws."""
         agents = [self.agent] if len(controllers) == 1 else self.agents.values()
         pairs = zip(agents, controllers, strict=True)
-        records = tuple(dataclasses.replace(own, controller=controller) for own, controller in pairs)
+        records = tuple(replace(own, controller=controller) for own, controller in pairs)
         changes = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=changes, agents=dataclasses.replace(self._members, records=records))
+        return replace(self, changes=changes, agents=replace(self._members, records=records))
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
-        return self.with_agent(dataclasses.replace(self.agent, controller=controller))
+        return self.with_agent(replace(self.agent, controller=controller))
 
     def with_plant(self, plant: Truth) -> Scenario:
         """Scenario with another true vehicle or gravity; the law's model stays."""
-        return self.with_agent(dataclasses.replace(self.agent, plant=plant))
+        return self.with_agent(replace(self.agent, plant=plant))
 
     def with_reference(self, reference: Trajectory) -> Scenario:
         """Copy of the scenario with another reference trajectory."""
-        return self.with_agent(dataclasses.replace(self.agent, reference=reference))
+        return self.with_agent(replace(self.agent, reference=reference))
 
     def with_delays(self, delays: Delays) -> Scenario:
         """Copy of the scenario with other delays of measurements and commands."""
-        return self.with_agent(dataclasses.replace(self.agent, delays=delays))
+        return self.with_agent(replace(self.agent, delays=delays))
 
     def with_initial(self, initial: State) -> Scenario:
         """Copy of the scenario with another initial state of the vehicle."""
-        return self.with_agent(dataclasses.replace(self.agent, initial=initial))
+        return self.with_agent(replace(self.agent, initial=initial))
 
     def with_kind(self, kind: str) -> Scenario:
         """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
-        return dataclasses.replace(self, solver=dataclasses.replace(self.solver, kind=kind))
+        return replace(self, solver=replace(self.solver, kind=kind))
 
     @property
     def kind(self) -> str:
@@ -918,7 +934,7 @@ class FieldsByWord(TypedDict, total=False):
 def with_words(scenario: Scenario, **words: Unpack[FieldsByWord]) -> Scenario:
     """Copy of a scenario with fields replaced by keyword, also fields of its groups, such as ``wind``."""
     # the class takes words of its groups, too, which type checkers do not see
-    return dataclasses.replace(scenario, **words)  # type: ignore[misc]
+    return replace(scenario, **words)  # type: ignore[misc]
 
 
 def check_name(name: str) -> None:
@@ -942,13 +958,13 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
     """
     vehicle = world.vehicle
     trim = hover_trim(vehicle, joints, world.gravity)
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     return State(
-        position=Vec3(*(data(c) for c in position)),
+        position=Vec3(*map(data, position)),
         quaternion=Quaternion(cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
-        joints=tuple(data(q) for q in joints),
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
+        joints=tuple(map(data, joints)),
         joint_rates=still,
         rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
         tilts=(0.0,) * len(vehicle.tilts),
@@ -968,7 +984,7 @@ def _as_data(state: State) -> State:
     """State with all numbers as floats, which are inputs of compiled code, and with a normalised quaternion."""
 
     def as_data(value: Any) -> Any:
-        numbers = (data(each) for each in value)
+        numbers = map(data, value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
     fields = {name: as_data(value) for name, value in leaves.parts(state).items()}

@@ -62,7 +62,7 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
     lines = list[str]()
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         return tuple(f"{name}: {line}" for name in scenario.agents for line in without_effect(scenario.of(name)))
     for judge in (_idle_components, _unread_sensors):
         with suppress(Exception):
@@ -90,7 +90,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
                 axes = ", ".join(sorted(idle))
                 undragged = idle <= _blind_axes(scenario, parts, TILTED)
                 lacks = "no drag: no" if undragged else "drag by its tilt alone: hardly any"
-                lacks = f"where {scenario.agent.plant.vehicle.name!r} has {lacks} effect of that"
+                lacks = f"where {scenario.agent.vehicle.name!r} has {lacks} effect of that"
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
                 yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
@@ -101,8 +101,8 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
     No axis if a part cannot be evaluated: it may react to moving air.
     """
-    vehicle, blind = scenario.agent.plant.vehicle, {*"xyz"}
-    command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
+    vehicle, blind = scenario.agent.vehicle, {*"xyz"}
+    command, rates = Command(rotor_speeds=(), efforts=vehicle.zeros), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
     def forces(part: Component[Tree], air: Vec3) -> AnyArray:
@@ -124,7 +124,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
     """Initial state of an environment model; for one with random numbers, all its values equal ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
-    memory = component.start(1.0 / scenario.rates.control, draws)
+    memory = component.start(scenario.rates.period, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
@@ -134,7 +134,7 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
     at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
     """
-    period, every = 1.0 / scenario.rates.control, max(1, scenario.steps // INSTANTS)
+    period, every = scenario.rates.period, max(1, scenario.steps // INSTANTS)
     memory = _begin(scenario, component, noise=float(len(blind) == 3))
     moved, acts = set[str](), component.uniforms > 0
     speeds = first_state(scenario).rotor_speeds
@@ -147,7 +147,7 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
         if not acts:
             pushes = component.wrenches(memory, t, UNKNOWN, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or component.rotor_commands(memory, scenario.agent.plant.vehicle.rotors, speeds) is not speeds
+            acts = acts or component.rotor_commands(memory, scenario.agent.vehicle.rotors, speeds) is not speeds
         still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
         if (acts or moved) and moved | still >= blind:
             break
@@ -169,7 +169,7 @@ class _Readings(UserDict[str, object]):
 
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, for a vehicle without acceleration and random numbers of 0.5."""
-    vehicle, period = scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
+    vehicle, period = scenario.agent.vehicle, scenario.rates.period
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.agent.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
@@ -181,11 +181,11 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     sensors = tuple((each.name, each.sensor) for each in scenario.agent.sensors)
     if not sensors or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = scenario.agent.controller.par.model, scenario.agent.plant.vehicle, first_state(scenario)
-    readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
+    model, vehicle, state = scenario.agent.model, scenario.agent.vehicle, first_state(scenario)
+    readings, period = _Readings(readings_at(scenario, state, 0.0)), scenario.rates.period
     guards, readings.read = scenario.agent.reference.guards, set()
     estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
-    command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+    command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
     estimator.step(estimator.start(model.vehicle), readings, command, period)
     used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
     tip = tip_sensor(sensors, vehicle)

@@ -9,19 +9,17 @@ Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, thei
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree, blend, leaves, rebuild
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields, nonnegative
 from skyarm.reference.signal_tables import SignalList
 from skyarm.sensing.sensor import Sensor
@@ -75,7 +73,7 @@ class Channel:
     ] = 0
     scale: Annotated[Scalar, Unit("", "relative error of the scale factor")] = 0
     resolution: Annotated[Scalar, nonnegative("u", "step to which readings are rounded; 0: none")] = 0
-    offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    offset: SignalList | None = field_if_any(default=None)
 
     @property
     def drifts(self) -> bool:
@@ -292,7 +290,7 @@ class ChannelSensor(Sensor):
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and example components of each measured quantity."""
-        return self.quantities(example_state(*vehicle.sizes), Vec3(0.0, 0.0, 0.0))
+        return self.quantities(example_state(*vehicle.sizes), ZERO3_DATA)
 
     record: ClassVar[type]
     """Record type of a reading: the time, then a field for each channel."""

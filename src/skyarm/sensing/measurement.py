@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.coerce import absent
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree, leaves
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -37,16 +36,16 @@ class Measurement:
     joints: Annotated[Scalars, Unit("rad or m", "joint positions, in the vehicle's order")] = ()
     joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")] = ()
     rotor_speeds: Annotated[Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")] = ()
-    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field(default=(), metadata=WRITTEN_IF_ANY)
-    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
+    tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = field_if_any(default=())
+    tip_force: Annotated[Scalars, Unit("N", "reading of the force sensor: force on the tip, axes of the tip")] = (
+        field_if_any(
+            default=(),
+        )
     )
-    switches: Annotated[Scalars, Unit("", "state of each tactile switch that phases wait for; 1 closed")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
+    switches: Annotated[Scalars, Unit("", "state of each tactile switch that phases wait for; 1 closed")] = (
+        field_if_any(default=())
     )
-    holds: Annotated[Scalars, Unit("", "1 while a gripper at the tip reports a grasp")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    holds: Annotated[Scalars, Unit("", "1 while a gripper at the tip reports a grasp")] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -56,10 +55,15 @@ class Measurement:
         if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
             accept_fields(self, "measurement")
 
+    @property
+    def rotation(self) -> Mat3:
+        """Rotation from base axes to world axes."""
+        return self.quaternion.rotation()
+
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
     """Error-free measurement of a vehicle at rest and level at the origin, at time 0."""
-    blank = measurement_of(example_state(joints, rotors, tilts), Vec3(0.0, 0.0, 0.0))
+    blank = measurement_of(example_state(joints, rotors, tilts), ZERO3_DATA)
     return replace(blank, tip_force=(0.0,) * tip_force)
 
 

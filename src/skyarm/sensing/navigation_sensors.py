@@ -86,7 +86,7 @@ class Magnetometer(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Magnetic field in base axes: name, error model and true components."""
         field_W = Vec3(data(self.north), data(self.west), data(self.up))
-        return self.channels(field=state.quaternion.rotation().apply_T(field_W))
+        return self.channels(field=state.rotation.apply_T(field_W))
 
 
 @immutable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Motion, Scalar, Vec3
 from skyarm.algebra.scalars import same
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
@@ -22,7 +22,7 @@ class Push:
     torque: Annotated[Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")]
 
 
-NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
+NO_PUSH = Push(force=ZERO3_DATA, torque=ZERO3_DATA)
 """External wrench of zero."""
 
 

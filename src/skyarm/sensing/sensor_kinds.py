@@ -11,9 +11,9 @@ and load takes: a sensor on a light hand. A free object that is held counts whol
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import field, replace
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Scalars, Vec3
@@ -22,9 +22,8 @@ from skyarm.algebra.scalars import absolute, cos, data, divide, exp, floor, mul,
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.leaves import Tree, leaves
-from skyarm.records.plain import UNWRITTEN
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin
@@ -122,9 +121,9 @@ class Imu(ChannelSensor):
 
     position: Annotated[
         Vec3, Unit("m", "place of the inertial unit from the base origin, base axes", usual=FARTHEST)
-    ] = dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
-    rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = (
-        dataclasses.field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    ] = field(default=ZERO3, metadata={UNWRITTEN: ZERO3})
+    rpy: Annotated[Vec3, Unit("rad", "roll, pitch and yaw of the inertial unit's axes in the base")] = field(
+        default=ZERO3, metadata={UNWRITTEN: ZERO3}
     )
     gyro: Channel = Channel(density=0.005, walk=1e-4)
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
@@ -206,7 +205,7 @@ class Heading(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Heading: name, error model and true value."""
-        return self.channels(heading=(euler_angles(state.quaternion.rotation())[2],))
+        return self.channels(heading=(euler_angles(state.rotation)[2],))
 
     def reading(self, t: Scalar, values: Sequence[Scalars], *rest: Any) -> tuple[Tree, Tree]:
         """Make the reading, which errors do not carry beyond half a turn."""
@@ -266,7 +265,7 @@ class Encoders(ChannelSensor):
 
     def first_own(self, vehicle: Vehicle) -> Tree:
         """Initial joint positions for the finite difference; () if rates are measured."""
-        return (0.0,) * vehicle.n if self.rates == "difference" else ()
+        return vehicle.zeros if self.rates == "difference" else ()
 
     def reading(
         self,
@@ -278,7 +277,7 @@ class Encoders(ChannelSensor):
         dt: float,
     ) -> tuple[Tree, EncoderReading]:
         """Make the encoder reading: quantised positions, and rates by finite difference or measured."""
-        joints = tuple(self._quantize(q) for q in values[0])
+        joints = tuple(map(self._quantize, values[0]))
         if self.rates == "measured":
             return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
         rates = tuple(where(first, 0.0, sub(q, old) * (1.0 / dt)) for q, old in zip(joints, own, strict=True))
@@ -342,7 +341,7 @@ class FramedSensor(ChannelSensor):
             share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
             force, torque = before.force, before.torque
             push = Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
-        own = dataclasses.replace(memory, own=(push, more))
+        own = replace(memory, own=(push, more))
         return self.read(own, t, self.reading_of(push), (), draws, dt)
 
 

@@ -14,7 +14,7 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
 from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.immutable import positional
@@ -175,12 +175,12 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
 def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.agent.plant.vehicle, len(flown.states)
+    vehicle, count = scenario.agent.vehicle, len(flown.states)
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
-        columns = [np.asarray(c, dtype=float) for c in record]
+        columns = [doubles(c) for c in record]
         columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
@@ -245,7 +245,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     for name, reading in flown.readings:
         i, sensor = sensors[name]
         every = round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        frame = None if sensor.feels is None else scenario.agent.plant.vehicle.frame(sensor.feels or None).name
+        frame = None if sensor.feels is None else scenario.agent.vehicle.frame(sensor.feels or None).name
         mount = None
         if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
             mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
@@ -282,10 +282,10 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
     return {
         **{name: whole[name] for name in ("schema", "scenario", "title", "plant", "integrator")},
-        "plant_vehicle": own.plant.vehicle.name,
+        "plant_vehicle": own.vehicle.name,
         "plant_gravity": float(own.plant.gravity),
-        "model_vehicle": own.controller.par.model.vehicle.name,
-        "model_gravity": float(own.controller.par.model.gravity),
+        "model_vehicle": own.model.vehicle.name,
+        "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
         **{name: value for name, value in whole.items() if name not in ("scenario_record", "digest")},
         **({"phases": [phase.name for phase in own.reference.phases]} if own.reference.phases else {}),

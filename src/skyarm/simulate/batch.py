@@ -229,7 +229,7 @@ class Batch:
         """Metrics of each flight of the batch, from the sums accumulated in flight."""
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
-        period, metrics = 1.0 / self.scenario.rates.control, dict[str, Array]()
+        period, metrics = self.scenario.rates.period, dict[str, Array]()
         for (agent, names), totals, sums in zip(self._listed.items(), self._totals, tallies, strict=True):
             named, joints = dict(zip(totals, sums, strict=True)), self.scenario.vehicles[agent].n
             numbers = metric_values([*names.values()], named, instants, joints, period)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import compress
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from skyarm.log.metrics.accumulate import Total, Totals, advance_totals, first_t
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import doubles
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.reference import Reference
@@ -50,13 +52,13 @@ from skyarm.simulate.stages import AgentStages, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.world.component import by_array, columns_of_agent
 
-Tallies: TypeAlias = tuple[Totals, ...]
+Tallies = tuple[Totals, ...]
 """Running sums and extremes of each vehicle's metrics."""
 
-Goals: TypeAlias = tuple[MetricGoal, ...]
+Goals = tuple[MetricGoal, ...]
 """Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
 
-FeedRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Goals, ...]]
+FeedRow = tuple[GivenRows, Scalars, tuple[Goals, ...]]
 """Inputs of one control period of a batch: of the loop, open metric windows, desired positions of each vehicle."""
 
 
@@ -75,7 +77,7 @@ class Feed:
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
         self._each = tuple(AgentFeed(scenario.of(name), _paths_of(paths, name)) for name in scenario.agents)
-        flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
+        flags = [doubles(masks[name])[:, None] for name in self._flags]
         self.example: FeedRow = (
             tuple(each.row for each in self._each),
             (0.0,) * len(flags),
@@ -120,7 +122,7 @@ class AgentFeed:
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
-        vehicle = self._scenario.agent.plant.vehicle
+        vehicle = self._scenario.agent.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), structure_of(dense))
         goal: MetricGoal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
@@ -137,12 +139,12 @@ class AgentFeed:
         if not goals:
             row = InputRow(time=row.time, reference=reference)
         both = reference, varied.agent.reference.at(row.time)
-        return row, tuple(goal_of(varied.agent.plant.vehicle, each.dense()) for each in both)
+        return row, tuple(goal_of(varied.agent.vehicle, each.dense()) for each in both)
 
     def _arm_varies(self, varied: Scenario) -> bool:
         """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
         still = self._scenario.agent.reference.at(0.0).dense()
-        nodes = [c for c in goal_of(varied.agent.plant.vehicle, still).tool if isinstance(c, Node)]
+        nodes = [c for c in goal_of(varied.agent.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
 
@@ -155,7 +157,7 @@ def _instant(
     goals: Goals,
 ) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics of one vehicle are computed."""
-    vehicle, waits, command = stages.scenario.agent.plant.vehicle, stages.waits, sample.command
+    vehicle, waits, command = stages.scenario.agent.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
@@ -201,7 +203,7 @@ OF_CHANGES = "changes."
 """Prefix of the paths of values that scheduled changes set."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class LegOptions:
     """Settings common to all intervals between the scheduled changes of a batch of flights.
 
@@ -223,7 +225,7 @@ class LegOptions:
     effort: int = 0
 
 
-CodeKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+CodeKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 """Replaced parts, varied paths, paths that changes set, and those of them that vary: equal for legs of one code."""
 
 
@@ -272,7 +274,7 @@ class Leg:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
         self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
-        self.first = (self._loop.first, tuple(first_totals(each) for each in options.wanted))
+        self.first = (self._loop.first, tuple(map(first_totals, options.wanted)))
         used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)
@@ -354,7 +356,7 @@ class Leg:
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
-        begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
+        begun = rebuild(self.first[0], iter(list(fresh)))
         anew = other_references(self.scenario, self._overrides, leg._overrides)
         clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
         now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clocks)

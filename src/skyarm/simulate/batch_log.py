@@ -91,7 +91,7 @@ def _log_of_agent(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog
 def _by_episode(example: Logged, rows: Array) -> Logged:
     """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN after an episode's end."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
-    whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))
+    whole = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
     columns[:, ~alive] = np.nan
     return replace(whole, alive=alive)

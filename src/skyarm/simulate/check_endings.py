@@ -67,7 +67,7 @@ def _both(a: Scalar, b: Scalar) -> Scalar:
 
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """First termination condition that a state meets, as status, cause and time; None if it meets none."""
-    state = rebuild(example_state(*scenario.agent.plant.vehicle.sizes), iter(x))
+    state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             try:
@@ -95,7 +95,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Clock) -> Ended | None:
 
 def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
     """Early end of a flight because a commanded number is infinite or NaN, or None."""
-    cause = not_finite(scenario.agent.plant.vehicle, command)
+    cause = not_finite(scenario.agent.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
 

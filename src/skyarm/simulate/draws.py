@@ -75,7 +75,7 @@ def draw_plan(scenario: Scenario) -> Draws:
     """
     sensors, components = [], []
     for name, agent in scenario.agents.items():
-        of, vehicle = "" if name == SOLE else f" of {name}", agent.plant.vehicle
+        of, vehicle = "" if name == SOLE else f" of {name}", agent.vehicle
         full, *named = agent.all_sensors
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
 from skyarm.reference import Reference
@@ -65,11 +65,11 @@ ALIVE, TICKS = 0, 1
 """Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
-ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
+ProgramKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
 """Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
 values."""
 
-EngineRow: TypeAlias = tuple[GivenRows, Scalars, tuple[Command, ...]]
+EngineRow = tuple[GivenRows, Scalars, tuple[Command, ...]]
 """Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
 
 
@@ -238,7 +238,7 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState: TypeAlias = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
+EngineState = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
 """State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
 log, memory of a law."""
 
@@ -262,7 +262,7 @@ class Engine:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs = code.inputs
-        parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
+        parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()
@@ -373,7 +373,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
+            sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
             commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
@@ -383,7 +383,7 @@ class Engine:
 
     def _with_name(self, name: str, ending: Ended) -> Ended:
         """Early termination with the name of the vehicle in its cause if there are several."""
-        several = len(self.scenario.agents) > 1
+        several = self.scenario.is_team
         return replace(ending, cause=f"{name}: {ending.cause}") if several else ending
 
     @property
@@ -394,7 +394,7 @@ class Engine:
     def samples(self, start: int, stop: int) -> tuple[LoggedSamples, ...]:
         """Logged samples of each vehicle in control periods ``start`` to ``stop`` as array views."""
         rows, samples = self._log[start:stop], list[LoggedSamples]()
-        columns: Sample = rebuild(self.code.sample, iter(rows.T))
+        columns = rebuild(self.code.sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
             samples.append(
                 LoggedSamples(
@@ -452,7 +452,7 @@ class Engine:
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        state: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
         if not self.code.calls:
             return state
         laws = zip(self._laws, self.code.calls, state.agents, strict=True)

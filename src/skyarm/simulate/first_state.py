@@ -32,7 +32,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
     """
     if draws is None:
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
-    period, left = 1.0 / scenario.rates.control, iter(draws)
+    period, left = scenario.rates.period, iter(draws)
     alone = [scenario.of(name) for name in scenario.agents]
     states = [first_state(each) for each in alone]
     motions = motions_of([each.agent.plant for each in alone], states, tuple(scenario.agents))
@@ -55,21 +55,21 @@ def _is_still(state: State) -> bool:
 
 def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     """Initial state of one vehicle and its control, from the scenario of its flight and its initial state."""
-    vehicle, drives = scenario.agent.plant.vehicle, scenario.agent.all_drives
+    vehicle, drives = scenario.agent.vehicle, scenario.agent.all_drives
     efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
-    setpoints = tuple(data(effort) for effort in efforts)
+    setpoints = tuple(map(data, efforts))
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts)
     return AgentLoop(
         state=state,
         memory=scenario.agent.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.agent.all_sensors))),
-        estimate=scenario.agent.placed_estimator.start(scenario.agent.controller.par.model.vehicle),
+        estimate=scenario.agent.placed_estimator.start(scenario.agent.model.vehicle),
         drives=tuple(
-            drive.begin(q, u, 1.0 / scenario.rates.control)
+            drive.begin(q, u, scenario.rates.period)
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),
@@ -78,7 +78,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
     """Initial state of a sensor, whose delay queue holds placeholders shaped like its reading."""
-    vehicle, (_, sensor) = scenario.agent.plant.vehicle, scenario.agent.all_sensors[index]
+    vehicle, (_, sensor) = scenario.agent.vehicle, scenario.agent.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)

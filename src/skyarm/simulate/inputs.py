@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +12,7 @@ from skyarm.algebra import Scalar
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
@@ -111,9 +110,7 @@ class EpisodeInputs:
         Args:
             columns: logged values of the reference clock (``led`` of a sample), (N,) each.
         """
-        (sampled, its_offset), (own, offset) = self.waits.instants(
-            [np.asarray(column, dtype=float) for column in columns]
-        )
+        (sampled, its_offset), (own, offset) = self.waits.instants([doubles(column) for column in columns])
         times = np.asarray(own)
         return self._at(np.asarray(sampled), its_offset), self._at(times, offset), times
 
@@ -197,7 +194,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     published = with_preview(published, preview_leads(scenario.agent.controller.par), at)
     if published.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
-        published = dataclasses.replace(published, load=now.load)
+        published = replace(published, load=now.load)
     return EpisodeInputs(scenario, times, published)
 
 
@@ -215,5 +212,5 @@ def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
 
 def table_of(record: Tree, count: int) -> Array:
     """Table of a dataclass of arrays: one row per control instant, one column per scalar field."""
-    columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
+    columns = [np.broadcast_to(doubles(leaf), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.plant.surroundings import AnyComponent
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.path_names import agent_of, word_of
@@ -162,8 +162,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
         if longest is None or not varied:
             continue
         delays = {
-            path: columns[named[path]] if path in named else np.array([number_at(one, path)], dtype=float)
-            for path in delay_words()
+            path: columns[named[path]] if path in named else doubles([number_at(one, path)]) for path in delay_words()
         }
         for path, delay in delays.items():
             late = delay if path == LATE else delays[LATE] + delay
@@ -216,7 +215,7 @@ class LaneRules:
         Raises:
             ScenarioError: one line with path, value and what is allowed.
         """
-        named = {path: np.asarray(values[path], dtype=float) for path in self._paths if path in values}
+        named = {path: doubles(values[path]) for path in self._paths if path in values}
         if not named or not all(column.size for column in named.values()):
             return
         table = np.array(np.broadcast_arrays(*named.values())).reshape(len(named), -1)

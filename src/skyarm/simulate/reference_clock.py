@@ -9,8 +9,8 @@ Where no phase waits the clock is ``()``: structure, without an operation.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -98,14 +98,14 @@ class Waits:
         self._believed = tuple(each for each in scenario.agent.payloads if each.believed)
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
-        self._vehicle = scenario.agent.controller.par.model.vehicle
+        self._vehicle = scenario.agent.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
             dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
         )
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
-        self._terms = tuple(self._terms_of(guard) for guard in self.guards)
+        self._terms = tuple(map(self._terms_of, self.guards))
 
     def _terms_of(self, guard: Guard) -> GuardTerms:
         rate = self._rate
@@ -121,7 +121,7 @@ class Waits:
 
     def terms(self, n: Scalar) -> GuardTerms:
         """Times and flags of guard number ``n``; beyond the last guard, those of a guard that is never reached."""
-        return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
+        return _select(n, (*self._terms, replace(self._terms[-1], end=NEVER, early=0.0)))
 
     def first(self) -> Clock:
         """Initial state of the reference clock; () for a task without guards."""
@@ -152,7 +152,7 @@ class Waits:
         guard: Scalar = 0.0
         for terms in self._terms:
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
-        return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
+        return replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> InputRow[Reference]:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
@@ -160,7 +160,7 @@ class Waits:
             return cast("InputRow[Reference]", row)  # without a clock the reference is in the row
         path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
-            reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
+            reference = replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return InputRow(time=row.time, reference=reference, told=row.told, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
@@ -184,9 +184,9 @@ class Waits:
         fresh = due(ticks, self._ratio)
         sampled = where(fresh, clock.place, clock.held)
         if not self._moves:
-            return dataclasses.replace(clock, held=sampled)
+            return replace(clock, held=sampled)
         offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
-        return dataclasses.replace(clock, held=sampled, held_offset=offset, held_since=since)
+        return replace(clock, held=sampled, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> Scalars:
         """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
@@ -247,7 +247,7 @@ class Waits:
             vehicle = vehicle.with_payload(where(carried, payload.mass, 0.0), payload.frame or None)
         if not self._believed:
             return par
-        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+        return replace(par, model=replace(par.model, vehicle=vehicle))
 
     def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
         """Measured and desired tip position, forces and tactile switches, for evaluating conditions (guards)."""
@@ -255,7 +255,7 @@ class Waits:
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
             turned = frame_pose(self._vehicle, self._vehicle.frame(), measurement.joints).R
-            felt = measurement.quaternion.rotation().apply(turned.apply(Vec3(*measurement.tip_force)))
+            felt = measurement.rotation.apply(turned.apply(Vec3(*measurement.tip_force)))
         switches = measurement.switches if self.switches else ()
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
@@ -279,7 +279,7 @@ class Waits:
         if self._moves:  # the reference keeps its position when the rest of a phase is skipped
             position = self.reference(self.path_time(clock), leaves((offset, since))).position
             offset, since = blend(enough, (position - Vec3(*now.stop), now.end), (offset, since))
-        return dataclasses.replace(
+        return replace(
             self._hold_sample(clock, ticks),
             place=minimum(gone, self.terms(number).end),
             guard=number,
@@ -357,5 +357,5 @@ def _clock_of_change(scenario: Scenario, first: AgentLoop, own: AgentLoop, now: 
     if first.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
-    clock: Clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
+    clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
     return clock

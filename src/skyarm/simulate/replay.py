@@ -8,11 +8,10 @@ unexplained.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -32,7 +31,7 @@ from skyarm.simulate.command_delay import mean_efforts, switches
 from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
-Numbers: TypeAlias = Mapping[str, Scalar]
+Numbers = Mapping[str, Scalar]
 
 
 @immutable
@@ -43,7 +42,7 @@ class Unexplained(Component[tuple[Vec3, Vec3]]):
         self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
         """Residual force and torque on the base, unexplained by the plant model, in world axes."""
-        force, torque = (motion.rotation.apply(each) for each in memory)
+        force, torque = map(motion.rotation.apply, memory)
         return [Wrench(force_W=force, torque_W=torque)]
 
 
@@ -111,7 +110,7 @@ class CommandReplay:
                 drive_memories=memories,
             )
 
-        none = Vec3(0.0, 0.0, 0.0)
+        none = ZERO3_DATA
         still, late = example_command(n, rotors), (0.0, 0.0)
         self._inputs = Inputs(
             numbers=tuple(start.values()), thrust=1.0, force=none, torque=none, before=still, after=still, late=late

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Scalar
@@ -68,7 +68,7 @@ class Course:
         changes = (*self.made, *self.coming)
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
-        return dataclasses.replace(self.begun, changes=changes)
+        return replace(self.begun, changes=changes)
 
     def due(self, tick: int) -> bool:
         """True if a scheduled change takes effect in control period ``tick`` or earlier."""
@@ -101,7 +101,7 @@ class Course:
         self, made: Sequence[Change], coming: tuple[Change, ...], overrides: Overrides, now: Scenario, piece: Piece
     ) -> Course:
         if coming:
-            now = dataclasses.replace(now, changes=coming)
+            now = replace(now, changes=coming)
         flown = (*self.flown, piece) if len(piece.flown[0].states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
@@ -310,7 +310,7 @@ class Session:
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
                 before, now = again._engine, again.now
             if line := first_line(lambda: before.evaluate(before.evaluate(now))):
-                engine.ended = dataclasses.replace(ended, cause=f"{ended.cause}; first in {line}")
+                engine.ended = replace(ended, cause=f"{ended.cause}; first in {line}")
         return False
 
     @property
@@ -335,7 +335,7 @@ class Session:
         times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
         rows = zip(agents.items(), engine.states_and_commands(start, engine.tick), strict=True)
         for (name, agent), (states, commands) in rows:
-            own = state_arrays(agent.plant.vehicle, times, states, commands)
+            own = state_arrays(agent.vehicle, times, states, commands)
             arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
         return {**arrays, "time": times}
 

@@ -6,7 +6,6 @@ traced program (:func:`skyarm.simulate.period.make_period`).
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -84,11 +83,11 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario, commands: Sequence[Command] = (), given: Sequence[Scalar] = ()) -> None:
-        self.scenario, self.period = scenario, 1.0 / scenario.rates.control
+        self.scenario, self.period = scenario, scenario.rates.period
         self.worlds = tuple(each.plant for each in scenario.agents.values())
-        self.own = tuple(scenario.own_components(each) for each in scenario.agents.values())
+        self.own = tuple(map(scenario.own_components, scenario.agents.values()))
         self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
-        self._eventful = any(_acts(each) for each in (*self.shared, *(each for some in self.own for each in some)))
+        self._eventful = any(map(_acts, (*self.shared, *(each for some in self.own for each in some))))
         rows = zip_longest(scenario.agents, commands, given)
         self.agents = tuple(self._stages_of(name, command, mode) for name, command, mode in rows)
 
@@ -215,7 +214,7 @@ class Stages:
                 components=models,
                 memories=tuple(memories),
                 time=time,
-                effectiveness=effectiveness_at(agent.faults, agent.plant.vehicle, time),
+                effectiveness=effectiveness_at(agent.faults, agent.vehicle, time),
                 drives=agent.all_drives,
                 drive_memories=of_drives,
             )
@@ -257,16 +256,16 @@ class AgentStages:
 
     def __init__(self, scenario: Scenario, command: Command | None = None, given: Scalar | None = None) -> None:
         self.scenario, self._command, self._given = scenario, command, given
-        self.period, own = 1.0 / scenario.rates.control, scenario.agent
+        self.period, own = scenario.rates.period, scenario.agent
         self.sensors = own.all_sensors
         self.waits = Waits(scenario)
         self._law = checked_law(own.controller)
-        model = own.controller.par.model
+        model = own.model
         self._awaits_load = learns_load(own.controller.par) and own.reference.load is None
         self._estimator = own.placed_estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if own.delays.apart else None
-        self.tip_sensor = tip_sensor(self.sensors, own.plant.vehicle)
+        self.tip_sensor = tip_sensor(self.sensors, own.vehicle)
         # a perfect full state is the truth, which the log has; without an estimator it is the law's measurement
         noisy = [sigma for sigma in leaves(own.noise) if type(sigma) is not float or sigma > 0.0]
         full = [FULL_STATE] if own.has_estimator and noisy else []
@@ -326,11 +325,11 @@ class AgentStages:
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
             pushed = cast("ForceReading", arrived[name])  # as says what the sensor senses
-            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
+            measurement = replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
         if self.waits.switches:
             # as says what these sensors sense
             switches = tuple(cast("SwitchReading", arrived[name]).closed for name in self.waits.switches)
-            measurement = dataclasses.replace(measurement, switches=switches)
+            measurement = replace(measurement, switches=switches)
         logged = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
         return Readings(sensors=tuple(going), estimate=memory, readings=logged, measurement=measurement)
 
@@ -338,17 +337,17 @@ class AgentStages:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
-        tip, each_memory = self.scenario.agent.plant.vehicle.end_effector, zip(self._models, memories, strict=True)
+        tip, each_memory = self.scenario.agent.vehicle.end_effector, zip(self._models, memories, strict=True)
         (name,) = self.scenario.agents
         reports = [report for each, memory in each_memory for report in each.holds(memory, tip, name)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
-        return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
+        return replace(read, measurement=replace(read.measurement, holds=holds))
 
     def decide(
         self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()] = ()
     ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
-        controller, vehicle = self.scenario.agent.controller, self.scenario.agent.plant.vehicle
+        controller, vehicle = self.scenario.agent.controller, self.scenario.agent.vehicle
         if self._command is not None and self._given is None:
             return memory, with_rest(vehicle, self._command)
 
@@ -360,7 +359,7 @@ class AgentStages:
             own, joints_own = mode < 0.5, absolute(mode - 1.0) > 0.5
             speeds = blend(own, command.rotor_speeds, outside.rotor_speeds)
             rest = blend(joints_own, command, outside)
-            return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
+            return blend(joints_own, following, memory), replace(rest, rotor_speeds=speeds)
 
         given = memory, measurement, reference, self._command, self._given
         loads_change = self.waits.with_task_loads(controller.par, path_time) is not controller.par
@@ -376,7 +375,7 @@ class AgentStages:
         """Evaluate the control law; return its next internal state and the command."""
         par = self.waits.with_task_loads(self.scenario.agent.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
-        return following, with_rest(self.scenario.agent.plant.vehicle, command)
+        return following, with_rest(self.scenario.agent.vehicle, command)
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -386,8 +385,8 @@ class AgentStages:
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
-        rotors = self.scenario.agent.plant.vehicle.rotors
-        able = dataclasses.replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
+        rotors = self.scenario.agent.vehicle.rotors
+        able = replace(command, rotor_speeds=least_raised(rotors, command.rotor_speeds))
         moved = (*queue[1:], able)
         return where(going, 1.0, 0.0), moved, self.acting(moved)
 
@@ -472,7 +471,7 @@ def push_at(frame: Frame, around: Surroundings, motion: PointMotion, loads: Sequ
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
-    axes = [motion.to_world(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
+    axes = [motion.to_world(axis, frame.link) for axis in map(frame.rotation.column, range(3))]
     return Push(
         force=Vec3(*(data(axis.dot(force)) for axis in axes)),
         torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),

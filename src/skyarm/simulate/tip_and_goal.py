@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from skyarm.algebra import Quaternion, Scalars, Vec3
-from skyarm.algebra.scalars import cos, sin
 from skyarm.dynamics import State, frame_pose
 from skyarm.log.metrics.metric import MetricGoal
 from skyarm.reference import Reference
@@ -19,7 +18,7 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Sca
     """Tip position (m), world axes, from base position, attitude and joint positions."""
     if not vehicle.end_effector:
         return position
-    tip = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), joints).p
+    tip = frame_pose(vehicle, vehicle.frame(), joints).p
     return position + quaternion.rotation().apply(tip)
 
 
@@ -32,7 +31,6 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> MetricGoal:
         return MetricGoal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
     tool = reference.position
     if vehicle.end_effector:
-        tip = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
-        c, s = cos(reference.yaw), sin(reference.yaw)
-        tool = tool + Vec3(c * tip.x - s * tip.y, s * tip.x + c * tip.y, tip.z)
+        tip = frame_pose(vehicle, vehicle.frame(), reference.joints).p
+        tool = tool + tip.about_z(reference.yaw)
     return MetricGoal(position=reference.position, joints=reference.joints, tool=tool)

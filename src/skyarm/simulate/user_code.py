@@ -11,7 +11,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -43,6 +43,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, is_record, leaves, named_parts, parts
 from skyarm.records.path_names import word_of
 from skyarm.records.registry.class_signatures import class_mistake
@@ -79,7 +80,7 @@ Fingerprint = dict[str, str]
 """Text of the traced results of a part's methods, by place."""
 
 
-@dataclass(frozen=True)
+@positional
 class UserPart:
     """User-defined model in a scenario, with its parameter path and the method that error messages refer to.
 
@@ -241,7 +242,7 @@ def _parts(scenario: Scenario) -> Iterator[tuple[UserPart, Check]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
     for i, name in enumerate(scenario.agents):
         alone = scenario.of(name)
-        before = f"agents.{name}." if len(scenario.agents) > 1 else ""
+        before = f"agents.{name}." if scenario.is_team else ""
         for place, record, method, check, own in _parts_of_agent(alone, first=i == 0):
             at = before + place if is_of_agent(place) else place
             yield UserPart(at, record, method, alone, scenario, own), check
@@ -303,7 +304,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
     if mistake is not None:
         raise part.refusal(mistake[1], mistake[0])
     given = getattr(part.record, "uniforms", 0)
-    count = given(scenario.agent.plant.vehicle) if callable(given) else given
+    count = given(scenario.agent.vehicle) if callable(given) else given
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
         line = place_of(given if callable(given) and own_code(given) is not None else kind)
         said = "gives uniforms" if callable(given) else "has uniforms"
@@ -312,7 +313,7 @@ def _require_class(scenario: Scenario, part: UserPart) -> None:
 
 def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
-    vehicle, component, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, component, period = scenario.agent.vehicle, part.record, scenario.rates.period
     whole = part.whole
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
@@ -405,9 +406,9 @@ _check_motion = partial(_check_value, label="", example=None)
 
 
 def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
-    joints = [link.joint.name for link in scenario.agent.plant.vehicle.links]
+    joints = scenario.agent.vehicle.joint_names
     joint, drive = joints.index(part.place.rpartition("plant.drives.")[2]), part.record
-    period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
+    period, place = scenario.rates.period, first_state(scenario).joints[joint]
 
     def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: Scalars) -> Tree:
         position, rate = state.joints[joint], state.joint_rates[joint]
@@ -421,7 +422,7 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, sensor = scenario.agent.plant.vehicle, part.record
+    vehicle, sensor = scenario.agent.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
     declared: type = getattr(sensor, "record", object)
 
@@ -438,11 +439,11 @@ def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
 
 
 def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
-    vehicle, estimator, period = scenario.agent.plant.vehicle, part.record, 1.0 / scenario.rates.control
+    vehicle, estimator, period = scenario.agent.vehicle, part.record, scenario.rates.period
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
         readings = readings_at(scenario, state, time)
-        command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+        command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
         try:
             result = call("step", memory, readings, command, period)
         except KeyError as error:
@@ -459,12 +460,12 @@ def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
         part.require_numbers("step", "a measurement", measured, readings[FULL_STATE])
         return following
 
-    return part.trace(step, estimator.start(scenario.agent.controller.par.model.vehicle), scenario)
+    return part.trace(step, estimator.start(scenario.agent.model.vehicle), scenario)
 
 
 def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
-    leads, period = preview_leads(part.record.par), 1.0 / scenario.rates.control
+    leads, period = preview_leads(part.record.par), scenario.rates.period
     reference = scenario.agent.law_reference
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: Scalars) -> Tree:
@@ -498,7 +499,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         flown, controller = law, law.agent.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        controller = _make_controller(law, flown.agent.controller.par.model)
+        controller = _make_controller(law, flown.agent.model)
     flown, rates = flown.with_controller(controller), flown.rates
     seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))

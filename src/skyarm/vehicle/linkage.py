@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
 from typing import Annotated, Protocol
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Scalar, Sym3, Vec3
 from skyarm.algebra.scalars import add, divide, where
 from skyarm.records.coerce import absent, coefficient, inertia, number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import checked
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
 
@@ -132,7 +130,7 @@ class Joint:
         ),
     ] = 0.01
     armature: Annotated[Scalar, Unit("kg m^2 or kg", "rotor inertia of the drive, reflected to the joint", **SHARE)] = (
-        field(default=0, metadata=WRITTEN_IF_ANY)
+        field_if_any(default=0)
     )
     stop_stiffness: Annotated[
         Scalar,
@@ -142,7 +140,7 @@ class Joint:
             **SHARE,
             effect="higher values stop the joint in less distance and need smaller integration steps",
         ),
-    ] = field(default=0, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=0)
     stop_damping: Annotated[
         Scalar,
         Unit(
@@ -151,7 +149,7 @@ class Joint:
             **SHARE,
             effect="higher values let the joint bounce less off its stops",
         ),
-    ] = field(default=0, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=0)
 
     def __post_init__(self) -> None:
         accept_named(self, "joint")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Scalar, Vec3
-from skyarm.records.arrays import AnyArray, Array
+from skyarm.records.arrays import AnyArray, Array, doubles
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import Body, Joint, Linkage
@@ -149,7 +149,7 @@ def _numbers(*values: Scalar) -> list[float]:
 
 
 def _matrix(m: Mat3) -> Array:
-    return np.array([list(row) for row in m.rows], dtype=float)
+    return doubles([list(row) for row in m.rows])
 
 
 def rigid_inertia(body: Body) -> Array:

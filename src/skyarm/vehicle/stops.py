@@ -7,9 +7,9 @@ strong drive on a light link would then press deep into its stop.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,15 +43,15 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
-    lacking = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
+    lacking = [_has_limits(joint) and joint.name not in own and not joint.has_stops for joint in vehicle.joints]
     if not any(lacking):
         return vehicle
     ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
     links = tuple(
-        dataclasses.replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
+        replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
         for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
     )
-    return dataclasses.replace(vehicle, links=links)
+    return replace(vehicle, links=links)
 
 
 def _has_limits(joint: Joint) -> bool:
@@ -71,10 +71,10 @@ def _with_stops(joint: Joint, ease: float) -> Joint:
     """Joint with end stops, and with matching stop damping if it has none."""
     effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
     if float(joint.stop_damping) > 0.0:
-        return dataclasses.replace(joint, stop_stiffness=stiffness)
+        return replace(joint, stop_stiffness=stiffness)
     depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
     damping = 2.0 * DAMPING_RATIO / (math.sqrt(stiffness * ease) * depth)
-    return dataclasses.replace(joint, stop_stiffness=stiffness, stop_damping=damping)
+    return replace(joint, stop_stiffness=stiffness, stop_damping=damping)
 
 
 MOST = 3000.0
@@ -98,7 +98,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         names: joints without a stated ``coulomb_rate``.
     """
-    if not any(link.joint.name in names and link.joint.coulomb for link in vehicle.links):
+    if not any(joint.name in names and joint.coulomb for joint in vehicle.joints):
         return vehicle
     links, mobilities = list(vehicle.links), joint_mobility(vehicle)
     viscous = _fastest([float(link.joint.damping) for link in links], mobilities)[0]
@@ -115,13 +115,13 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         i = dry.index(max(dry))
         if rate <= limit or dry[i] == 0.0:
             break
-        softer = dataclasses.replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
-        links[i] = dataclasses.replace(links[i], joint=softer)
+        softer = replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
+        links[i] = replace(links[i], joint=softer)
     notes = Notes()
     for old, new in zip(vehicle.links, links, strict=True):
         if new is not old:
             notes.add(NOTE, new.joint.name)
-    return dataclasses.replace(vehicle, links=tuple(links), notes=(*vehicle.notes, *notes.lines()))
+    return replace(vehicle, links=tuple(links), notes=(*vehicle.notes, *notes.lines()))
 
 
 def _dry(joint: Joint) -> float:

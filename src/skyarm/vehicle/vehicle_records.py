@@ -16,11 +16,10 @@ from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import add, mul, neg
 from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, NumberView
-from skyarm.records.plain import UNWRITTEN, WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
@@ -123,9 +122,9 @@ class Rotor:
             usual=1.0,
             **SHARE,
         ),
-    ] = field(default=0, metadata=WRITTEN_IF_ANY)
-    table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    tilt: Tilt | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=0)
+    table: ThrustTable | None = field_if_any(default=None)
+    tilt: Tilt | None = field_if_any(default=None)
 
     def __post_init__(self) -> None:
         accept_named(self, "rotor")
@@ -232,15 +231,15 @@ class Vehicle:
     frames: tuple[Frame, ...] = ()
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
-    drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
-    battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
-    looks: tuple[Look, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
+    drives: tuple[MountedDrive, ...] = field_if_any(default=())
+    battery: Battery | None = field_if_any(default=None)
+    followers: tuple[Follower, ...] = field_if_any(default=())
+    looks: tuple[Look, ...] = field_if_any(default=(), repr=False)
     title: str = field(default="", repr=False)
     sources: Annotated[
         tuple[tuple[str, str], ...], Unit("", "source of each number, as pairs of field and source", rule=pairs)
     ] = field(default=(), repr=False)
-    notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
+    notes: tuple[str, ...] = field_if_any(default=(), repr=False)
 
     def __post_init__(self) -> None:
         accept_fields(self, "vehicle", VehicleError)
@@ -255,9 +254,19 @@ class Vehicle:
         return len(self.links)
 
     @property
+    def zeros(self) -> tuple[float, ...]:
+        """Zero for each joint: positions, rates or efforts."""
+        return (0.0,) * self.n
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Joints of the links, in their order."""
+        return tuple(link.joint for link in self.links)
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of the links."""
-        return tuple(link.joint.name for link in self.links)
+        return tuple(joint.name for joint in self.joints)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -360,8 +369,9 @@ class Vehicle:
 def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:
     """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or in ``driven`` moves them."""
     driven = {*driven, *(each.name for each in vehicle.drives)}
-    joints = (link.joint for link in vehicle.links)
-    return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)
+    return tuple(
+        joint.name for joint in vehicle.joints if joint.name not in driven and float(joint.effort_limit) == 0.0
+    )
 
 
 def _require_whole(value: Vehicle) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import maximum, mul, sqrt
 from skyarm.dynamics.actuators.rotor import push, speed_size
 from skyarm.dynamics.point_motion import PointMotion
@@ -51,7 +51,7 @@ class GroundEffect(Force[tuple[()]]):
         wrenches, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed, left) in enumerate(zip(rotors, rotor_speeds, motion.rotor_shares, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
-            ratio: Scalar = self.radius * self.radius / (16.0 * z * z)
+            ratio = self.radius * self.radius / (16.0 * z * z)
             for j, other in enumerate(rotors):
                 if self.others and j != i:
                     away = other.position - rotor.position
@@ -93,8 +93,8 @@ class LinkDrag(Force[tuple[()]]):
         """Aerodynamic drag force on every arm link, as a list of wrenches."""
         wrenches = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
-            v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
-            factor: Scalar = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
+            v = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
+            factor = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
             wrenches.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
         return wrenches
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra import Scalar
@@ -12,8 +11,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import nonnegative
 from skyarm.reference.signals import Signal, signal_from
@@ -38,8 +36,8 @@ class Fault:
     joint: str = ""
     effectiveness: Annotated[Scalar, nonnegative("", "fraction of the actuator's force that remains", high=1.0)] = 1.0
     start: Annotated[Scalar, nonnegative("s", "time at which the fault begins")] = 0.0
-    stuck: bool = field(default=False, metadata=WRITTEN_IF_ANY)
-    signal: Signal | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    stuck: bool = field_if_any(default=False)
+    signal: Signal | None = field_if_any(default=None)
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
@@ -101,7 +99,7 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
     if not faults:
         return None
     rotors: dict[str, Scalar] = {rotor.name: 1 for rotor in vehicle.rotors}
-    joints: dict[str, Scalar] = {link.joint.name: 1 for link in vehicle.links}
+    joints: dict[str, Scalar] = {joint.name: 1 for joint in vehicle.joints}
     stuck: dict[str, Scalar] = dict.fromkeys(joints, 0)
     for fault in faults:
         if fault.stuck:

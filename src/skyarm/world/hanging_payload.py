@@ -17,7 +17,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, maximum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
@@ -118,7 +118,7 @@ class HangingPayload(TimedPayload):
     def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
-        still = Vec3(0.0, 0.0, 0.0)
+        still = ZERO3_DATA
         return HangingMemory(
             held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, begun=rest.place, position=rest.place,
             velocity=still, pull=still,
@@ -132,7 +132,7 @@ class HangingPayload(TimedPayload):
         holder, speed = motion.position(*at), motion.velocity(*at)
         grasped, caught, gone, place = self.next_status(memory, t, holder)
         below = holder + Vec3(0.0, 0.0, -1.0) * self.hangs
-        nothing = Vec3(0.0, 0.0, 0.0)
+        nothing = ZERO3_DATA
         first = select(caught > 0.5, below, memory.position)
         floor = motion.floor
         if floor > -math.inf:

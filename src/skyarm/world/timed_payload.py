@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Sym3, Vec3
@@ -24,8 +23,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.records.words import Word
@@ -96,7 +94,7 @@ class TimedPayload(Component[PayloadMemory]):
         Scalar, nonnegative("s", "time at which the payload is set down; with a place, the earliest", infinite=True)
     ] = math.inf
     drop_place: Annotated[Reach | None, Word("drop")] = None
-    believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    believed: bool = field_if_any(default=False)
 
     registered_as = "payload"
 

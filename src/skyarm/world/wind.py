@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import E_X, ZERO3, Scalar, Scalars, Vec3
@@ -34,8 +33,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
-from skyarm.records.immutable import immutable, positional
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.read_table import record_entry, record_from, registered_from
 from skyarm.records.registry import names
 from skyarm.records.units import Unit
@@ -169,9 +167,9 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
         Word("air_velocity"),
     ] = ZERO3
     gust: Gust | None = None
-    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
-    agent: Annotated[str, Unit("", "name of the only vehicle on which the force acts; empty for each")] = field(
-        default="", metadata=WRITTEN_IF_ANY
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field_if_any(default=())
+    agent: Annotated[str, Unit("", "name of the only vehicle on which the force acts; empty for each")] = field_if_any(
+        default=""
     )
 
     blows: ClassVar[str] = "force"
@@ -215,7 +213,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
-    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field_if_any(default=())
 
     blows: ClassVar[str] = "velocity"
 

@@ -7,7 +7,7 @@ changes the value of a program, whatever engine runs it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol
 
 
 class Scalar(Protocol):
@@ -29,7 +29,7 @@ class Scalar(Protocol):
     def __ge__(self, other: Any, /) -> Any: ...
 
 
-Scalars: TypeAlias = tuple[Scalar, ...]
+Scalars = tuple[Scalar, ...]
 """Row of scalars, such as one number for each joint or rotor."""
 
 

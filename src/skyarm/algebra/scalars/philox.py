@@ -53,7 +53,7 @@ def philox4x32(
     shift, mask = np.uint64(32), np.uint64(_WORD)
     c0, c1, c2, c3 = (np.asarray(c, dtype=np.uint64) for c in counter)
     k0, k1 = (np.asarray(k, dtype=np.uint64) for k in key)
-    m0, m1 = (np.uint64(m) for m in MULTIPLIERS)
+    m0, m1 = map(np.uint64, MULTIPLIERS)
     for index in range(ROUNDS):
         if index:
             k0, k1 = (k0 + np.uint64(KEY_INCREMENTS[0])) & mask, (k1 + np.uint64(KEY_INCREMENTS[1])) & mask

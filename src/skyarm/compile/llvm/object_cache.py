@@ -9,7 +9,6 @@ After each new entry those used longest ago go, until all together fit into ``SK
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import hmac
 import math
@@ -19,6 +18,7 @@ import stat
 import sys
 import time
 import warnings
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -115,7 +115,7 @@ def user_key(*, make: bool) -> bytes | None:
     there = os.path.lexists(file)
     key = _whole_key(file)
     if key is None and make:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             # of processes that make the first key at once all take the one that was there first
             write_private(file, os.urandom(KEY_BYTES), replace=there)
         key = _whole_key(file)
@@ -244,7 +244,7 @@ def _code(key: bytes, name: str, content: bytes) -> bytes:
 
 def _note_use(entry: Path) -> None:
     """Set the time of last use of a cached file to now."""
-    with contextlib.suppress(OSError):  # another process may have removed it
+    with suppress(OSError):  # another process may have removed it
         if abs(time.time() - entry.stat().st_mtime) > MOMENT:
             os.utime(entry)
 
@@ -257,7 +257,7 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
     except (OSError, ValueError):
         files = []
     for path in files:
-        with contextlib.suppress(OSError):  # another process may have removed it
+        with suppress(OSError):  # another process may have removed it
             status = path.lstat()
             if not stat.S_ISDIR(status.st_mode):
                 entries.append(_Entry(used=status.st_mtime, size=status.st_size, path=path))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from skyarm.algebra import Scalar
 from skyarm.compile.tracing.program import Program
-from skyarm.records.arrays import AnyArray, Array
+from skyarm.records.arrays import AnyArray, Array, doubles
 
 
 def _mantissa(x: Array) -> Array:
@@ -61,9 +61,7 @@ def evaluate(program: Program, inputs: Sequence[ArrayLike | Scalar], count: int)
     lowered = program.lowered
     last = {arg.index: node.index for node in lowered.nodes for arg in node.args}
     results = {node.index for node in lowered.outputs}
-    values: dict[int, AnyArray] = {
-        node.index: np.asarray(value, dtype=float) for node, value in zip(lowered.inputs, inputs, strict=True)
-    }
+    values = {node.index: doubles(value) for node, value in zip(lowered.inputs, inputs, strict=True)}
     with np.errstate(all="ignore"):
         for node in lowered.nodes:
             if node.op == "const":

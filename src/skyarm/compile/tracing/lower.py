@@ -22,7 +22,7 @@ from skyarm.records.leaves import blend, leaves, mismatch, rebuild
 def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
     """Rewrite a traced program in basic operations such as + and *."""
     target = Graph(loops=True)
-    made: dict[int, Node] = {node.index: target.input(node.value) for node in inputs}
+    made = {node.index: target.input(node.value) for node in inputs}
     for node in nodes:
         args = [made[arg.index] for arg in node.args]
         if node.op == "const":

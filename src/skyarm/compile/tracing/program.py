@@ -154,7 +154,7 @@ def python_function(program: Lowered) -> Flat:
     shared = {id(node.value): python_function(node.value) for node in applied}
     functions = {f"apply{node.index}": shared[id(node.value)] for node in applied}
     constants = {"_inf": math.inf, "_nan": math.nan} | calls | functions
-    fast_names: dict[str, Any] = dict(_FAST) | constants
+    fast_names = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
     fast: Flat = fast_names["program"]
     safe: list[Flat] = []
@@ -166,7 +166,7 @@ def python_function(program: Lowered) -> Flat:
             return fast(x)
         except (ZeroDivisionError, ValueError, OverflowError):
             if not safe:
-                names: dict[str, Any] = dict(_SAFE) | constants
+                names = dict(_SAFE) | constants
                 exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
                 safe.append(names["program"])
             return safe[0](x)
@@ -235,7 +235,7 @@ def trace_loop(
     draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
     arguments = [rebuild(record, iter(group)) for record, group in zip(examples, groups, strict=True)]
     result = step(*arguments, draws)
-    following, log = (leaves(part) for part in result)
+    following, log = map(leaves, result)
     if wrong := mismatch(carry, result[0], "carry"):
         raise ValueError(f"the step returns another carry than it takes: {wrong}")
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]

@@ -34,7 +34,7 @@ def all_follow(applied: Sequence[Scalar]) -> Scalar:
 
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
     """List with True for each joint whose desired effort lies within its limit."""
-    return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
+    return [absolute(e) <= joint.effort_limit for e, joint in zip(efforts, vehicle.joints, strict=True)]
 
 
 class ModelHolder(Protocol):
@@ -47,7 +47,7 @@ class ModelHolder(Protocol):
 
 def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> Scalars:
     """Joint torques clipped to the model's effort limits."""
-    limits = [link.joint.effort_limit for link in par.model.vehicle.links]
+    limits = [joint.effort_limit for joint in par.model.vehicle.joints]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 

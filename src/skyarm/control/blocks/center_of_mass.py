@@ -35,13 +35,13 @@ def locked_inertia(vehicle: Vehicle, joints: Sequence[Scalar]) -> SpatialInertia
 
 def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
     """Centre of mass (m, base frame) and rotational inertia about it (kg m^2, base axes): parallel-axis theorem."""
-    center: Vec3 = locked.moment * divide(1.0, locked.mass)
+    center = locked.moment * divide(1.0, locked.mass)
     return center, locked.inertia - Sym3.parallel_axis(locked.mass, center)
 
 
 def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Sequence[Scalar]) -> Vec3:
     """Velocity (m/s, base axes) of the centre of mass relative to the base due to the joint rates."""
-    total: Vec3 = ZERO3
+    total = ZERO3
     for i, link in enumerate(vehicle.moving):
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
         for column, rate in zip(columns, joint_rates, strict=True):
@@ -51,7 +51,7 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Unit vectors along the joint axes, in base axes."""
-    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
+    return [pose.R.apply(joint.axis) for joint, pose in zip(vehicle.joints, poses, strict=False)]
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
@@ -61,7 +61,7 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
             own[each.leader] = own[each.leader] + column * each.ratio
         return own[: vehicle.n]
-    masses: list[Scalar] = [link.body.mass for link in vehicle.links]
+    masses = [link.body.mass for link in vehicle.links]
     moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
     for i in reversed(range(vehicle.n)):
         parent = vehicle.links[i].parent

@@ -59,13 +59,13 @@ def make_command(par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequenc
 
 def no_command(vehicle: Vehicle) -> Command:
     """Command of zeros, in place of the previous command at the first control step."""
-    return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+    return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros)
 
 
 def standing_command(model: Model) -> Command:
     """Command of the model in level hover with all joints at zero."""
     vehicle = model.vehicle
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    trim = hover_trim(vehicle, vehicle.zeros, model.gravity)
     speeds = tuple(minimum(w, rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
     return Command(rotor_speeds=speeds, efforts=tuple(trim.efforts)).dense()
 

@@ -68,7 +68,7 @@ def extrapolate(
 
 def _hold(channel: Channel, sample: Sample) -> Channel:
     """Extrapolator state that stores the current sample of a reference signal whose next samples are known."""
-    value, rate, acceleration = (data(c) for c in sample)
+    value, rate, acceleration = map(data, sample)
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
@@ -77,7 +77,7 @@ def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: 
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
-    value, rate, acceleration = (data(c) for c in sample)
+    value, rate, acceleration = map(data, sample)
     jumped = _is_jump((channel.rate, channel.acceleration), (rate, acceleration), period)
     count = where(logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0))
     return Channel(
@@ -106,7 +106,7 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
     """
     if all(same(c, 0) for sample in (held, following, later) for c in sample[1:]):
         return Taylor.constant(held[0], 4)
-    p, v, a = (data(c) for c in held)
+    p, v, a = map(data, held)
     (v1, a1), (v2, a2) = (tuple(map(data, sample[1:])) for sample in (following, later))
     inverse = divide(1.0, period)
     mean = (v1 - v) * inverse
@@ -135,7 +135,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
     """Fourth-order Taylor series of a reference signal, ``age`` seconds after its sample was published."""
     if all(same(c, 0) for c in sample[1:]):
         return Taylor.constant(sample[0], 4)
-    p, v, a = (data(c) for c in sample)
+    p, v, a = map(data, sample)
     inverse = divide(1.0, period)
     first = (a - channel.before) * inverse
     second = (first - (channel.before - channel.earlier) * inverse) * inverse

@@ -33,8 +33,8 @@ radius of an arc (:class:`DesiredContact`).
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
@@ -127,7 +127,7 @@ def interact(
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
     shift = normal_shift(gains, memory, asked, pressed, share, wanted.speed, dt, yields)
-    after = dataclasses.replace(
+    after = replace(
         memory,
         touching=touching,
         losing=losing,
@@ -176,7 +176,7 @@ def touches(
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
     begins = logical_and(force > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    touching: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
+    touching = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
     return touching, losing
 
 
@@ -237,7 +237,7 @@ def update_bias(
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
-    unexplained = dataclasses.replace(d, force=d.force - force * where(learns, 0.0, 1.0))
+    unexplained = replace(d, force=d.force - force * where(learns, 0.0, 1.0))
     return bias.blend_towards(unexplained, share, wind)
 
 
@@ -283,7 +283,7 @@ class Pressing:
         across = self.force - self.n * self.n.dot(self.force)
         joint_force = across * self.kept + self.n * self.order
         borne = joint_force + self.n * self.beyond
-        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(joint_force).efforts)
+        base = replace(now.disturbance(borne), efforts=now.disturbance(joint_force).efforts)
         change = base - then.disturbance(self.force)
         return d + Disturbance(
             force=change.force * self.engaged,
@@ -514,7 +514,7 @@ class DesiredContact:
         if self.pivot is None or self.axis is None:
             return self
         out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
-        return dataclasses.replace(self, normal=out)
+        return replace(self, normal=out)
 
 
 def require_thresholds(

@@ -17,7 +17,7 @@ Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.3 (e
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 from skyarm.algebra import Mat3, Scalar, Scalars
 from skyarm.algebra.linear_solve import ldl_solve
@@ -49,10 +49,10 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
     Returns:
         (n,) 1/(kg m^2) or 1/kg.
     """
-    joints = [link.joint for link in vehicle.links]
-    if not any(_rubs(joint) for joint in joints):
+    joints = vehicle.joints
+    if not any(map(_rubs, joints)):
         return (0,) * vehicle.n
-    M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    M = mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)
     units = ([float(row == 6 + i) for row in range(len(M))] for i in range(vehicle.n))
     mobilities = [ldl_solve(M, unit)[6 + i] for i, unit in enumerate(units)]
     return tuple(_if_quick(joint, m, period) for joint, m in zip(joints, mobilities, strict=True))
@@ -79,8 +79,8 @@ def doubted_dampings(vehicle: Vehicle, mobilities: Scalars, period: float) -> Sc
         period: control period, s.
     """
     parts: list[Scalar] = []
-    for link, mobility in zip(vehicle.links, mobilities, strict=True):
-        damping, decay = link.joint.damping, link.joint.damping * mobility * period
+    for joint, mobility in zip(vehicle.joints, mobilities, strict=True):
+        damping, decay = joint.damping, joint.damping * mobility * period
         beyond = damping - divide(QUICK, maximum(mobility * period, 1e-30))
         doubtful = logical_and(decay > QUICK, decay < SURE)
         parts.append(data(where(doubtful, beyond, 0.0)))
@@ -98,9 +98,9 @@ def with_held_damping(model: Model, mobilities: Scalars, dt: Scalar) -> Model:
             held = where(mobility > 0.0, held_damping(joint.damping, mobility, dt), 0.0)
             armature = add(joint.armature, held)
             rate = maximum(joint.coulomb_rate, mul(joint.coulomb, mobility * dt))
-            joint = dataclasses.replace(joint, armature=armature, coulomb_rate=rate)
-        links.append(dataclasses.replace(link, joint=joint))
-    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, links=tuple(links)))
+            joint = replace(joint, armature=armature, coulomb_rate=rate)
+        links.append(replace(link, joint=joint))
+    return replace(model, vehicle=replace(model.vehicle, links=tuple(links)))
 
 
 def held_damping(damping: Scalar, mobility: Scalar, dt: Scalar) -> Scalar:

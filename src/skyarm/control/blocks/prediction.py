@@ -117,7 +117,7 @@ def reference_drag(model: Model, state: State, base: Sequence[Vec3], *, sideways
 
     ``sideways``: the law itself commands thrust across body z; ``moving``: False takes the derivatives as zero.
     """
-    R, speeds = state.quaternion.rotation(), state.rotor_speeds
+    R, speeds = state.rotation, state.rotor_speeds
     drag = Mat3.columns(*(drag_wrench(model.vehicle, speeds, axis, ZERO3).force for axis in (E_X, E_Y, E_Z)))
     still = omitted_thrust(model, speeds, sideways).force
     value = R.apply(drag.apply(R.apply_T(base[1])) + still)
@@ -156,7 +156,7 @@ def acceleration(
 ) -> tuple[Vec3, Vec3, Scalars]:
     """Modelled accelerations under an applied wrench, joint efforts and a disturbance: world, body, joints."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
-    given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
+    given = [limited_effort(joint, effort) for joint, effort in zip(model.vehicle.joints, efforts, strict=True)]
     return acceleration_under(model, R, rate, joints, joint_rates, total, given, unknown.efforts, joint_rates)
 
 

@@ -98,7 +98,7 @@ def _of_disturbance(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Le
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(at.vehicle.links, at.columns, rest.efforts, strict=True):
         squares.require(tuple(column), effort, errors.weight_of(link))
-    rows = zip(*(at.tip.cross(axis) for axis in AXES), strict=True)
+    rows = zip(*map(at.tip.cross, AXES), strict=True)
     for row, torque in zip(rows, rest.torque, strict=True):
         squares.require(row, torque, divide(1.0, errors.base * errors.base))
     return squares

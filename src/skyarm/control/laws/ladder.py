@@ -109,7 +109,7 @@ def stepped_computed_torque(
     memory: StepMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: StepParameters
 ) -> tuple[StepMemory, Command]:
     """One control step of the computed torque law with the first ``par.steps`` extensions."""
-    steps, R = par.steps, measurement.quaternion.rotation()
+    steps, R = par.steps, measurement.rotation
     goal, channels, age = _present(memory, reference, dt, par)
     observed, unknown = _estimate_disturbance(memory, measurement, dt, par)
     qdd = joint_accelerations(par, measurement, goal)
@@ -150,7 +150,7 @@ def _present(
     def of(k: int) -> Scalars:
         return tuple(signal.derivative(k) for signal in series)
 
-    p, v, a, j, s = (of(k) for k in range(5))
+    p, v, a, j, s = map(of, range(5))
     now = Reference(
         position=Vec3(*p[:3]),
         velocity=Vec3(*v[:3]),
@@ -192,7 +192,7 @@ def _force(
 ) -> Vec3:
     """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
-    force: Vec3 = specific * vehicle.mass - unknown.force
+    force = specific * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
         return force
     arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)

@@ -31,7 +31,7 @@ def geometric_accelerations(
     par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
 ) -> tuple[Mat3, Vec3, Vec3]:
     """Attitude R_WB, desired acceleration a_d of eq. (82), and angular acceleration alpha_d of eq. (85)."""
-    R = measurement.quaternion.rotation()
+    R = measurement.rotation
     vehicle = par.model.vehicle
     a_d = downward_acceleration(
         par.gains,
@@ -50,7 +50,7 @@ def rotors_sim_position(
     """RotorS's geometric position controller for the base, with zero joint torques."""
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=True)
-    return memory, Command(rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n)
+    return memory, Command(rotor_speeds=speeds, efforts=par.model.vehicle.zeros)
 
 
 def decoupled_pd(

@@ -30,8 +30,8 @@ for physical human-quadrocopter interaction", ECC; the laws: Barakou et al. 2026
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, axis_rotation, differences
@@ -119,10 +119,10 @@ def observe_contact(
     observed = observe_uncompensated(
         par.model, par.observer, memory.observed, measurement, memory.sent, memory.started, free, dt
     )
-    after = dataclasses.replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
+    after = replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None
-    at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
+    at = levers(vehicle, measurement.rotation, measurement.joints)
     desired = wanted_of(reference.push[:5])
     into = -desired.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
     interaction, pressing = interact(
@@ -130,13 +130,13 @@ def observe_contact(
     )
     along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
     touch = ObservedContact(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
-    return dataclasses.replace(after, interaction=interaction), touch
+    return replace(after, interaction=interaction), touch
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
     """Reference with the base position, velocity and acceleration shifted along the surface normal."""
     s, rate, acceleration = shift
-    return dataclasses.replace(
+    return replace(
         reference,
         position=reference.position + n * s,
         velocity=reference.velocity + n * rate,
@@ -182,18 +182,18 @@ def hybrid_ct(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
-        return dataclasses.replace(after, sent=command), command
+        return replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
     tip = level_tip(par.model.vehicle, reference)
     gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - tip)
     command = pressing_command(par, measurement, reference, touch)
-    interaction = dataclasses.replace(after.interaction, gap=gap)
-    return dataclasses.replace(after, sent=command, interaction=interaction), command
+    interaction = replace(after.interaction, gap=gap)
+    return replace(after, sent=command, interaction=interaction), command
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     """Tip position (m, world axes) for a level base at its reference."""
-    arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
+    arm = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
     return reference.position + arm
 
 
@@ -201,7 +201,7 @@ def pressing_command(
     par: PressingParameters, measurement: Measurement, reference: Reference, touch: ObservedContact
 ) -> Command:
     """Computed torque command plus the contact force command along the surface normal."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     up = wanted_specific_force(par, measurement, reference)
     reaction = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
     alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))
@@ -245,17 +245,17 @@ def admittance_pd(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
-        interaction = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
+        interaction = replace(after.interaction, shift=shift[0], shift_rate=shift[1])
         after, reference = (
-            dataclasses.replace(after, interaction=interaction),
+            replace(after, interaction=interaction),
             shift_base(reference, touch.pressing.n, shift),
         )
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
         efforts = differences(command.efforts, borne)
-        command = dataclasses.replace(command, efforts=limit_efforts(par, efforts))
-    return dataclasses.replace(after, sent=command), command
+        command = replace(command, efforts=limit_efforts(par, efforts))
+    return replace(after, sent=command), command
 
 
 def admittance_motion(

@@ -36,13 +36,7 @@ from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.sensing.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
 from skyarm.sensing.measurement import Measurement, blank_measurement
-from skyarm.sensing.sensor_kinds import (
-    EncoderReading,
-    HeadingReading,
-    ImuReading,
-    PoseReading,
-    PositionReading,
-)
+from skyarm.sensing.sensor_kinds import EncoderReading, HeadingReading, ImuReading, PoseReading, PositionReading
 from skyarm.vehicle import Joint, Vehicle
 
 SETPOINTS = {"efforts": Unit("", "command of each joint as in its line above, in that order")}
@@ -107,7 +101,7 @@ class EstimatedMemory:
 
 def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
     """Placeholder sensor readings with the shapes that a state estimator requires."""
-    named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
+    named = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
@@ -117,11 +111,11 @@ def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0)
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
     """Initial internal states of state estimator and control law, in hover with all joints at zero."""
     model = controller.par.model
-    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
+    trim = hover_trim(model.vehicle, model.vehicle.zeros, model.gravity)
     drives = drives_of(model.vehicle)
     efforts = tuple(
-        drives[link.joint.name].standing(effort, 0.0) if link.joint.name in drives else effort
-        for link, effort in zip(model.vehicle.links, trim.efforts, strict=True)
+        drives[joint.name].standing(effort, 0.0) if joint.name in drives else effort
+        for joint, effort in zip(model.vehicle.joints, trim.efforts, strict=True)
     )
     sent = Command(rotor_speeds=tuple(trim.speeds), efforts=efforts).dense()
     return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
@@ -293,8 +287,8 @@ def _structs(
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
-    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n, tilts=angles)
-    units: dict[str, Units] = {"command": command_units(vehicle)}
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles)
+    units = {"command": command_units(vehicle)}
     if behind_filter:
         units["memory"] = command_units(vehicle, "sent")
     structs = {}
@@ -316,8 +310,8 @@ MOST_LAYERS = 3
 
 def _on_torque(controller: Controller) -> Units:
     """Units of joint gains that act on torque, by parameter path such as recovery.joint_gains."""
-    deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
-    places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
+    deep = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
+    places = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
         places += [(*place, "joint_gains") for place in deep]
     return {("parameters", *place): TORQUE_GAINS for place in places}

@@ -11,8 +11,8 @@ law has. The joint barrier bounds the acceleration that a torque would cause by 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm import dynamics
@@ -61,7 +61,7 @@ def govern_base(
     def where_bound(new: Vec3, old: Vec3) -> Vec3:
         return Vec3(*(where(c, a, b) for c, a, b in zip(bound, new, old, strict=True)))
 
-    return dataclasses.replace(
+    return replace(
         reference,
         position=where_bound(measurement.position + pull.hadamard(shares), reference.position),
         velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
@@ -114,19 +114,19 @@ def govern_joints(
     slowed: list[Scalar] = []
     rates: list[Scalar] = []
     on_way: list[Scalar] = []
-    for desired, rate, old, ramp, link, speed, free, most, margin in zip(
+    for desired, rate, old, ramp, joint, speed, free, most, margin in zip(
         reference.joints,
         reference.joint_rates,
         before,
         ramping,
-        model.vehicle.links,
+        model.vehicle.joints,
         speeds,
         steps,
         limits.joint_speed,
         limits.joint_margin,
         strict=True,
     ):
-        low, high = add(link.joint.lower, 2.0 * margin), sub(link.joint.upper, 2.0 * margin)
+        low, high = add(joint.lower, 2.0 * margin), sub(joint.upper, 2.0 * margin)
         target = minimum(maximum(desired, low), high)
         step = mul(speed, dt)
         gap = sub(target, old)
@@ -142,7 +142,7 @@ def govern_joints(
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
-    governed = dataclasses.replace(
+    governed = replace(
         reference,
         joints=tuple(at),
         joint_rates=tuple(rates),
@@ -164,7 +164,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
         make_mixer(model.vehicle, "priority")
     except AllocationError:
         return mixer
-    return dataclasses.replace(mixer, policy="priority")
+    return replace(mixer, policy="priority")
 
 
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:
@@ -235,17 +235,17 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
     """Joint accelerations clipped to the bounds of the joint-limit barrier."""
     bounded: list[Scalar] = []
     k = limits.joint_pole
-    for q, rate, qdd, link, speed, margin in zip(
+    for q, rate, qdd, joint, speed, margin in zip(
         measurement.joints,
         measurement.joint_rates,
         caused,
-        model.vehicle.links,
+        model.vehicle.joints,
         limits.joint_speed,
         limits.joint_margin,
         strict=True,
     ):
         damp, square = mul(2.0 * k, rate), k * k
-        above, below = sub(sub(link.joint.upper, margin), q), sub(add(link.joint.lower, margin), q)
+        above, below = sub(sub(joint.upper, margin), q), sub(add(joint.lower, margin), q)
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
         bottom = maximum(sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate)))
         bounded.append(minimum(maximum(qdd, bottom), top))

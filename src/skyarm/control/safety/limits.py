@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -59,16 +59,16 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
     """Settled thrust (N) of a law along body z for constant vertical position and velocity errors."""
     model = controller.par.model
-    vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
+    vehicle, joints = model.vehicle, model.vehicle.zeros
     trim = hover_trim(vehicle, joints, model.gravity)
     place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
-    resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
+    resting = replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
     speeds = tuple(map(float, trim.speeds))
     law = checked_law(controller)
     for _ in range(SETTLING):
-        seen = dataclasses.replace(resting, rotor_speeds=speeds)
+        seen = replace(resting, rotor_speeds=speeds)
         _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
         speeds = tuple(map(float, command.rotor_speeds))
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
@@ -285,7 +285,7 @@ USUAL_JOINTS = {
 
 def usual_joint_errors(vehicle: Vehicle, *, keeps_tip: bool) -> tuple[float, ...]:
     """Default ``trusted_joint_error`` of each joint, larger if the law uses the joints to hold the tip."""
-    usual = [USUAL_JOINTS[link.joint.kind] for link in vehicle.links]
+    usual = [USUAL_JOINTS[joint.kind] for joint in vehicle.joints]
     return tuple(each.tip_error if keeps_tip else each.error for each in usual)
 
 
@@ -327,7 +327,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
 def _defaults(controller: Controller) -> dict[str, Any]:
     """Default limits of a safety layer for the vehicle and kind of a control law."""
     model: Model = controller.par.model
-    joints = [link.joint for link in model.vehicle.links]
+    joints = model.vehicle.joints
     usual = [USUAL_JOINTS[joint.kind] for joint in joints]
     ranges = [float(joint.upper) - float(joint.lower) for joint in joints]
     efforts = tuple(float(joint.effort_limit) for joint in joints)
@@ -349,7 +349,7 @@ def _defaults(controller: Controller) -> dict[str, Any]:
 
 def _fastest(model: Model) -> float:
     """Highest rotor speed (rad/s); twice the hover speed for rotors without a limit."""
-    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
-    hover = max((float(speed) for speed in trim.speeds), default=0.0)
+    trim = hover_trim(model.vehicle, model.vehicle.zeros, model.gravity)
+    hover = max(map(float, trim.speeds), default=0.0)
     tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
     return max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)

@@ -83,7 +83,7 @@ def update_confidence(
     """
     w, v = measurement.rate, measurement.velocity
     turning, speed = w.dot(w), v.dot(v)
-    upright = measurement.quaternion.rotation().r2.z
+    upright = measurement.rotation.r2.z
     beyond = logical_or(upright < cos(limits.trusted_tilt), turning > limits.trusted_rate * limits.trusted_rate)
     for q, desired, most in zip(measurement.joints, joints, limits.trusted_joint_error, strict=True):
         beyond = logical_or(beyond, absolute(q - desired) > most)
@@ -153,7 +153,7 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
     Source: Lee, Leok, McClamroch 2010 as RotorS flies it, with the attitude error of Lee 2012; joint gravity by
     recursive Newton-Euler at rest.
     """
-    R = measurement.quaternion.rotation()
+    R = measurement.rotation
     vehicle = model.vehicle
     a_d = downward_acceleration(
         recovery.gains,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -87,7 +87,7 @@ class SafetyMemory:
 def first_memory(controller: Controller) -> SafetyMemory:
     """Initial internal state of a controller with the safety layer."""
     vehicle = controller.par.model.vehicle
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     return SafetyMemory(
         inner=controller.memory,
         started=0.0,
@@ -323,7 +323,7 @@ def _traced_law(
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     # the law starts anew when it comes back
     law_memory = blend(new.confidence.given_up > 0.5, first, following)
-    new = dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent))
+    new = replace(new, inner=with_applied_command(law_memory, new.sent))
     seen = finite(measurement)
     return blend(seen, new, memory), blend(seen, new.sent, memory.sent)
 
@@ -358,4 +358,4 @@ def _called_law(
             failed = True
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     law_memory = first if new.confidence.given_up > 0.5 else following
-    return dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent)), new.sent
+    return replace(new, inner=with_applied_command(law_memory, new.sent)), new.sent

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra import Scalars
 from skyarm.algebra.scalars import data
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit
 
 
@@ -23,9 +21,7 @@ class Command:
 
     rotor_speeds: Annotated[Scalars, Unit("rad/s", "commanded rotor speeds, in the order of the vehicle's rotors")] = ()
     efforts: Annotated[Scalars, Unit("N m or N", "commanded joint efforts, in the order of the vehicle's joints")] = ()
-    tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         # made in every period: what holds tuples already is not looked at

@@ -184,7 +184,7 @@ class LaggedTorque(TorqueDrive):
         self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float
     ) -> LaggedTorqueMemory:
         """Solve the first-order lag exactly over one control period of constant setpoint."""
-        share: Scalar = dt / self.time_constant
+        share = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint
         return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))

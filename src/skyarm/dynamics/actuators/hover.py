@@ -36,7 +36,7 @@ class HoverTrim:
 
 def hover_trim(vehicle: Vehicle, joints: Scalars, gravity: Scalar) -> HoverTrim:
     """Rotor speeds and joint torques of a level, motionless vehicle with its arm at ``joints``."""
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, joints, ZERO3, still, level, still)
     speeds, squared = mix(make_mixer(vehicle), force.torque, force.force.z)

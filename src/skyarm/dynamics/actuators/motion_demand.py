@@ -18,7 +18,7 @@ from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.state import proper_acceleration
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Vehicle
 
@@ -74,7 +74,7 @@ class ActuatorDemand:
         """
         limits = np.repeat(efforts, len(self.time), axis=1)
         for i, servo in servos:
-            ends = (np.asarray(bound, dtype=float) for bound in servo.bounds(self.rates[i]))
+            ends = map(doubles, servo.bounds(self.rates[i]))
             low, high = (np.broadcast_to(end, self.time.shape) for end in ends)
             most = np.where(self.efforts[i] < 0.0, -low, high)
             limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
@@ -126,7 +126,7 @@ def demand_of_motion(
     force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
     along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
     squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
-    resisting = lanes([friction(link.joint, rate, rate) for link, rate in zip(vehicle.links, qd, strict=True)])
+    resisting = lanes([friction(joint, rate, rate) for joint, rate in zip(vehicle.joints, qd, strict=True)])
     return ActuatorDemand(
         motion.time,
         np.asarray(squared),

@@ -10,9 +10,9 @@ Automation Magazine 25(4), section Control allocation.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import (
@@ -68,7 +68,7 @@ def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
     if rotor.tilt is None:
         return rotor
     axis = rotor.axis * cos(angle) + rotor.tilt.axis.cross(rotor.axis) * sin(angle)
-    return dataclasses.replace(rotor, axis=axis, tilt=None)
+    return replace(rotor, axis=axis, tilt=None)
 
 
 def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
@@ -84,7 +84,7 @@ def with_rest(vehicle: Vehicle, command: Command) -> Command:
     """Command with tilt angles of zero where a vehicle has tilting rotors and the command gives no angles."""
     if not vehicle.tilts or command.tilts:
         return command
-    return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))
+    return replace(command, tilts=(0.0,) * len(vehicle.tilts))
 
 
 WIDEST = math.pi / 4.0
@@ -115,7 +115,7 @@ def as_pairs(vehicle: Vehicle) -> Vehicle:
     rotors: list[Rotor] = []
     for each in vehicle.rotors:
         rotors += [each] if each.tilt is None else _pair(each, each.tilt)
-    return dataclasses.replace(vehicle, rotors=tuple(rotors))
+    return replace(vehicle, rotors=tuple(rotors))
 
 
 def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
@@ -125,7 +125,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     share = mul(0.5, sqrt(both))
     rotors = []
     for mark, angle in (("low", low), ("high", high)):
-        fixed = dataclasses.replace(
+        fixed = replace(
             turned_rotor(rotor, angle),
             name=f"{rotor.name} {mark}",
             max_speed=sqrt(divide(push(rotor, rotor.max_speed), both)),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Annotated
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.autopilots.autopilot import BaseGoal
 from skyarm.records.immutable import immutable, positional
@@ -78,7 +78,7 @@ class MotionFilter:
 
     def __init__(self, gravity: float, pole: float = 8.0) -> None:
         self._gravity, self._pole = gravity, pole
-        self.position = self.velocity = Vec3(0.0, 0.0, 0.0)
+        self.position = self.velocity = ZERO3_DATA
         self._begun = False
 
     def predict(self, quaternion: Sequence[float], specific_force: Sequence[float], dt: float) -> None:
@@ -91,7 +91,7 @@ class MotionFilter:
     def correct(self, measured: Sequence[float], dt: float) -> None:
         """Correct position and velocity by a position measured ``dt`` after the last; the first one sets them."""
         if not self._begun:
-            self.position, self.velocity, self._begun = Vec3(*measured), Vec3(0.0, 0.0, 0.0), True
+            self.position, self.velocity, self._begun = Vec3(*measured), ZERO3_DATA, True
             return
         # poles of the sampled observer at exp(-w dt), twice: exact for any dt
         keep = math.exp(-self._pole * dt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -247,7 +247,7 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
     return Controller(name=autopilot.name, law=move_arm, par=par)
 
 
-@dataclass(frozen=True)
+@positional
 class AutopilotMaker:
     """Factory of controllers for vehicles whose base an autopilot flies.
 
@@ -279,7 +279,7 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Nominal model from which an autopilot's parameters are computed; the simulated plant may differ from it."""
-    model: Model = scenario.agent.controller.par.model
+    model: Model = scenario.agent.model
     return model
 
 

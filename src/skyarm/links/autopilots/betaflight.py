@@ -148,7 +148,7 @@ class BetaflightLink(ProgramLink):
         model = model_of(scenario)
         vehicle, gravity = model.vehicle, float(model.gravity)
         self._tape, self._rotors = tape, len(vehicle.rotors)
-        self._period = 1.0 / scenario.rates.control
+        self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)
         slow = min(1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK)
         self._control, self._filter = AngleControl(record.gains.slow_down(slow), gravity), MotionFilter(gravity)
@@ -292,7 +292,7 @@ class BetaflightLink(ProgramLink):
         """Read rotor signals and arming state from a motor message of Betaflight."""
         count, *motors = MOTORS.unpack(answer)
         motors = motors[: self._rotors]
-        if count != self._rotors or not all(math.isfinite(each) for each in motors):
+        if count != self._rotors or not all(map(math.isfinite, motors)):
             raise LinkError(f"Betaflight sent {count} motors, {shown_numbers(motors)}: must be {self._rotors} numbers")
         self._answered += 1
         self._signals = tuple(min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors)

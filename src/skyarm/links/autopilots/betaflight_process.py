@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import math
 import os
@@ -12,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from skyarm.links.autopilots.autopilot import Autopilot, LinkError
@@ -94,7 +94,7 @@ class ProcessGuard:
                     self._kill(signal.SIGSTOP)
 
     def _kill(self, what: int) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
+        with suppress(ProcessLookupError, PermissionError):
             os.kill(self._pid, what)
 
     def close(self) -> None:
@@ -141,7 +141,7 @@ def connect_console(child: Child, patience: float) -> socket.socket:
     """
     until = time.monotonic() + patience
     while True:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
         if not child.running:
             raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
@@ -159,9 +159,9 @@ def await_boot(child: Child, patience: float) -> None:
     """
     with connect_console(child, patience) as console:
         until, text = time.monotonic() + patience, b""
-        with contextlib.suppress(ConnectionError):
+        with suppress(ConnectionError):
             while child.running and time.monotonic() < until:
-                with contextlib.suppress(TimeoutError):
+                with suppress(TimeoutError):
                     console.sendall(VERSION_REQUEST)
                     console.settimeout(0.2)
                     data = console.recv(4096)
@@ -192,7 +192,7 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
             taken = TAKEN.search(answer)
             if line.startswith("set ") and taken is not None and taken[1] != line.split()[-1]:
                 raise LinkError(f"Betaflight refuses {line!r}: must be what it takes, {shown(taken[1])}")
-        with contextlib.suppress(OSError):  # one that is gone is seen below
+        with suppress(OSError):  # one that is gone is seen below
             console.sendall(b"save\n")
         until = time.monotonic() + patience
         while child.running:

@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import AttitudeCommand
 from skyarm.links.autopilots.autopilot import Numbers
 from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Vehicle
 
@@ -68,7 +68,7 @@ def mixer(vehicle: Vehicle) -> Array:
     """
     if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
         raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for Betaflight")
-    mix: Array = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
+    mix = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
     mix /= np.abs(mix).max(axis=0)
     if mix[:, 0].min() <= 0.05:
         raise ScenarioError("plant.vehicle: every rotor must carry a share of the weight for Betaflight")
@@ -79,7 +79,7 @@ def mixer(vehicle: Vehicle) -> Array:
 def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
     """Thrust (N) of each rotor for given mixed throttles."""
     rows = zip(vehicle.rotors, mixes, strict=True)
-    return np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
+    return float_array(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed) for r, x in rows)
 
 
 def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
@@ -92,7 +92,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if thrust_of(vehicle, middle * share).sum() < weight else (low, middle)
     step = 0.02
-    slope: Array = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
+    slope = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
     return slope / (2.0 * step)
 
 

@@ -22,7 +22,7 @@ _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 def centre_of_mass(vehicle: Vehicle) -> Array:
     """Centre of mass (m) of a vehicle with its joints at zero, base axes."""
-    return center_of_mass(vehicle, *_LEVEL, (0.0,) * vehicle.n)
+    return center_of_mass(vehicle, *_LEVEL, vehicle.zeros)
 
 
 def unit_wrenches(vehicle: Vehicle) -> Array:
@@ -68,7 +68,7 @@ def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
     """Least-squares weight a of the square in the thrust curve a s^2 + (1 - a) s of a signal s."""
     s = np.asarray(signals)
     full = float(push(rotor, rotor.max_speed))
-    thrust = np.array([float(push(rotor, each * float(rotor.max_speed))) for each in signals]) / full
+    thrust = float_array(push(rotor, each * float(rotor.max_speed)) for each in signals) / full
     bend = s * s - s
     return float(bend @ (thrust - s) / (bend @ bend))
 
@@ -79,7 +79,7 @@ def inertias(vehicle: Vehicle) -> tuple[Array, Array]:
     They are Schur complements of the mass matrix: everything but the base's rotation, or but that and the joints, is
     free to move.
     """
-    mass = mass_matrix(vehicle, *_LEVEL, (0.0,) * vehicle.n)
+    mass = mass_matrix(vehicle, *_LEVEL, vehicle.zeros)
     limp, locked = np.linalg.inv(mass)[3:6, 3:6], np.linalg.inv(mass[:6, :6])[3:6, 3:6]
     return 1.0 / np.diag(limp), 1.0 / np.diag(locked)
 

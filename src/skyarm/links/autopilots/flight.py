@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 import time
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
@@ -29,7 +29,7 @@ from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
@@ -70,18 +70,16 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
-    require_rotors(scenario.agent.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
+    require_rotors(scenario.agent.vehicle, model_of(scenario).vehicle, autopilot.title)
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
             given = "transcript" if autopilot.transcript else "replayed"
             raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
         hovers = hover_at_start(scenario)
-        scenario = scenario.with_agent(
-            dataclasses.replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None)
-        )
+        scenario = scenario.with_agent(replace(scenario.agent, reference=hovers, tracking_start=0, path_time=None))
     there = {each.name for each in scenario.agent.sensors}
-    needed = autopilot.sensors(scenario.agent.plant.vehicle)
+    needed = autopilot.sensors(scenario.agent.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
     for each in scenario.agent.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
@@ -96,8 +94,8 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     planned = Rates(physics=physics, control=control, reference=rates.reference)
     if not added and planned == rates:
         return scenario
-    equipped = scenario.with_agent(dataclasses.replace(scenario.agent, sensors=sensors))
-    return dataclasses.replace(equipped, rates=planned)
+    equipped = scenario.with_agent(replace(scenario.agent, sensors=sensors))
+    return replace(equipped, rates=planned)
 
 
 def require_free_flight(scenario: Scenario) -> None:
@@ -112,7 +110,7 @@ def require_free_flight(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         from skyarm.world.contact.initial_world import initial_clearance
 
-        distance, point, surface = initial_clearance(contact, scenario.agent.plant.vehicle, first_state(scenario))
+        distance, point, surface = initial_clearance(contact, scenario.agent.vehicle, first_state(scenario))
         if distance < NEAR:
             raise ScenarioError(
                 f"initial: point {point!r} starts {distance:.3g} m from surface {surface!r}: must be at least {NEAR:g} "
@@ -136,16 +134,16 @@ def require_no_push(scenario: Scenario, title: str) -> None:
 def hover_at_start(scenario: Scenario) -> Trajectory:
     """Reference that holds the initial pose of the base and the initial joint positions."""
     start = first_state(scenario)
-    x, y, z = (float(c) for c in start.position)
+    x, y, z = map(float, start.position)
     return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(map(float, start.joints)))
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
     """Scenario of the take-off: calm air, a launch stand below the start, and hover at the start as reference."""
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
-    start, vehicle = first_state(scenario), scenario.agent.plant.vehicle
+    start, vehicle = first_state(scenario), scenario.agent.vehicle
     yaw = float(yaw_of(start.quaternion))
-    x, y, z = (float(c) for c in start.position)
+    x, y, z = map(float, start.position)
     half = 0.5 * yaw
     inertia = vehicle.base.inertia
     stand = LaunchStand(
@@ -155,16 +153,16 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         inertia=float(min(inertia.xx, inertia.yy, inertia.zz)),
         gravity=float(scenario.agent.plant.gravity),
     )
-    resting = dataclasses.replace(
+    resting = replace(
         start,
         position=stand.rest,  # loaded: an accelerometer reads weight from the first instant
         quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
-        joint_rates=(0.0,) * vehicle.n,
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
+        joint_rates=vehicle.zeros,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
-    agent = dataclasses.replace(
+    agent = replace(
         scenario.agent,
         reference=hover_at_start(scenario),
         initial=resting,
@@ -173,7 +171,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         faults=(),
         payloads=(),
     )
-    return dataclasses.replace(
+    return replace(
         scenario.with_agent(agent),
         duration=autopilot.preparation,
         environment=Environment(forces=(stand,), ground=False),
@@ -202,7 +200,7 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
         return None
     reference, steps = inputs.held_reference, inputs.scenario.steps
     columns = (*reference.position, *reference.velocity, *reference.acceleration, reference.yaw)
-    return np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
+    return np.stack([np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1)
 
 
 class PilotedSession(Session):
@@ -286,7 +284,7 @@ class PilotedSession(Session):
         if not autopilot.outside:
             return
         with errors_as(ScenarioError, of=JointPortError):
-            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.plant.vehicle.n)
+            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.agent.vehicle.n)
 
     def _keep_pace(self) -> None:
         """Wait until the wall clock reaches the flight time; lost time is not caught up."""
@@ -304,8 +302,8 @@ class PilotedSession(Session):
         # drivers turn what they read into base axes; the place is a parameter of the autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
-        self._period = 1.0 / self.scenario.rates.control
-        stopped = (0.0,) * len(self.scenario.agent.plant.vehicle.rotors)
+        self._period = self.scenario.rates.period
+        stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
         self._signals: Sequence[float] = stopped if self._link is None else self._signals
         (self._inputs,) = engine.inputs.each
         self._goals: Array | None = goal_columns(self._inputs)
@@ -364,7 +362,7 @@ class PilotedSession(Session):
             raise ScenarioError(f"command: must be left out, {self._autopilot.title} commands the rotors")
         if not self.running or self._link is None:
             return False
-        rotors = self.scenario.agent.plant.vehicle.rotors
+        rotors = self.scenario.agent.vehicle.rotors
         speeds = [signal * float(rotor.max_speed) for signal, rotor in zip(self._signals, rotors, strict=True)]
         going = super().step(rotors=speeds) if self._joint_server is None else self._step_with_port(speeds)
         if not going:
@@ -429,7 +427,7 @@ class PilotedSession(Session):
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
         if self._joint_server is not None:
             said |= {"joints": self._joint_server.facts, "set_back": self._late}
-        return dataclasses.replace(log, info={**log.info, "autopilot": said})
+        return replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
         """Raise an error, since the state of an autopilot's program cannot be copied."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -12,6 +11,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 
@@ -109,7 +109,7 @@ class Child:
     @property
     def output(self) -> str:
         """Last ``MOST_READ`` bytes of what the program has printed."""
-        with contextlib.suppress(OSError), self._output.open("rb") as file:
+        with suppress(OSError), self._output.open("rb") as file:
             file.seek(max(file.seek(0, os.SEEK_END) - MOST_READ, 0))
             return file.read(MOST_READ).decode("utf-8", "replace")
         return ""
@@ -132,7 +132,7 @@ class Child:
         """Kill the process and all its children; a second call does nothing."""
         if self._pipe < 0:
             return
-        with contextlib.suppress(ProcessLookupError, PermissionError):
+        with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         os.close(self._pipe)
@@ -166,9 +166,9 @@ class ProgramLink(SimulatorLink):
         self._record, self._title = record, record.title
         self._child: Child | None = None
         self._tcp: socket.socket | None = None
-        self._held = contextlib.ExitStack()
+        self._held = ExitStack()
 
-    @contextlib.contextmanager
+    @contextmanager
     def _starting(self) -> Iterator[None]:
         """Context manager that closes the connection to a program if its start fails.
 
@@ -207,7 +207,7 @@ class ProgramLink(SimulatorLink):
         listener.settimeout(0.1)
         until = time.monotonic() + self._record.patience
         while True:
-            with contextlib.suppress(TimeoutError):
+            with suppress(TimeoutError):
                 connection = self._held.enter_context(listener.accept()[0])
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 return connection

@@ -8,11 +8,11 @@ system is 1 + instance.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import socket
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -150,7 +150,7 @@ class PX4Link(ProgramLink):
         self._tape = tape
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
-        vehicle = scenario.agent.plant.vehicle
+        vehicle = scenario.agent.vehicle
         self._rotors, self._signals = len(vehicle.rotors), (0.0,) * len(vehicle.rotors)
         self._rate = scenario.rates.control
         self._goal_every = max(1, self._rate // 50)
@@ -351,7 +351,7 @@ class PX4Link(ProgramLink):
     def _datagrams(self) -> bytes:
         """Bytes that have arrived from PX4 at the onboard port; other senders are ignored."""
         assert self._udp is not None
-        with contextlib.suppress(ConnectionError):
+        with suppress(ConnectionError):
             return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
         return b""
 
@@ -361,7 +361,7 @@ class PX4Link(ProgramLink):
 
     def _write_datagram(self, data: bytes) -> None:
         assert self._udp is not None
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._udp.sendto(data, self._partner)
 
     def _hear(self, message: mavlink.Message) -> None:

@@ -135,9 +135,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     most = float(full.max())
     shape = unit_wrenches(vehicle) * (full / most)  # torque and force of full thrusts, in parts of the largest
     mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
-    scale: list[float] = [
-        math.sqrt(2.0 * float(c @ c) / max(int(np.count_nonzero(np.abs(c) > 1e-4)), 1)) for c in mix.T[:2]
-    ]
+    scale = [math.sqrt(2.0 * float(c @ c) / max(int(np.count_nonzero(np.abs(c) > 1e-4)), 1)) for c in mix.T[:2]]
     scales = np.array([max(scale), max(scale), float((-mix[:, 2]).max())])  # PX4's yaw is about an axis down
     torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * most
     if not (np.all(np.isfinite(torques)) and np.all(torques > 1e-9)):

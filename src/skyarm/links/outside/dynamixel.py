@@ -8,11 +8,11 @@ on: the servos then hold their places.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated, Any
 
 from skyarm.links.joint_port import FRESH, JointLink, JointPortError, JointReading
@@ -115,7 +115,7 @@ class DynamixelJoints(JointLink):
         """Command every servo to hold its present position."""
         with self._lock:
             self._setpoints = None
-        with self._bus_lock, contextlib.suppress(OSError):
+        with self._bus_lock, suppress(OSError):
             self._hold()
 
     def close(self) -> None:
@@ -140,7 +140,7 @@ class DynamixelJoints(JointLink):
 
     def _shut(self) -> None:
         """Close the serial port, even if the SDK failed to open it."""
-        with contextlib.suppress(AttributeError, OSError):
+        with suppress(AttributeError, OSError):
             self._port.closePort()
 
     def _prepare(self) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Environment, Scenario
@@ -26,7 +25,7 @@ def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
     """Median, 99th percentile and maximum of durations (ms), and their count."""
     if not len(seconds):
         return {"count": 0}
-    ms = 1e3 * np.asarray(seconds, dtype=float)
+    ms = 1e3 * doubles(seconds)
     statistics = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
     return {"count": len(ms), **{name: round(float(value), 3) for name, value in statistics.items()}}
 
@@ -61,14 +60,14 @@ class FlightRecord:
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
-        agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
+        agent = replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
         still = Environment(ground=False)
-        plain = dataclasses.replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
+        plain = replace(scenario.with_agent(agent), environment=still, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
-        n, rotors, _ = scenario.agent.plant.vehicle.sizes
+        n, rotors, _ = scenario.agent.vehicle.sizes
         flown = LoggedSamples(
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),

@@ -87,7 +87,7 @@ def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:
     if len(ids) != vehicle.n or len({*ids}) != len(ids) or not all(0 <= each <= 252 for each in ids):
         raise JointPortError(f"{at}: ids must be {vehicle.n} different numbers from 0 to 252, one for each joint")
     setpoints = {each.name: each.drive.takes for each in vehicle.drives if not each.drive.takes_torque}
-    takes = {setpoints.get(link.joint.name, "N m or N") for link in vehicle.links}
+    takes = {setpoints.get(joint.name, "N m or N") for joint in vehicle.joints}
     if takes == {"N m or N"} and torque is None:
         raise JointPortError(f"{at}: torque must be given, N m of an ampere, for joints that take torques")
     if takes != {"N m or N"} and (torque is not None or any(not each.startswith("rad or") for each in takes)):

@@ -129,7 +129,7 @@ def require_outside(scenario: Scenario) -> None:
         ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference, or
             a law that needs a force sensor.
     """
-    name, vehicle = scenario.agent.controller.name, scenario.agent.controller.par.model.vehicle
+    name, vehicle = scenario.agent.controller.name, scenario.agent.model.vehicle
     if autopilot_of(scenario.agent.controller) is not None:
         raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, as by --laws LAW")
     if vehicle.tilts:
@@ -187,8 +187,8 @@ class OffboardFlight:
         self._rows = self._inputs.held_leaves
         self._example: Reference = self._inputs.reference_example
         self._rate, self._steps = scenario.rates.control, scenario.steps
-        self._rotors = len(scenario.agent.controller.par.model.vehicle.rotors)
-        self._gravity = float(scenario.agent.controller.par.model.gravity)
+        self._rotors = len(scenario.agent.model.vehicle.rotors)
+        self._gravity = float(scenario.agent.model.gravity)
         self._record = FlightRecord()
         self._frame = WorldFrame()
         self._joints: JointReading | None = None
@@ -254,7 +254,7 @@ class OffboardFlight:
             link.beat()
         reading = self._arm.read()
         if reading is not None:
-            count = self._scenario.agent.controller.par.model.vehicle.n
+            count = self._scenario.agent.model.vehicle.n
             sizes = len(reading.joints), len(reading.joint_rates)
             if sizes != (count, count):
                 raise JointPortError(f"--joints: {sizes[0]} angles and {sizes[1]} rates: must be {count} of each")
@@ -298,7 +298,7 @@ class OffboardFlight:
 
     def _loop_settings(self) -> LoopSettings | MotorSettings:
         """Settings of the loop around the control law, by the kind of set point that the link sends."""
-        link, settings, model = self._link, self._settings, self._scenario.agent.controller.par.model
+        link, settings, model = self._link, self._settings, self._scenario.agent.model
         if isinstance(link, DdsLink):
             if settings.rate_bandwidth is not None:
                 raise OffboardError("--rate-bandwidth: must be left out for motors, which have no rate loop")

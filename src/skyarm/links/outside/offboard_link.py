@@ -5,7 +5,6 @@ Source: mavlink.io, services "Offboard", "Command" and "Time synchronization".
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import math
 import select
@@ -13,6 +12,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from urllib.parse import urlsplit
 
 from skyarm.algebra import Quaternion, Vec3
@@ -77,7 +77,7 @@ def parse_link(url: str) -> tuple[str, str, int]:
     Raises:
         OffboardError: another form.
     """
-    with contextlib.suppress(ValueError):
+    with suppress(ValueError):
         parts = urlsplit(url)
         whole = not (parts.path or parts.query or parts.fragment or parts.username)
         if parts.scheme in ("mavlink", "mavlink-out") and parts.hostname and parts.port and whole:
@@ -148,7 +148,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def wait(self, seconds: float) -> None:
         """Wait for datagrams, at most a given time (s), and read all that have arrived."""
         select.select([self._socket], [], [], max(seconds, 0.0))
-        with contextlib.suppress(ConnectionError):
+        with suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 connected = self.modes is not None
                 if connected and sender != self._partner:
@@ -193,7 +193,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def _carry(self, frame: bytes) -> None:
         if self._partner is None:
             return
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             _ = self._socket.send(frame) if self._calls else self._socket.sendto(frame, self._partner)
 
     def _hear_odometry(self, m: mavlink.Message) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
@@ -56,7 +56,7 @@ class MotorSettings:
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
         """Zero integral torque, since motor set points bypass the autopilot's rate loop."""
-        return Vec3(0.0, 0.0, 0.0)
+        return ZERO3_DATA
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
@@ -96,7 +96,7 @@ class LoopSettings:
     full_thrust: Annotated[float, positive("N", "thrust of the vehicle at a thrust set point of 1")]
     center: Annotated[
         Vec3, Unit("m", "point about which the autopilot distributes torques among the rotors, base axes")
-    ] = Vec3(0.0, 0.0, 0.0)
+    ] = ZERO3_DATA
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[Scalar]) -> Vec3:
         """Initial integral torque (N m) of the rate loop in a hover at given rotor speeds (rad/s)."""

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Annotated, Protocol
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Vec3, inner_product, ldl_solve
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Scalar, Vec3, inner_product, ldl_solve
 from skyarm.algebra.scalars import clip
 from skyarm.control.blocks.prediction import Disturbance, acceleration
 from skyarm.control.model import Model
@@ -61,7 +61,7 @@ class IdealRateLoop:
 
     def begin(self, torque: Vec3) -> Vec3:
         """Zero integral torque, since an ideal rate loop has no integral."""
-        return Vec3(0.0, 0.0, 0.0)
+        return ZERO3_DATA
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Integral torque as it was, and the rate error (rad/s): angular acceleration divided by bandwidth."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.joint_port import JointReading
 from skyarm.records.immutable import immutable
@@ -45,13 +45,13 @@ class WorldFrame:
     origin: Annotated[Vec3, Unit("m", "place of the origin in the autopilot's local frame: north, west, up")] = Vec3(
         0.0, 0.0, 0.0
     )
-    start: Annotated[Vec3, Unit("m", "place of the origin in the scenario's world, world axes")] = Vec3(0.0, 0.0, 0.0)
+    start: Annotated[Vec3, Unit("m", "place of the origin in the scenario's world, world axes")] = ZERO3_DATA
     turn: Annotated[float, Unit("rad", "yaw from the autopilot's local frame to the world")] = 0.0
 
     @classmethod
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
         """Transformation that places the vehicle's present state at a position (m) and heading (rad) in the world."""
-        x, y, z = (float(c) for c in position)
+        x, y, z = map(float, position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
     def measurement(

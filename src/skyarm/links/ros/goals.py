@@ -102,7 +102,7 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
         MessageError: a name of no joint, another number of positions than names, or a position outside the limits.
     """
     names, positions = list(message["name"]), [float(value) for value in message["position"]]
-    joints = [link.joint for link in vehicle.links]
+    joints = vehicle.joints
     if len(names) != len(positions) or not names:
         raise MessageError(f"{len(names)} names and {len(positions)} positions: must be as many, and one at least")
     joint_names, goals = [each.name for each in joints], dict[str, float]()

@@ -6,13 +6,13 @@ length. Numbers are little endian. Source: wiki.ros.org/ROS/TCPROS, ROS/Connecti
 
 from __future__ import annotations
 
-import contextlib
 import socket
 import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 from skyarm.links.ros.node import MOST_WAITING, Inbox
 from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum, definition
@@ -224,13 +224,13 @@ class _Source:
         """Close the connection and end its thread."""
         self._closing = True
         if self._connection is not None:
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 self._connection.shutdown(socket.SHUT_RDWR)
         if self._thread is not threading.current_thread():
             self._thread.join(timeout=PATIENCE)
 
     def _run(self) -> None:
-        with contextlib.suppress(OSError, ValueError):  # a publisher that is gone, or is none
+        with suppress(OSError, ValueError):  # a publisher that is gone, or is none
             place = self._find(self._publisher, self._identity.topic)
             with socket.create_connection(place, timeout=PATIENCE) as connection:
                 self._connection = connection

@@ -9,7 +9,6 @@ waits without end for a master that is not there.
 
 from __future__ import annotations
 
-import contextlib
 import http.client
 import io
 import os
@@ -18,6 +17,7 @@ import threading
 import time
 import xmlrpc.client
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from socketserver import ThreadingMixIn
 from typing import Any, TypeAlias
 from urllib.parse import urlsplit
@@ -93,7 +93,7 @@ class Ros1Node:
         self._closing = threading.Event()
         self._welcomes = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self._ask("getPid")  # before any socket is open
-        with contextlib.ExitStack() as opened:
+        with ExitStack() as opened:
             try:
                 self._listener = opened.enter_context(socket.create_server((self._host, 0)))
                 self._api = opened.enter_context(_ApiServer(self._host))
@@ -146,14 +146,14 @@ class Ros1Node:
         if self._closing.is_set():
             return
         self._closing.set()
-        with contextlib.suppress(RosError):
+        with suppress(RosError):
             for topic in self._publications if not self.problem else ():
                 self._ask("unregisterPublisher", topic, self.address)
             for topic in self._subscriptions if not self.problem else ():
                 self._ask("unregisterSubscriber", topic, self.address)
         self._api.shutdown()
         self._api.server_close()
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
         self._listener.close()
         ends: list[Publication | Subscription] = [*self._publications.values(), *self._subscriptions.values()]

@@ -149,7 +149,7 @@ class Ros2Node:
 
     def close(self) -> None:
         """Wait until the last messages have arrived, then leave the DDS domain; sockets and threads end."""
-        if any(self.subscribers(topic) for topic in self._writers):
+        if any(map(self.subscribers, self._writers)):
             time.sleep(LAST)
         self._arrivals = None
         self._writers.clear()

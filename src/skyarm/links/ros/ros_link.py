@@ -262,7 +262,7 @@ def goal_topics(scenario: Scenario, name: str) -> list[str]:
 def live_session(scenario: Scenario, preparing: Callable[[float, float], object] | None = None) -> tuple[Session, str]:
     """Open a session whose references take goals from ROS; where one takes none, return the reason, too."""
     session, reasons = open_live(scenario, preparing)
-    several = len(scenario.agents) > 1
+    several = scenario.is_team
     return session, "; ".join(f"{name}: {reason}" if several else reason for name, reason in reasons.items())
 
 

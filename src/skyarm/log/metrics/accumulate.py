@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, asin, atan2, clip, maximum, minimum, sqrt, where
@@ -119,7 +119,7 @@ Total = tuple[str, str, str]
 
 Of kind "added" it is the memory of a registered metric, by its name."""
 
-Totals: TypeAlias = tuple[Any, ...]
+Totals = tuple[Any, ...]
 """Values of some totals in order: scalars, and internal states of registered metrics."""
 
 ADDED = "added"

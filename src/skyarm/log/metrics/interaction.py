@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, atan2, cos, logical_and, maximum, sin, where
 from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.log.metrics.metric import Metric, MetricGoal, MetricInstant
@@ -143,7 +143,7 @@ class GripTotals(Metric):
             return memory
         taken, pull = now.part("gripper_taken")[0], now.part("gripper_pull")[:3]
         place, axis = Vec3(*hinge[:3]), Vec3(*hinge[3:])
-        out = out_of_axis(now.tool, place, axis, taken > 0.5, Vec3(0.0, 0.0, 0.0))
+        out = out_of_axis(now.tool, place, axis, taken > 0.5, ZERO3_DATA)
         radial = absolute(out.dot(Vec3(*pull)))
         holds = logical_and(taken > 0.5, now.push[5] > 0.5)
         pivot, about = Vec3(*now.push[6:9]), Vec3(*now.push[9:12])

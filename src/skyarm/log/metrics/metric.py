@@ -42,7 +42,7 @@ class ActuatorLimits:
     @classmethod
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
         """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints and have no effort limit."""
-        joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
+        joints = zip(vehicle.joints, setpoints, strict=True)
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
             least=tuple(data(rotor.min_speed) for rotor in vehicle.rotors),

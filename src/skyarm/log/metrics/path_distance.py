@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, lengths
 
 AT_ONCE = 256
 """Number of points compared with the whole path at a time."""
@@ -23,12 +23,12 @@ def path_distance(points: Array, path: Array) -> Array:
     Returns:
         (N,), m.
     """
-    points, path = np.asarray(points, dtype=float), np.asarray(path, dtype=float)
+    points, path = doubles(points), doubles(path)
     # where the path rests it is one point
     moves = np.append(True, np.any(np.diff(path, axis=0) != 0.0, axis=1))
     path = path[moves]
     if len(path) == 1:
-        return np.asarray(np.linalg.norm(points - path[0], axis=1))
+        return lengths(points - path[0])
     begin, along = path[:-1], np.diff(path, axis=0)
     square = (along * along).sum(axis=1)
     distances = np.empty(len(points))

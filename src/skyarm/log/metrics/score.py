@@ -21,21 +21,13 @@ from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import (
-    ADDED,
-    CONTINUOUS,
-    Total,
-    Totals,
-    advance_totals,
-    first_totals,
-    quantity,
-)
+from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, Total, Totals, advance_totals, first_totals, quantity
 from skyarm.log.metrics.interaction import TOTALS
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import names_by_agent, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import PathLike, shown
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.world.component import columns_of_agent
@@ -83,7 +75,7 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
     used = tuple(dict.fromkeys(window for _, window, _ in counted))
     totals = first_totals(counted)
     instants = _instants(log, whole=True)
-    columns = [np.asarray(leaf, dtype=float) for leaf in leaves(instants)]
+    columns = [doubles(leaf) for leaf in leaves(instants)]
     columns += [masks[name].astype(float) for name in used]
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     # the user's own metric may have changed since a program was made with it

@@ -21,6 +21,7 @@ from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs, points_at_tip, runs_of
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import lengths
 from skyarm.records.immutable import immutable
 
 if TYPE_CHECKING:
@@ -187,7 +188,7 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
         if log.path_time.size and not log.phase.size:
             errors = path_distance(flown[at_end], desired)
         else:
-            errors = np.linalg.norm(flown[at_end] - desired[at_end], axis=1)
+            errors = lengths(flown[at_end] - desired[at_end])
         error = float(errors.mean()) if errors.size else 0.0
         if not error <= LARGEST_ERROR:
             missed[what] = f"reference of the {body}, {error:.3g} m"

@@ -27,10 +27,10 @@ Value: TypeAlias = "float | str | AnyArray | Sequence[Value] | Mapping[str, Valu
 """Value of a message's field: text, number, numbers of many messages (N,) or (N, k), list, or record; None for zero
 or empty."""
 
-Values: TypeAlias = Mapping[str, Value]
+Values = Mapping[str, Value]
 """Fields of a message by name."""
 
-Message: TypeAlias = dict[str, Any]
+Message = dict[str, Any]
 """Fields of a received message by name: numbers, texts, lists, and nested records."""
 
 HEADER = b"\x00\x01\x00\x00"

@@ -5,10 +5,10 @@ On systems without such rights (Windows, whose user folders are closed by themse
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 WITH_OWNERS = hasattr(os, "geteuid")
@@ -37,9 +37,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
     """
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.suppress(
-            FileExistsError
-        ):  # another process made it meanwhile; or it is a file, as is seen below
+        with suppress(FileExistsError):  # another process made it meanwhile; or it is a file, as is seen below
             folder.mkdir(mode=0o700)
     status = folder.stat()
     if not stat.S_ISDIR(status.st_mode):
@@ -53,7 +51,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
     if not status.st_mode & OTHERS:
         return ""
     if all(ours(each.name) for each in folder.iterdir()):
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             folder.chmod(0o700)
         if folder.stat().st_mode & OTHERS_WRITE:
             return "others may write into it, and that cannot be changed"
@@ -108,13 +106,13 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
         else:
             _link(temporary, file)
     finally:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             temporary.unlink()
 
 
 def _link(temporary: Path, file: Path) -> None:
     """Move a temporary file to its final name, unless a file of that name already exists."""
-    with contextlib.suppress(FileExistsError):
+    with suppress(FileExistsError):
         try:
             os.link(temporary, file)
         except FileExistsError:

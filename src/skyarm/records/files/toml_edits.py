@@ -11,6 +11,7 @@ from typing import Any
 
 from skyarm.records.files.messages import shown
 from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.immutable import immutable
 
 TomlPath = tuple[str | int, ...]
 """Keys of tables and places in lists, from the top of a document."""
@@ -19,7 +20,7 @@ _KEYS = re.compile(r"""(\s*)((?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'#])+?)(\s*=\s*)""
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class _Statement:
     """Lines of a text that state one header or one key with its value."""
 

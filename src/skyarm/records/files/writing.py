@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
 import re
@@ -11,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -99,7 +98,7 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
         _cleared.add(target.parent)
         for path in target.parent.glob(".*.part"):
             if PART.fullmatch(path.name):
-                with contextlib.suppress(OSError):
+                with suppress(OSError):
                     _remove_unlocked(path)
     while True:
         # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
@@ -158,7 +157,7 @@ def _sync(handle: int) -> None:
 def _forget(temporary: Path | None) -> None:
     """Delete a temporary file if it exists, ignoring errors."""
     if temporary is not None:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             temporary.unlink()
 
 
@@ -308,9 +307,7 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
     except OSError:  # of the disk, which holds who knows what
         raise
     except Exception:
-        with contextlib.suppress(
-            OSError, ValueError
-        ):  # the first that holds a result ends it, and nothing above it is empty
+        with suppress(OSError, ValueError):  # the first that holds a result ends it, and nothing above it is empty
             for path in reversed(made):
                 if path.is_dir():
                     path.rmdir()
@@ -366,7 +363,7 @@ def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iter
                 raise
             time.sleep(POLL)
     try:
-        with contextlib.suppress(OSError):  # on a full disk the process stays unnamed
+        with suppress(OSError):  # on a full disk the process stays unnamed
             os.ftruncate(handle, 0)
             os.write(handle, str(os.getpid()).encode())
         yield
@@ -402,7 +399,7 @@ def _lock_file(path: Path, folder: Path) -> int | None:
             f"folder = {shown(str(folder))}: must be written by one process at a time; another one{words} does; "
             f"wait for its end, or choose another folder"
         ) from None
-    with contextlib.suppress(FileNotFoundError):
+    with suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(handle), os.stat(path)):
             return handle
     os.close(handle)
@@ -429,7 +426,7 @@ FAR = 4096
 
 def _process(handle: int) -> str:
     """Text with the number of the process that holds a lock, from the lock file; empty if unknown."""
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
         number = os.read(handle, 20).decode("ascii", "replace")
         if number.isdecimal():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Quaternion, Scalar, Scalars, Vec3
@@ -11,9 +11,8 @@ from skyarm.algebra.scalars import logical_and, logical_or, mul, sqrt
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import blend
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.estimate.error_state import ATTITUDE, Aid, Covariance, Navigated, diagonal, level_attitude
 from skyarm.sensing.estimate.estimator import Estimator
@@ -279,10 +278,10 @@ class FilterNumbers(Estimator):
             "assumed place of the inertial unit from the base origin, base axes; None: the sensor's",
             usual=FARTHEST,
         ),
-    ] = field(default=None, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=None)
     imu_rpy: Annotated[
         Vec3 | None, Unit("rad", "assumed angles of the inertial unit's axes in the base; None: the sensor's")
-    ] = field(default=None, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=None)
     vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:

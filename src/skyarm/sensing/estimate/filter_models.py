@@ -109,8 +109,8 @@ def modelled_force(
     for rotor, speed in zip(vehicle.rotors, mean, strict=True):
         applied = applied + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
     torques = [
-        add(joint_force(link.joint, effort, qd), stop_force(link.joint, q, qd))
-        for link, effort, q, qd in zip(vehicle.links, efforts, joints, joint_rates, strict=True)
+        add(joint_force(joint, effort, qd), stop_force(joint, q, qd))
+        for joint, effort, q, qd in zip(vehicle.joints, efforts, joints, joint_rates, strict=True)
     ]
     base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
     return Vec3(*map(data, specific_force_at(place, base, rate)))

@@ -69,13 +69,13 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
     """
     parts = flight_parts(scenario, carried)
     followed = follow(parts)
-    demand, vehicle = followed.demand, scenario.agent.plant.vehicle
+    demand, vehicle = followed.demand, scenario.agent.vehicle
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
     findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, pulls))
     if vehicle.n:
-        fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
+        fields = [(f"joints[{joint.name}]", "effort_limit") for joint in vehicle.joints]
         findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
         findings += servo_speeds(scenario, demand.time, demand.rates)
     if clearance:
@@ -127,7 +127,7 @@ def _planned_force(scenario: Scenario) -> list[Finding]:
         return []
     k = int(force.argmax())
     text = f"the plan counts on {force[k]:.3g} N on the tip at {planned.times[k]:.3g} s; the world has no surface"
-    weight = float(scenario.agent.plant.vehicle.mass * scenario.agent.plant.gravity)
+    weight = float(scenario.agent.vehicle.mass * scenario.agent.plant.gravity)
     words = text, "world.surfaces", "what the tip touches in the plan"
     return [at_most("contact along the reference", float(force[k]), *words, warning=0.0, fault=weight, unit="N")]
 
@@ -150,7 +150,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 
 def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
     """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
-    vehicle = part.scenario.agent.plant.vehicle
+    vehicle = part.scenario.agent.vehicle
     return np.abs(demand.efforts) / demand.effort_limits(effort_limits(vehicle)[:, None], servos(part.scenario))
 
 
@@ -189,7 +189,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
         rotation, speeds, efforts = planned.actuation_at(time)
         demand = asked(vehicle, rotation=rotation)
         # what the plan states is of the law's model: loads come on top
-        bare = asked(scenario.agent.controller.par.model.vehicle, rotation=rotation)
+        bare = asked(scenario.agent.model.vehicle, rotation=rotation)
         efforts = efforts + demand.efforts - bare.efforts if len(efforts) else demand.efforts
         demand = replace(demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
@@ -199,7 +199,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
-    for i, link in enumerate(scenario.agent.plant.vehicle.links):
+    for i, link in enumerate(scenario.agent.vehicle.links):
         joint, q = link.joint, demand.joints[i]
         low, high = joint.ends
         beyond = (q < low) | (q > high)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,8 +13,8 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
-from skyarm.records.arrays import Array, stack_values
-from skyarm.records.immutable import positional
+from skyarm.records.arrays import Array, doubles, stack_values
+from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
@@ -31,7 +31,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
         gravity: m/s^2.
         joints: (lanes, n), rad or m.
     """
-    still = (0.0,) * vehicle.n
+    still = vehicle.zeros
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
     return stack_values(len(joints), (*force.torque, force.force.z, *efforts))
@@ -74,7 +74,7 @@ class Allocation:
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """
         far = self.headroom(squared, (self.inverse @ direction)[:, None])
-        return np.asarray(np.min(far, axis=0), dtype=float)
+        return doubles(np.min(far, axis=0))
 
 
 GRAVITY = 9.81
@@ -92,7 +92,7 @@ def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
     """Indices of undriven joints, which hang under gravity; joints that drive a coupled joint are not included."""
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
-    return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
+    return tuple(i for i, joint in enumerate(vehicle.joints) if joint.name in free and i not in leaders)
 
 
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
@@ -120,7 +120,7 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     def torque(value: float) -> Array:
         moved = joints.copy()
         moved[:, i] = value
-        return np.asarray(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i], dtype=float)
+        return doubles(hover_efforts(vehicle, GRAVITY, moved)[WRENCH + i])
 
     at_zero = torque(0.0)
     if not joint.turns:  # slides down as far as it can
@@ -154,7 +154,7 @@ ROUNDS, AROUND, CLOSER = 16, 24, 0.65
 """Local search around the worst pose: number of rounds, trials of each round, and factor on their steps per round."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class ArmPoses:
     """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 
@@ -245,7 +245,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
     """
     if not 1 <= count <= MOST_POSES:
         raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
-    ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
+    ranges = np.array([joint_range(joint) for joint in vehicle.joints]).reshape(-1, 2)
     low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
     rng = np.random.default_rng(0)

@@ -17,7 +17,7 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 
 def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about suspicious values, a reference beyond limits, and a contact force that cannot be held."""
-    if len(scenario.agents) > 1:
+    if scenario.is_team:
         bodies = balances(scenario) if scenario.team is not None else []
         loads = {name: carried_loads(scenario, name, bodies) for name in scenario.agents}
         found = {name: _warnings_of(scenario.of(name), carried) for name, carried in loads.items()}

@@ -35,7 +35,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
         "tip": vehicle.end_effector or None,
         "rotors": [rotor.name for rotor in vehicle.rotors],
         "tilts": {rotor.name: record_facts(rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None},
-        "joints": [record_facts(link.joint) for link in vehicle.links],
+        "joints": [record_facts(joint) for joint in vehicle.joints],
         "drives": [
             {"joint": each.name, "drive": type(each.drive).__name__, **record_facts(each.drive)}
             for each in vehicle.drives
@@ -92,7 +92,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> Facts:
 def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
     """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
     sections: dict[str, Mapping[str, Dataclass]] = {
-        "joints": {link.joint.name: link.joint for link in vehicle.links},
+        "joints": {joint.name: joint for joint in vehicle.joints},
         "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
         "bodies, inertia about the centre of mass": dict(zip(_bodies(vehicle), vehicle.bodies, strict=True)),
         "rotors": {rotor.name: rotor for rotor in vehicle.rotors},

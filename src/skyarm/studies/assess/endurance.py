@@ -49,7 +49,7 @@ def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:
     """True if a level hover is possible within the rotors' highest speeds."""
     try:
-        trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+        trim = hover_trim(vehicle, vehicle.zeros, gravity)
     except AllocationError:
         return False
     if not trim.needs_no_pull:
@@ -90,7 +90,7 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
     battery = vehicle.battery
     if battery is None:
         raise VehicleError(f"vehicle '{vehicle.name}': battery = (missing): must be a table for a time aloft")
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    trim = hover_trim(vehicle, vehicle.zeros, gravity)
     power = float(battery.power(vehicle.rotors, trim.speeds))
     share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     least = share * float(battery.reference_voltage)

@@ -12,7 +12,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.arrays import Array, Mask, stack_values
+from skyarm.records.arrays import Array, Mask, doubles, stack_values
 from skyarm.records.immutable import positional
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
@@ -73,7 +73,7 @@ def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[Fligh
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
         carried = [load for load in loads if load.start <= start < load.stop]
-        vehicle = now.agent.plant.vehicle
+        vehicle = now.agent.vehicle
         for load in carried:
             vehicle = vehicle.with_body(*load.body(vehicle))
         kilograms = f"{math.fsum(load.mass for load in carried):g} kg ({', '.join(load.name for load in carried)})"
@@ -121,15 +121,15 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks the reference exactly."""
-    reference, vehicle = reference_at(scenario, time), scenario.agent.plant.vehicle
-    half = 0.5 * np.asarray(reference.yaw, dtype=float)
+    reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
+    half = 0.5 * doubles(reference.yaw)
     state = State(
         position=reference.position,
         quaternion=Quaternion(np.cos(half), 0.0, 0.0, np.sin(half)),
         velocity=ZERO3,
         rate=ZERO3,
         joints=tuple(reference.joints),
-        joint_rates=(0.0,) * vehicle.n,
+        joint_rates=vehicle.zeros,
     )
     motion = PointMotion(vehicle, state)
     return stack_values(len(time), motion.position(*motion.frame(frame or None)))

@@ -7,7 +7,6 @@ import re
 import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from skyarm.records.files.toml_edits import (
     set_value,
     value_at,
 )
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.sweep.study_file import study_from
 from skyarm.vehicle.vehicle_files import vehicle_of_text
@@ -46,7 +46,7 @@ _PLAIN = re.compile(r"skyarm(\.\w+)+")
 """Present name of a module or class without further words."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Change:
     """One word of an earlier version in a file, and what replaces it."""
 
@@ -59,7 +59,7 @@ class Change:
         return f"{self.field}: {self.before} -> {self.now}"
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Upgrade:
     """A file of an earlier version in the words of this one."""
 

@@ -55,7 +55,7 @@ def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
 def effort_limits(vehicle: Vehicle) -> Array:
     """Effort limit (n,) of each joint, N m or N: of the joint or its servo at rest; infinite if passive."""
     servos = servos_of(vehicle)
-    limits = {link.joint.name: float(link.joint.effort_limit) or math.inf for link in vehicle.links}
+    limits = {joint.name: float(joint.effort_limit) or math.inf for joint in vehicle.joints}
     return np.array([
         min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
     ])  # fmt: skip
@@ -68,7 +68,7 @@ OFTEN = 0.05
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     """Servos of a scenario, each with the index of the joint that it drives."""
     given = {each.joint: each.drive for each in scenario.agent.joint_drives}
-    named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.agent.plant.vehicle.links)]
+    named = [(i, given.get(joint.name)) for i, joint in enumerate(scenario.agent.vehicle.joints)]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
@@ -82,7 +82,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """
     findings = []
     for i, servo in servos(scenario):
-        joint, top = scenario.agent.plant.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
+        joint, top = scenario.agent.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
         rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -153,8 +153,8 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
 
 def _with_rotor_flipped(vehicle: Vehicle, at: int) -> Vehicle:
     rotors = list(vehicle.rotors)
-    rotors[at] = dataclasses.replace(rotors[at], direction=-rotors[at].direction)
-    return dataclasses.replace(vehicle, rotors=tuple(rotors))
+    rotors[at] = replace(rotors[at], direction=-rotors[at].direction)
+    return replace(vehicle, rotors=tuple(rotors))
 
 
 def _spread(vehicle: Vehicle, gravity: float) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, lengths, norm
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
@@ -122,7 +122,7 @@ def _balance(
     lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
     stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
-        k, turning, far = float(grasp.stiffness), float(grasp.radius) ** 2, float(np.linalg.norm(lines[i]))
+        k, turning, far = float(grasp.stiffness), float(grasp.radius) ** 2, norm(lines[i])
         K[i] = k * np.diag([1.0, 1.0, 1.0, *(3 * [turning * (grasp.kind == "fixed")])])
         if grasp.kind == "cable" and far:
             K[i, :3, :3] = k * np.outer(lines[i], lines[i]) / far**2
@@ -143,7 +143,7 @@ def _balance(
     # stiffness that differs from grasp to grasp shows where it has a part in the vertical forces
     others, _ = _springs(G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed)
     left, below = needed - np.einsum("ijk,ik->j", G, wrenches), float(pole[2] - middle[2])
-    lever, most, torque = float(np.linalg.norm(left[3:])) / weight, K[:, 5, 5], np.linalg.norm(wrenches[:, 3:], axis=1)
+    lever, most, torque = norm(left[3:]) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(each.label for each, own in zip(grasps, K, strict=True) if own.any())
     over = torque > most
     departure = ""
@@ -182,7 +182,7 @@ def _load(motion: PointMotion, grasp: Grasp, wrench: Array) -> Array:
     """Base torque, base force and joint efforts (6 + n,) that a vehicle adds to exert a wrench (6,) by its grasp."""
     at = motion.vehicle.frame(grasp.frame or None)
     base, efforts = motion.generalized_force(Vec3(*wrench[:3]), Vec3(*wrench[3:]), at.position, at.link)
-    return np.array([*base.torque, *base.force, *efforts], dtype=float)
+    return doubles([*base.torque, *base.force, *efforts])
 
 
 def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0) -> ArmPoses:
@@ -191,13 +191,13 @@ def poses_with_share(scenario: Scenario, name: str, bodies: Sequence[Balance], p
     Thrust is the size of the force that the rotors give in all, for which the base tilts if grasps pull sideways.
     """
     one = scenario.of(name)
-    vehicle, gravity = one.agent.plant.vehicle, float(one.agent.plant.gravity)
+    vehicle, gravity = one.agent.vehicle, float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
     load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
     for each in bodies:
         load += sum(own for grasp, own in zip(each.grasps, each.loads, strict=True) if grasp.agent in ("", name))
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
-    poses = ArmPoses.only(vehicle, np.array([first_state(one).joints], dtype=float), gravity, WITH_SHARE)
+    poses = ArmPoses.only(vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE)
     return replace(poses, load=np.array([[*load[:3], thrust, *load[6:]]]).T)
 
 

@@ -137,7 +137,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
 
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner 2003.
     """
-    (contact,), vehicle, period = scenario.worlds, scenario.agent.plant.vehicle, 1.0 / scenario.rates.control
+    (contact,), vehicle, period = scenario.worlds, scenario.agent.vehicle, scenario.rates.period
     joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
     mass, step = tip_mass(vehicle, joints, push / np.linalg.norm(push)), float(contact.largest_verlet_step or 0.0)
     hardest = max((float(each.material.stiffness) for each in contact.surfaces), default=0.0)
@@ -185,7 +185,7 @@ def cause_of(scenario: Scenario, at: Reference, statuses: Collection[str] = ()) 
         at: reference at the largest force.
         statuses: how flights with this force ended.
     """
-    vehicle, joints = scenario.agent.plant.vehicle, tuple(map(float, at.joints))
+    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
     push, force = push_on_level_base(at), float(at.push[0])
     if RotorContact.status in statuses:
         return "a rotor touches a surface", "a pose with the tip further ahead of the rotors, or a longer arm"
@@ -209,7 +209,7 @@ def cause_of(scenario: Scenario, at: Reference, statuses: Collection[str] = ()) 
 def base_recoil(scenario: Scenario, force: float) -> float:
     """Distance (m) by which a rising contact force pushes back the base before the base tilts against the force."""
     rise = float(part_of(scenario.agent.controller.par, "interaction").rise)
-    return 0.5 * rise * rise * force / float(scenario.agent.plant.vehicle.mass)
+    return 0.5 * rise * rise * force / float(scenario.agent.vehicle.mass)
 
 
 def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:

@@ -12,7 +12,7 @@ from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import part_of, presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
@@ -51,11 +51,11 @@ def push_limits(scenario: Scenario) -> list[Finding]:
 
 def largest_push(scenario: Scenario) -> Reference | None:
     """Reference at the instant of its largest contact force; None if it commands none, or the vehicle has no arm."""
-    vehicle, push = scenario.agent.plant.vehicle, scenario.agent.reference.push
+    vehicle, push = scenario.agent.vehicle, scenario.agent.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    forces = np.broadcast_to(np.asarray(scenario.agent.reference.at(times).push[0], dtype=float), times.shape)
+    forces = np.broadcast_to(doubles(scenario.agent.reference.at(times).push[0]), times.shape)
     k = int(np.argmax(forces))
     return scenario.agent.reference.at(float(times[k])) if forces[k] > 0.0 else None
 
@@ -70,7 +70,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
-    force, _, *normal = (float(c) for c in at.push[:5])
+    force, _, *normal = map(float, at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])
@@ -84,7 +84,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
         joints: rad or m.
         force: on the tip, N, axes of the base.
     """
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     still = hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([float_array(each.linear) for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
     return still - columns @ force
@@ -92,7 +92,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
     hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
@@ -103,14 +103,14 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
     A force f at r turns about z by f.(z x r).
     """
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     tip = frame_pose(vehicle, vehicle.frame(), joints).p
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
-    return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
+    return float(abs(lever @ push)), norm(np.cross(push, lever))
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.agent.plant.vehicle, tuple(map(float, at.joints))
+    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
     efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
@@ -144,7 +144,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
         for thing in (each for world in scenario.worlds for each in world.objects if each.standing):
-            away = np.array(tip) - np.array([*thing.position], dtype=float)
+            away = np.array(tip) - doubles([*thing.position])
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
             driven = (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(thing.size)
@@ -180,7 +180,7 @@ def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[floa
         at: reference while it pushes; the base is taken as level.
         by: standard deviations of scales, independent from joint to joint, and of weights.
     """
-    vehicle, joints, push = scenario.agent.plant.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
+    vehicle, joints, push = scenario.agent.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)

@@ -7,8 +7,8 @@ fly their own scenario.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def survival_limits(scenario: Scenario) -> list[Finding]:
     Args:
         scenario: vehicle, law, sensors and delays, of one vehicle.
     """
-    mass, name = float(scenario.agent.plant.vehicle.mass), scenario.agent.controller.name
+    mass, name = float(scenario.agent.vehicle.mass), scenario.agent.controller.name
     most = {"bump": FASTEST * mass, "lateness": LATEST, "load in motion": HEAVIEST * mass}
     try:
         limits = largest(scenario, most)
@@ -163,14 +163,14 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
     """Hover of a scenario, without its world, in which its base swings; blow, lateness and load are zero."""
     hover = hovering(scenario)
     x = Sum((hover.agent.reference.x, SWING))
-    pulse = Windowed(Constant(0.0), START, START + 1.0 / scenario.rates.control)
+    pulse = Windowed(Constant(0.0), START, START + scenario.rates.period)
     delays = hover.agent.delays
     return with_words(
         hover,
         duration=DURATION,
         world=None,  # the swing would end in its walls
-        reference=dataclasses.replace(hover.agent.reference, x=x),
+        reference=replace(hover.agent.reference, x=x),
         forces=(*hover.environment.forces, Disturbance(force=SignalVector(x=pulse, y=pulse, z=pulse))),
         payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
-        delays=dataclasses.replace(delays, longest_command=delays.longest + LATEST),
+        delays=replace(delays, longest_command=delays.longest + LATEST),
     )

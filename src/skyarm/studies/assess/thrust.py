@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.dynamics.actuators.hover import ROUNDING, highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
@@ -124,10 +124,10 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
         return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
     loaded = replace(poses, vehicle=vehicle.with_payload(1.0))
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
-    names += [f"joints[{link.joint.name}].effort_limit" for link in vehicle.links]
+    names += [f"joints[{joint.name}].effort_limit" for joint in vehicle.joints]
 
     def largest(joints: Array) -> Array:
-        return np.asarray(np.min(_largest_by_part(poses, loaded, joints), axis=0)[None], dtype=float)
+        return doubles(np.min(_largest_by_part(poses, loaded, joints), axis=0)[None])
 
     (least,), at = poses.worst(largest)
     binding = names[int(np.argmin(_largest_by_part(poses, loaded, at)[:, 0]))]

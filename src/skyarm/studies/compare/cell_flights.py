@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, catalogue_names, row_names
 from skyarm.log.metrics.shortfall import LARGEST_ERROR, TILTED
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Mask, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import names as registered
 from skyarm.scenario.in_flight import is_traceable
@@ -146,7 +146,7 @@ class CellFlights:
     def scenario(self) -> Scenario:
         """Scenario that all flights have in common, before their perturbed parameters are set."""
         built = self.condition.apply(self.case.build())
-        controller = self.entrant.controller(built.agent.controller.par.model, noisy=self.condition.noisy)
+        controller = self.entrant.controller(built.agent.model, noisy=self.condition.noisy)
         return dataclasses.replace(built.with_kind(self.plant).with_controller(controller), seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
@@ -236,7 +236,7 @@ def values_of(metrics: Mapping[str, V], name: str) -> list[V]:
 
 
 def _spread(values: Array) -> Document | None:
-    finite = np.asarray(values, dtype=float)
+    finite = doubles(values)
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return None

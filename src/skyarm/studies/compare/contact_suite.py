@@ -156,7 +156,7 @@ class ContactSuite(Suite[ContactFlights]):
             tasks[name]["conditions"][condition][law] = cell_record(
                 flights.task,
                 cell,
-                weight=float(scenario.agent.plant.vehicle.mass) * float(scenario.agent.plant.gravity),
+                weight=float(scenario.agent.vehicle.mass) * float(scenario.agent.plant.gravity),
                 phases=len(scenario.agent.reference.phases),
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}

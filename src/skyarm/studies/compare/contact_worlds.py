@@ -86,7 +86,7 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
     joints = tuple(map(float, scenario.agent.reference.at(0.0).joints))
     feasible = np.ones(len(drawn["wind"]), dtype=bool)
     push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
-    limits = effort_limits(scenario.agent.plant.vehicle)
+    limits = effort_limits(scenario.agent.vehicle)
     if task.push:
         feasible &= drawn["wind"] <= HALF * task.push
         feasible &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
@@ -114,7 +114,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
         path = f"world.objects.{task.object}.mass"
         numbers[path] = number_at(scenario, path) * drawn["mass"]
     thrust = _uniform(THRUST, share[:, 4])
-    for i in range(len(scenario.agent.plant.vehicle.rotors)):
+    for i in range(len(scenario.agent.vehicle.rotors)):
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
         numbers[path] = number_at(scenario, path) * thrust
     numbers["delays.command"] = DELAY * share[:, 5]
@@ -160,5 +160,5 @@ def _uniform(bounds: tuple[float, float], share: Array) -> Array:
 
 
 def _log(bounds: tuple[float, float], share: Array) -> Array:
-    low, high = (math.log(each) for each in bounds)
+    low, high = map(math.log, bounds)
     return np.exp(low + (high - low) * share)

@@ -5,9 +5,9 @@ A law flies an axis as one batch where the axis' values are data of one scenario
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class AxisFlights(CellFlights):
     def scenario(self) -> Scenario:
         """Scenario of the envelope trial at its easiest value, or at the only value to be simulated."""
         value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
-        built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
+        built = replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
         return built.with_controller(controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
@@ -137,7 +137,7 @@ def axis_flights(
     )
     if (axis.plants or axis.numbers is not None) and not whole.alone(whole.scenario()):
         return [whole]
-    return [dataclasses.replace(whole, points=(value,)) for value in points]
+    return [replace(whole, points=(value,)) for value in points]
 
 
 @immutable
@@ -182,7 +182,7 @@ class Envelope(Suite[AxisFlights]):
     def axis(self, name: str) -> EnvelopeAxis:
         """Difficulty axis by name, with only the values to be simulated."""
         axis = AXES[name]
-        return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
+        return replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
 
     def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
         """All flights of the envelope, and reasons why a controller is excluded."""

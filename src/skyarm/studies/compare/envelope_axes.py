@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -133,7 +133,7 @@ class EnvelopeAxis:
         """Scenario of an envelope trial at one axis value, with sensor noise if the axis requires it."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.agent.noise == PERFECT_SENSORS:
-            delays = dataclasses.replace(built.agent.delays, measurement=built.agent.delays.measurement or DELAY)
+            delays = replace(built.agent.delays, measurement=built.agent.delays.measurement or DELAY)
             built = with_words(built, noise=NOISE, delays=delays)
         return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
 
@@ -145,7 +145,7 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
 
 def along(setting: Setting, **signals: Any) -> Scenario:
     """Scenario of a vehicle that follows the given reference signals of base and joints."""
-    return setting.hover.with_reference(dataclasses.replace(setting.hover.agent.reference, **signals))
+    return setting.hover.with_reference(replace(setting.hover.agent.reference, **signals))
 
 
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
@@ -240,7 +240,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
-    plant = dataclasses.replace(setting.hover.agent.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
+    plant = replace(setting.hover.agent.plant, vehicle=replace(setting.truth, drag=drag))
     return with_words(setting.hover, plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
 
 
@@ -263,7 +263,7 @@ def pushes(axis: str, setting: Setting) -> Scenario:
 def lagging_joints(setting: Setting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
-    drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
+    drives = tuple(JointDrive(joint=joint.name, drive=lagged) for joint in setting.truth.joints)
     return with_words(slow_circle(setting), drives=drives)
 
 
@@ -426,7 +426,7 @@ ROWS = (
         name="joint_lag", title="slow circle, joint torques that lag", unit="ms", shown=1e3, torques=True,
         values=(0.005, 0.01, 0.02, 0.04), build=lagging_joints,
         numbers=lambda setting, lag: {
-            f"plant.drives.{link.joint.name}.time_constant": lag for link in setting.truth.links
+            f"plant.drives.{joint.name}.time_constant": lag for joint in setting.truth.joints
         },
     ),
     SLOWLY(

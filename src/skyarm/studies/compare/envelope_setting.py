@@ -65,7 +65,7 @@ class Setting:
     @property
     def truth(self) -> Vehicle:
         """Simulated vehicle, as opposed to the controller's nominal model."""
-        return self.hover.agent.plant.vehicle
+        return self.hover.agent.vehicle
 
 
 @lru_cache(maxsize=8)
@@ -78,7 +78,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     """
     truth = load_vehicle(vehicle)
     _require_arm(vehicle, truth)
-    middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
+    middle, swing = zip(*map(_swing_range, truth.joints), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
     reference = Trajectory(z=Constant(_height(truth)), joints=tuple(map(Constant, middle)))
     return Setting(

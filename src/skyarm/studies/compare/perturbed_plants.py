@@ -53,7 +53,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
         count: plants, numbered from 0; the first ones do not depend on it.
         seed: key.
     """
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
     def draw_signed(channel: int, numbers: int) -> Array:
@@ -135,7 +135,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
 
 def arm_length(vehicle: Vehicle) -> float:
     """Length from base to tip of the stretched arm, m; without an arm, the largest rotor distance from the base."""
-    links = [_length(link.joint.position) for link in vehicle.links]
+    links = [_length(joint.position) for joint in vehicle.joints]
     tip = next((frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None)
     if tip is not None and links:
         return sum(links) + _length(tip.position)
@@ -148,7 +148,7 @@ def _length(v: Vec3) -> float:
 
 def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
     """Smallest ratio of maximum to hover thrust over all rotors."""
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    trim = hover_trim(vehicle, vehicle.zeros, gravity)
     shares = [(float(r.max_speed) / max(float(w), 1e-9)) ** 2 for w, r in zip(trim.speeds, vehicle.rotors, strict=True)]
     return min(shares, default=math.inf)
 
@@ -161,8 +161,8 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
         spread: spread that they were drawn from.
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
-    truth = scenario.agent.plant.vehicle
-    M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
+    truth = scenario.agent.vehicle
+    M = dynamics.mass_matrix(truth, Mat3.identity(), truth.zeros)
     rescaled = dict(values)
     for i in range(truth.n):
         path = f"plant.vehicle.links.{i}.joint.damping"

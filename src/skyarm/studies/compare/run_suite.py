@@ -109,7 +109,7 @@ def fly_suite(
                     flown[work.label] = content
                     if progress is not None:
                         progress(len(cells), len(todo), work.label.replace("__", " "))
-            document: Document = {"schema": 1, "suite": suite.name, **suite.options}
+            document = {"schema": 1, "suite": suite.name, **suite.options}
             if identities():
                 document["plugins"] = identities()
             document |= suite.judge(todo, [cells[each.label] for each in todo], refused)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -59,7 +59,7 @@ class Case:
         shipped = load_scenario(self.scenario)
         world = shipped.agent.plant
         if self.payload:
-            world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
+            world = replace(world, vehicle=world.vehicle.with_payload(self.payload))
         wind = turn_wind(force_wind(shipped), self.wind)
         return with_words(shipped, name=self.name, plant=world, wind=wind, ground=GROUND)
 
@@ -78,7 +78,7 @@ def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
     def turn(v: Vec3) -> Vec3:
         return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
-    return dataclasses.replace(wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W))
+    return replace(wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W))
 
 
 CASES: Mapping[str, Case] = {

@@ -5,9 +5,8 @@ The trials and their conditions are in ``library/survive_trials.toml``, whose fi
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -62,7 +61,7 @@ class SurviveCondition:
 
     def flights(self, scenario: Scenario, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at one value: parameter path -> number, of each table."""
-        vehicle, rate = scenario.agent.plant.vehicle, scenario.rates.control
+        vehicle, rate = scenario.agent.vehicle, scenario.rates.control
         mass, damping = float(vehicle.mass), decaying(vehicle, rate)
         scales = {"": 1.0, "mass": mass, "blow": mass * rate}
         flights = list[dict[str, float]]()
@@ -86,7 +85,7 @@ def decaying(vehicle: Vehicle, rate: float) -> Array:
 
     What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the damping is rate / (M^-1)_ii.
     """
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), vehicle.zeros), dtype=float)
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()
@@ -136,14 +135,12 @@ class Trial:
         built = scenario_from(with_entries(document, self.tables))
         if self.motion == "circle":
             moved = circle(setting, *SLOW).agent.reference
-            built = built.with_reference(dataclasses.replace(moved, z=Constant(HEIGHT)))
+            built = built.with_reference(replace(moved, z=Constant(HEIGHT)))
         if self.noisy:
             built = with_words(built, noise=FaultySensors(**parts(NOISE)))
         built = with_numbers(built, {path: number for path, number in made.items() if "." in path})
         delays = built.agent.delays
-        told, late = (
-            dataclasses.replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late")
-        )
+        told, late = (replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late"))
         return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
 
 

@@ -5,10 +5,9 @@ What is wrong with one member is wrong with the last one.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,8 +132,8 @@ class TeamCondition(Condition):
             return signal if isinstance(signal, Constant) else Shifted(signal, self.late)
 
         agent = scenario.agents[last]
-        agent = dataclasses.replace(agent, reference=with_signals(agent.reference, later))
-        return dataclasses.replace(scenario, agents={**scenario.agents, last: agent}) if self.late else scenario
+        agent = replace(agent, reference=with_signals(agent.reference, later))
+        return replace(scenario, agents={**scenario.agents, last: agent}) if self.late else scenario
 
     def columns(self, scenario: Scenario, given: CarryingTeam, seed: int) -> dict[str, Array]:
         """Numbers of the flights, the same for every law: parameter path -> values (flights,).

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from skyarm.log.formats import npz_content
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.score import score
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import doubles
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
@@ -41,7 +42,7 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
     columns = {path: np.concatenate([np.asarray(work.columns[path]) for work in works]) for path in first.columns}
     episodes = np.concatenate([np.asarray(work.episodes) for work in works])
     batch = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
-    metrics = {name: np.asarray(column, dtype=float) for name, column in batch.metrics.items()}
+    metrics = {name: doubles(column) for name, column in batch.metrics.items()}
     flown = {**metrics, "status": batch.status.astype(str), "end_time": batch.end_time}
     parts = {name: np.split(column, ends) for name, column in flown.items()}
     return [
@@ -52,7 +53,7 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
 def _leading_columns(work: Work) -> Rows:
     """Result columns that identify the flights of a work item."""
     fixed = {name: np.broadcast_to(np.asarray(column), work.count) for name, column in work.fixed.items()}
-    drawn = {path: np.asarray(column, dtype=float) for path, column in work.columns.items()}
+    drawn = {path: doubles(column) for path, column in work.columns.items()}
     return {"episode": np.asarray(work.episodes, dtype=np.uint32), **fixed, **drawn}
 
 
@@ -105,10 +106,10 @@ def one_scenario(work: Work, k: int) -> Scenario:
     """Scenario of a single flight of a work item, with its command delays rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late = {path: numbers.pop(path) for path in [*numbers] if word_of(path) == LATE}
-    single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    single = replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
     agents, rate = dict(single.agents), single.rates.physics
     for path, seconds in late.items():
         name = agent_of(path) or next(iter(agents))
-        delays = dataclasses.replace(agents[name].delays, command=round(seconds * rate) / rate, longest_command=None)
-        agents[name] = dataclasses.replace(agents[name], delays=delays)
-    return dataclasses.replace(single, agents=agents) if late else single
+        delays = replace(agents[name].delays, command=round(seconds * rate) / rate, longest_command=None)
+        agents[name] = replace(agents[name], delays=delays)
+    return replace(single, agents=agents) if late else single

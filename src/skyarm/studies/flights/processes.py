@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
@@ -11,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
@@ -55,7 +54,7 @@ class Processes:
             self._pool = ProcessPoolExecutor(
                 self._count, mp_context=spawn, initializer=serve, initargs=(luggage(), TRIED)
             )
-        with _ignore_interrupts(), contextlib.suppress(BrokenProcessPool):
+        with _ignore_interrupts(), suppress(BrokenProcessPool):
             self._flying[self._pool.submit(perform, call)] = token, call, tries
             return
         broken: Future[bytes] = Future()  # told of where it lands
@@ -100,7 +99,7 @@ class Processes:
         if abandon and self._pool is not None:
             results = getattr(self._pool, "_result_queue", None)
             self._pool.shutdown(wait=False, cancel_futures=True)
-            with contextlib.suppress(AttributeError, OSError):
+            with suppress(AttributeError, OSError):
                 results._writer.close()  # type: ignore[union-attr]
             for child in set(multiprocessing.active_children()) - self._before:
                 child.terminate()

@@ -6,7 +6,6 @@ whose versions would fly other rows is refused before its first flight.
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 import signal
@@ -17,7 +16,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -131,7 +130,7 @@ class Ray:
         """
         flying, sound = self._flying, list[tuple[Work, bytes]]()
         self._flying = {}
-        with contextlib.suppress(*([Exception] if abandon else [])):
+        with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
             landed, left = self._ray.wait([*flying], **wait) if flying else ([], [])
             # whoever leaves takes along what flies; Ray aborts now and then where a call lands while it is cancelled
@@ -139,7 +138,7 @@ class Ray:
                 self._ray.cancel(each, force=True)
             for each in landed:
                 # one that ended with an error, or is lost, flies again
-                with contextlib.suppress(Exception):
+                with suppress(Exception):
                     sound.append((flying[each], self._ray.get(each, timeout=0)))
         if self._ours:
             with _without_warnings():

@@ -7,14 +7,13 @@ known.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 import os
 import pickle
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +24,7 @@ import numpy as np
 
 from skyarm.log.metrics.metric_catalogue import is_torque, row_names
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import doubles
 from skyarm.records.files import PathLike, needs_extra, require_no_link, require_writable, sync_folder, write_inside
 from skyarm.records.files.unpacked import LARGEST, require_size
 from skyarm.records.files.writing import LOCK, one_writer
@@ -250,7 +250,7 @@ def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array
     try:
         table = ds.dataset([str(path) for path in files]).to_table(columns=[name], filter=chosen)
         column = _column(table.column(0))
-        return column if name in WORDS else np.asarray(column, dtype=float)
+        return column if name in WORDS else doubles(column)
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
         raise ValueError(" ".join(str(error).split())) from None
 
@@ -343,7 +343,7 @@ class Store:
         """Remove older result files of a label after a new one: in a study's folder all, else damaged ones only."""
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
-                with contextlib.suppress(OSError):
+                with suppress(OSError):
                     other.unlink()
         self._files[label] = [path]
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import asdict, field
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TypeVarTuple
@@ -93,7 +92,7 @@ class Work:
                 "metrics": list(self.metrics),
                 "added": plain(metrics),
                 "code": own_files(metrics),
-                "windows": dataclasses.asdict(self.windows) if self.windows else "",
+                "windows": asdict(self.windows) if self.windows else "",
                 "precision": self.precision,
                 "effort": self.effort,
                 "alone": self.alone,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import combinations, permutations, product
-from typing import TypeAlias
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from skyarm.algebra.frames import to_our_attitude, turn_vectors
 from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.records.immutable import positional
 from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
@@ -40,7 +39,7 @@ OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
 SHIFTS = (-200.0, -50.0, 50.0, 200.0)
 """Starting values of the search for a clock shift (ms)."""
 
-Channels: TypeAlias = Mapping[str, Channel]
+Channels = Mapping[str, Channel]
 
 
 @positional(eq=False)
@@ -69,17 +68,17 @@ class ChannelChange:
         """Flight after the correction of a logging fault of a given amount."""
         own = {name: flight[name] for name in self.names if name in flight}
         rest = {name: flight[name] for name in flight if name not in own}
-        return dataclasses.replace(flight, channels={**rest, **self.make(own, amount)})
+        return replace(flight, channels={**rest, **self.make(own, amount)})
 
 
 def by_rows(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
     """Channels with values transformed by a function of the values and the fault's amount."""
-    return {name: dataclasses.replace(each, values=function(each.values, amount)) for name, each in own.items()}
+    return {name: replace(each, values=function(each.values, amount)) for name, each in own.items()}
 
 
 def by_time(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
     """Channels with sample times transformed by a function of the times and the fault's amount."""
-    return {name: dataclasses.replace(each, time=function(each.time, amount)) for name, each in own.items()}
+    return {name: replace(each, time=function(each.time, amount)) for name, each in own.items()}
 
 
 RESCALED = partial(by_rows, lambda rows, times: rows / times)
@@ -115,7 +114,7 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChang
         yield ChannelChange(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
     yield from _of_rotors(flight, start.rotors)
     # words are formats of an amount
-    yield from _of_joints([link.joint.name.replace("{", "{{").replace("}", "}}") for link in start.links])
+    yield from _of_joints([joint.name.replace("{", "{{").replace("}", "}}") for joint in start.joints])
 
 
 def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> ChannelChange:
@@ -135,7 +134,7 @@ def _in_world(own: Channels, _: float) -> Channels:
     """Rotate a velocity that was logged in base axes into world axes."""
     velocity, attitude = own["velocity"], own["quaternion"]
     values = turn_vectors(attitude_at(attitude, velocity.time), velocity.values)
-    return {**own, "velocity": dataclasses.replace(velocity, values=values)}
+    return {**own, "velocity": replace(velocity, values=values)}
 
 
 def _ours(frame: str, world: str, attitude: Array, _: float) -> Array:
@@ -222,7 +221,7 @@ def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
             values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
         else:
             values = turn_vectors(np.array([[*turn]]), each.values)
-        channels[name] = dataclasses.replace(each, values=values)
+        channels[name] = replace(each, values=values)
     return channels
 
 
@@ -248,7 +247,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
     plain = tuple(range(len(rotors)))
     places = np.array([float_array(each.position) for each in rotors])
     # one above the other are told apart by their height
-    mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
+    mirrored = tuple(int(np.argmin(lengths(places - each * [1.0, -1.0, 1.0]))) for each in places)
     mirrored = mirrored if sorted(mirrored) == [*plain] else plain
     turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
     wordings = {

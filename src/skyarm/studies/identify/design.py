@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, float_array
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.studies.identify.identify_windows import WindowSearch, first_fits, search_of
@@ -73,7 +73,7 @@ class DesignLimits:
         for k in _overloading(vehicle, flight):
             *base, joints = _FAULT[k]
             shares = np.maximum(shares, [*base, *([joints] * vehicle.n)])
-        limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])
+        limits = float_array(joint.effort_limit for joint in vehicle.joints)
         shares[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
         if arm_clearance(vehicle, flight.joints)[0].min() < self.clear:
             shares[BASE_AXES:] = 1.0

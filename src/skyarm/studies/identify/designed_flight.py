@@ -10,7 +10,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from skyarm.dynamics.workspace import reach
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, float_array
 from skyarm.records.files import PathLike
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
@@ -36,7 +35,7 @@ from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle import Vehicle
 
 USUAL = DesignLimits()
-Progress: TypeAlias = Callable[[int, int, str], None]
+Progress = Callable[[int, int, str], None]
 
 LAW = "centroidal_joint"
 """Law of the designed flight: it tracks base and joints, which are excited, and not the tip."""
@@ -193,7 +192,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
         broken[:] = True
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     broken[:2] |= _tilt(log).max() > limits.tilt
-    low, high = (np.array([float(getattr(each.joint, end)) for each in vehicle.links]) for end in ("lower", "upper"))
+    low, high = (float_array(getattr(joint, end) for joint in vehicle.joints) for end in ("lower", "upper"))
     broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
     broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
     return broken

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
@@ -235,7 +235,7 @@ def ends_of(
     ends = [round(each / step) for each in horizons]
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {k: states for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1)) if k in ends}
-    still = dataclasses.replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
+    still = replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
     predictions = []
     for horizon, k in zip(horizons, ends, strict=True):
         rows = np.flatnonzero(left >= k)
@@ -320,7 +320,7 @@ class PastWeight:
 
 def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]) -> BaseStates:
     """Replace some fields of base states by those of others."""
-    return dataclasses.replace(states, **{name: getattr(others, name) for name in names})
+    return replace(states, **{name: getattr(others, name) for name in names})
 
 
 def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]) -> PastWeight:
@@ -445,4 +445,4 @@ def _length(rows: Array) -> float:
 
 
 def _rate_only(errors: HorizonErrors) -> HorizonErrors:
-    return dataclasses.replace(errors, position=math.nan, velocity=math.nan, attitude=math.nan)
+    return replace(errors, position=math.nan, velocity=math.nan, attitude=math.nan)

@@ -6,9 +6,8 @@ are fitted to that: what a flight does not show of a vehicle is what was known b
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -243,8 +242,8 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     if found.low >= least or found.reason:
         return found
     if found.high <= least:
-        return dataclasses.replace(found, reason=NOT_SHOWN)
-    return dataclasses.replace(found, low=least, value=max(found.value, least))
+        return replace(found, reason=NOT_SHOWN)
+    return replace(found, low=least, value=max(found.value, least))
 
 
 @positional(eq=False)
@@ -311,7 +310,7 @@ def condition_on_start(
 def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
     """Add to each parameter that is identifiable only together with another one a reason that names the other."""
     return tuple(
-        dataclasses.replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
+        replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
         for i, each in enumerate(numbers)
     )
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -92,7 +91,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
     drag = with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
     if checked:
-        return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
+        return replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
     return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
 
 
@@ -105,7 +104,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 
     Moments that were found beside one that stays at the start's may add up to what no body has.
     """
-    xx, yy, zz, xy, xz, yz = (float(each) for each in inertia.entries)
+    xx, yy, zz, xy, xz, yz = map(float, inertia.entries)
     rows = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     second = 0.5 * np.trace(rows) * np.eye(3) - rows
     sizes, axes = np.linalg.eigh(second)
@@ -120,7 +119,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
     """Copy of a dataclass record with changed fields, with or without validation of the new values."""
     if checked:
-        return dataclasses.replace(record, **changes)
+        return replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
     for name, value in changes.items():
         object.__setattr__(changed, name, value)
@@ -157,7 +156,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
-    frictions: dict[str, Scalar] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    frictions = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
     if checked:
         frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
     return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))

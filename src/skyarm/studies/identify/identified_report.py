@@ -129,7 +129,7 @@ TABLE_HEAD = ",".join(
 
 def prediction_lines(held_out: HeldOut) -> list[str]:
     """Title, table and remarks of the predictions of held-out flights."""
-    rows: list[Row] = [("horizon", *ERRORS, "predictions")]
+    rows = [("horizon", *ERRORS, "predictions")]
     wide = max(map(len, held_out.errors))
     for k in table_horizons(held_out):
         for i, (name, errors) in enumerate(held_out.errors.items()):

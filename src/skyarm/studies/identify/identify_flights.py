@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
@@ -108,9 +108,7 @@ def identify_aligned(
     if not held_out:
         return identified
     tell("predict the held-out flights")
-    return dataclasses.replace(
-        identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights)
-    )
+    return replace(identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights))
 
 
 def _without_part(flight: FlightData) -> LogFault:
@@ -156,7 +154,7 @@ def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
     carried = float(vehicle.mass) - float(vehicle.base.mass)
     number(mass, name, low=0.0, strict=True)
     number(mass - carried, f"{name}, less {carried:g} kg of the links", low=0.0, strict=True)
-    return dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=mass - carried))
+    return replace(vehicle, base=replace(vehicle.base, mass=mass - carried))
 
 
 def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:

@@ -7,9 +7,9 @@ of the flown windows and a usual noise; of joints' efforts that are known, their
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
@@ -85,7 +85,7 @@ class SearchOptions:
     drag_height: bool = False
     full_voltage: float = 0.0
     sections: Sequence[tuple[float, float]] = ()
-    known: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
     gravity: float = GRAVITY
 
 
@@ -241,7 +241,7 @@ def identify_by_windows(
     free, correlation = identified_numbers(fit, scale, search.sample, [each.name for each in search.flights])
     numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     # what commands below 40 Hz cannot show goes back to the start; the dead time then stands for all that is late
-    numbers = [dataclasses.replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
+    numbers = [replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
     excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
     shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
     shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
@@ -284,7 +284,7 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
         name = flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
         out = () if "quaternion" in flight else ("position", "velocity")
         channels = {each: flight[each] for each in flight if each not in out and flight[each].time.size >= BRIEF}
-        distinct.append(dataclasses.replace(flight, name=name, channels=channels))
+        distinct.append(replace(flight, name=name, channels=channels))
     for quantity in ALIKE:
         there = [each.name for each in distinct if quantity in each]
         lacking = [each.name for each in distinct if quantity not in each]
@@ -395,4 +395,4 @@ def _with_pose(flight: Clocked, absent: list[str]) -> Clocked:
     time = np.arange(flight.begin, flight.edges[-1], PERIOD)
     rows = {"position": np.zeros((time.size, 3)), "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1))}
     more = {name: Channel(time=time, values=rows[name], source="absent") for name in absent}
-    return dataclasses.replace(flight, channels={**flight.channels, **more})
+    return replace(flight, channels={**flight.channels, **more})

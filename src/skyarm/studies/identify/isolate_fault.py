@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from itertools import pairwise, product
 from operator import attrgetter
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,7 +48,7 @@ from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_wi
 from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle import Vehicle
 
-Rows: TypeAlias = Mapping[tuple[str, int], float]
+Rows = Mapping[tuple[str, int], float]
 """Sensor and column -> RMS residual of the model over the sensor's white noise."""
 
 PUSHES = ("unexplained force", "unexplained torque")
@@ -133,10 +133,10 @@ class Tried(NamedTuple):
     left: Left
 
 
-Flights: TypeAlias = tuple[FlightData, FlightData]
+Flights = tuple[FlightData, FlightData]
 """Flight as it is stamped, and the same with its poses aligned to the gyroscope's clock."""
 
-Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
+Trial = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
 """Function (change, amount, windows and iterations) -> residuals; empty where it cannot be simulated."""
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from skyarm.algebra import Sym3
 from skyarm.flight_data.quantities import GRAVITY
@@ -37,7 +37,7 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
         raise ValueError(
             "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
         )
-    model = log.scenario.agent.controller.par.model
+    model = log.scenario.agent.model
     return _solid(model.vehicle), float(model.gravity) if gravity is None else gravity
 
 
@@ -48,10 +48,10 @@ def _solid(vehicle: Vehicle) -> Vehicle:
         if not body.planar:
             return body
         most = max(float(getattr(body.inertia, axis)) for axis in ("xx", "yy", "zz"))
-        return dataclasses.replace(body, inertia=Sym3(most, most, most), planar=False)
+        return replace(body, inertia=Sym3(most, most, most), planar=False)
 
-    links = tuple(dataclasses.replace(each, body=whole(each.body)) for each in vehicle.links)
-    return dataclasses.replace(vehicle, base=whole(vehicle.base), links=links)
+    links = tuple(replace(each, body=whole(each.body)) for each in vehicle.links)
+    return replace(vehicle, base=whole(vehicle.base), links=links)
 
 
 def stated_delays(log: Log) -> dict[str, float | None]:
@@ -128,7 +128,7 @@ def _row(lag: Lag) -> Row:
     if not lag.is_known:
         return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
     factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
-    cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
+    cells = map(_cell, (lag.together, lag.delay, lag.up, lag.down))
     return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, ONE_G, QUANTITIES
 from skyarm.log.periods import runs_of
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, lengths
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
@@ -48,7 +47,7 @@ class LogFault:
         return one_line(f"{self.file}: {self.channel}: {self.finding}; {self.remedy}")
 
 
-Found: TypeAlias = tuple[str, str, str, str]
+Found = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
 IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")
@@ -190,7 +189,7 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels of implausible magnitude: another unit, missing gravity, or damage."""
-    turns = [link.joint.turns for link in start.links]
+    turns = [joint.turns for joint in start.joints]
     for name, (low, high, units) in UNITS.items():
         if name not in flight or (name == "rotor_commands" and COMMANDS[1] in flight):
             continue
@@ -198,7 +197,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         if "joint" in name:
             size = float(np.quantile(values[:, turns], 0.95)) if any(turns) else 0.0
         else:
-            size = float(np.median(np.linalg.norm(values, axis=1) if name in ("accelerometer", "velocity") else values))
+            size = float(np.median(lengths(values) if name in ("accelerometer", "velocity") else values))
         if low <= size <= high:
             continue
         looks = [f"it looks like {unit}" for unit, factor in units.items() if low * factor <= size <= high * factor]

@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import values_at
 from skyarm.log.periods import runs_of
-from skyarm.records.arrays import Array, IntArray
+from skyarm.records.arrays import Array, IntArray, float_array
 from skyarm.vehicle import Rotor, Vehicle
 
 SLOWEST = 0.025
@@ -158,7 +158,7 @@ def time_constants(rotors: Sequence[Rotor]) -> Array:
 
 def highest_speeds(rotors: Sequence[Rotor]) -> Array:
     """Highest rotor speeds (rotors,), rad/s."""
-    return np.array([float(each.max_speed) for each in rotors])
+    return float_array(each.max_speed for each in rotors)
 
 
 def _moving_mean(values: Array, width: int) -> Array:

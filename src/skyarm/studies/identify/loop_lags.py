@@ -10,9 +10,9 @@ the true state, so that its delay is that of the commands alone.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import drives_of, setpoints_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import LAGS
 from skyarm.studies.identify.identified_parts import vehicle_with
@@ -161,7 +161,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     servos = [name for name in flown if setpoints.get(name) == PositionServo.takes]
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
-    start = dataclasses.replace(without_tilts(vehicle), drives=tuple(drives.values()))
+    start = replace(without_tilts(vehicle), drives=tuple(drives.values()))
     names = vehicle.joint_names
     searched = {
         name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
@@ -189,7 +189,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     return LoopLags(
         period=period,
         seconds=float(log.time[-1] - log.time[0]),
-        rotors=dataclasses.replace(of_rotors, factor=factor),
+        rotors=replace(of_rotors, factor=factor),
         joints=tuple(lag(name) for name in names if name not in setpoints),
         left_out={
             name: f"its drive takes a setpoint, {setpoints[name] or 'of its own'}"
@@ -217,7 +217,7 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
     period = float(np.median(steps))
     if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
         raise ValueError("time: must be evenly spaced, one row a control period")
-    if np.linalg.norm(middle(log.quaternion), axis=1).min() < 0.5:
+    if lengths(middle(log.quaternion)).min() < 0.5:
         raise ValueError("quaternion: must be of unit length and without jumps")
     return period
 

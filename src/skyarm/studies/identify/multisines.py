@@ -8,9 +8,9 @@ it swings.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Segment:
     def scale(self, factors: Array) -> Segment:
         """Multisine segment with amplitudes and offsets of each axis scaled by a factor (axes,)."""
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
-        return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
+        return replace(self, amplitudes=amplitudes, offsets=offsets)
 
     def table(self, axis: int) -> dict[str, Entry]:
         """Excitation signal of one axis as a table of a scenario file, in time since the segment's start."""
@@ -109,7 +109,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         box: m, edge of the cube in which the base origin stays.
         height: m, of its centre.
     """
-    joints = [_range(each.joint, vehicle.n) for each in vehicle.links]
+    joints = [_range(joint, vehicle.n) for joint in vehicle.joints]
     half, rest = 0.5 * box, np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
     low = np.array([-half, -half, height - half, -HEADING, *(each[1] for each in joints)])
     high = np.array([half, half, height + half, HEADING, *(each[2] for each in joints)])
@@ -144,7 +144,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
     offsets[:BASE_AXES] = 0.0
-    return within(dataclasses.replace(segment, offsets=offsets), axes, size)
+    return within(replace(segment, offsets=offsets), axes, size)
 
 
 def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
@@ -152,7 +152,7 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
     scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
-    mutated = dataclasses.replace(
+    mutated = replace(
         segment,
         frequencies=np.where(anew[:, None], other.frequencies, scaled.frequencies),
         amplitudes=np.where(anew[:, None], other.amplitudes, scaled.amplitudes),
@@ -175,7 +175,7 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     offsets = np.clip(segment.offsets, axes.low - axes.rest, axes.high - axes.rest)
     room = np.minimum(axes.high - axes.rest - offsets, offsets + axes.rest - axes.low)
     factor = np.minimum(factor, np.maximum(room, 0.0) / np.maximum(peak, 1e-300))
-    return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
+    return replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
 
 
 def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Entry]:

@@ -7,9 +7,9 @@ two. Many begins are flown side by side.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -160,9 +160,7 @@ def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[
         np.stack([np.convolve(column, each[::-1], "valid") for column in longer.T], axis=1)
         for each in np.linalg.pinv(powers)[:2]
     )
-    return dataclasses.replace(measured, time=time, values=value), dataclasses.replace(
-        measured, time=time, values=slope / step
-    )
+    return replace(measured, time=time, values=value), replace(measured, time=time, values=slope / step)
 
 
 def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool = False) -> tuple[Channel, Channel]:
@@ -216,7 +214,7 @@ class OpenLoopPredictor:
     ) -> None:
         self._vehicle = vehicle = without_tilts(vehicle)
         # numbers of flights are told by names, which two may share
-        self.flights = [dataclasses.replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)]
+        self.flights = [replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)]
         every = [measured_states(*each, about, vehicle.n) for each in zip(flights, clocked, strict=True)]
         self.measured, self.known = (
             BaseStates(*(np.concatenate([getattr(each[i], name) for each in every]) for name in FIELDS)) for i in (0, 1)
@@ -329,7 +327,7 @@ class OpenLoopFlight:
         self.measured = measured_motion(flight, vehicle)
         if "accelerometer" not in flight:  # clocks have it, and no prediction uses it
             rate = flight["gyro"]
-            flight = flight.with_channels({"accelerometer": dataclasses.replace(rate, values=0.0 * rate.values)})
+            flight = flight.with_channels({"accelerometer": replace(rate, values=0.0 * rate.values)})
         posed = flight.section(float(self.measured.time[0]), float(self.measured.time[-1]))
         if empty := [
             name for name, each in posed.channels.items() if name in (*NEEDED, *COMMANDS) and not each.time.size

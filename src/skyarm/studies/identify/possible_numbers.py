@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.records.arrays import norm
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Found, LogFault, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
@@ -159,7 +160,7 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
             for each in ([c.value for c in centre if c], [c.start for c in centre if c], [*link.joint.axis])
         )
         turn = math.atan2(float(about @ np.cross(was, at)), float(was @ at - (about @ was) * (about @ at)))
-        half = max(0.5 * (c.high - c.low) for c in centre if c) / max(float(np.linalg.norm(np.cross(about, was))), 1e-9)
+        half = max(0.5 * (c.high - c.low) for c in centre if c) / max(norm(np.cross(about, was)), 1e-9)
         if abs(turn) > TURNED + half:
             finding = f"zero of {link.joint.name} looks {abs(turn):.2g} rad off, or the drawing: the centre of mass of "
             finding += f"{link.name} is turned by that about the joint"

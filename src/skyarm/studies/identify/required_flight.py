@@ -24,7 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import columns_at
-from skyarm.records.arrays import Array, float_array, stack_values
+from skyarm.records.arrays import Array, float_array, lengths, norm, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -139,7 +139,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     wrench = stack_values(size, (force.force.z, *force.torque))
     *moments, thrust = np.array(allocation_matrix(vehicle), dtype=float)
     shares = wrench[:, :, None] * np.linalg.pinv(np.array([thrust, *moments])).T[:, None, :]
-    resisting = [friction(link.joint, x, x) for link, x in zip(vehicle.links, qd, strict=True)]
+    resisting = [friction(joint, x, x) for joint, x in zip(vehicle.joints, qd, strict=True)]
     pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,
@@ -185,11 +185,11 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     radius = _radius(hubs)
     for each in points:
         at = stack_values(size, each).T
-        distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
+        distance, height = np.minimum(distance, lengths(at)), np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub
             along = off @ axis
-            beside = np.linalg.norm(off - along[:, None] * axis, axis=1)
+            beside = lengths(off - along[:, None] * axis)
             distance = np.minimum(distance, np.hypot(along, np.maximum(beside - radius, 0.0)))
     return distance, height
 
@@ -197,6 +197,6 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
 def _radius(hubs: Array) -> float:
     """Half of the least distance between rotor hubs (rotors, 3) that do not share an axis, m."""
     apart: Sequence[float] = [
-        float(np.linalg.norm(a - b)) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
+        norm(a - b) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
     ]
     return 0.5 * min(apart, default=0.0)

@@ -7,10 +7,9 @@ moments of mass, and a thrust curve is a sum of rises, so that no candidate is a
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import pairwise
 
 from skyarm.algebra import Mat3, Scalar, Sym3
@@ -155,7 +154,7 @@ def unknowns_of(
     around = _of_surroundings(arm, GRAVITY * float(vehicle.mass), voltage, any(driven))
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     around += [] if voltage else [_above(f"{THRUST}{name}", "times", 1.0, BATTERY) for name in others]
-    return [*unknowns, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
+    return [*unknowns, *(replace(each, in_vehicle=False) for each in around)]
 
 
 def _above(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
@@ -328,7 +327,7 @@ def _thrust_rises(rotor: Rotor) -> list[float]:
 
 def without_tilts(vehicle: Vehicle) -> Vehicle:
     """Vehicle without rotor tilt, for replays of flights whose logs hold no tilt angles."""
-    return dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(each, tilt=None) for each in vehicle.rotors))
+    return replace(vehicle, rotors=tuple(replace(each, tilt=None) for each in vehicle.rotors))
 
 
 def servo_of(vehicle: Vehicle, joint: int) -> PositionServo | None:
@@ -358,4 +357,4 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
         inertia = float(mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i])
         servo = PositionServo(inertia=inertia, stiffness=inertia * UNKNOWN**2, damping=2.0 * inertia * UNKNOWN)
         made.append(MountedDrive(name=name, drive=servo))
-    return dataclasses.replace(vehicle, drives=tuple(made)) if len(made) > len(vehicle.drives) else vehicle
+    return replace(vehicle, drives=tuple(made)) if len(made) > len(vehicle.drives) else vehicle

@@ -202,7 +202,7 @@ class WindowErrors:
         weight = self._gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
-        carried = [CARRIED * weight * (arm if link.joint.turns else 1.0) for link in start.links]
+        carried = [CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints]
         self.loose[[name == "hats" for name, _ in self.free]] = np.repeat(
             [carried[i] for i in self.unlogged], self.hats
         )
@@ -529,7 +529,7 @@ class WindowLanes:
     def _number(self, name: str, default: float = 0.0) -> Array:
         """Values (candidates,) of a parameter by name, searched or known."""
         if name in self._errors.names:
-            return np.asarray(self._numbers[:, self._errors.names.index(name)])
+            return self._numbers[:, self._errors.names.index(name)]
         return np.full(len(self._numbers), self._errors.known.get(name, default))
 
     def _take_commands(self) -> None:
@@ -550,9 +550,9 @@ class WindowLanes:
         keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
         self._joints, servos = list[tuple[int, Held, IntArray]](), 0
-        for i, link in enumerate(start.links):
+        for i, joint in enumerate(start.joints):
             late, hold, tau = (
-                self._number(f"drives.{link.joint.name}.{each}") for each in ("latency", "hold", "time_constant")
+                self._number(f"drives.{joint.name}.{each}") for each in ("latency", "hold", "time_constant")
             )
             if errors.driven[i]:
                 name, (keys, which) = "efforts", _distinct(late + self._number("joint_delay"), hold, tau)
@@ -573,12 +573,12 @@ class WindowLanes:
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
         most = self._number(name, float(servo.speed_limit)) * windows.step
         if not np.isfinite(most).any():
-            return np.asarray(setpoints[:, windows.before(-1)].ravel())
+            return setpoints[:, windows.before(-1)].ravel()
         goals, goal = np.empty_like(setpoints), setpoints[:, 0]
         for k, setpoint in enumerate(setpoints.T):
             goals[:, k] = goal
             goal = setpoint if k in windows.firsts else goal + np.clip(setpoint - goal, -most, most)
-        return np.asarray(goals[:, windows.begins].ravel())
+        return goals[:, windows.begins].ravel()
 
     def advance(self, k: int) -> None:
         """Simulate step ``k`` of all windows (short sections of a flight) under their commands at that step."""
@@ -627,7 +627,7 @@ class WindowLanes:
 
     def force(self) -> Array:
         """Mean specific force (3, candidates, W) of the last step at the inertial unit, m/s^2."""
-        return np.asarray(self.flights.logged.reshape(self._shape).copy())
+        return self.flights.logged.reshape(self._shape).copy()
 
     def close(self) -> None:
         """Shut down the threads of the parallel simulations."""

@@ -95,7 +95,7 @@ def student_quantiles(influence: Array, information: Array) -> Array:
     sizes = np.einsum("kp,bpq,kq->kb", influence, information, influence)
     freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
     blocks = len(information)
-    return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
+    return student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975)
 
 
 def variances_of(rows: Array, covariance: Array) -> Array:

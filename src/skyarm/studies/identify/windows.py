@@ -373,7 +373,7 @@ class ClockedWindows:
                 for each, delay in zip(self.flights, delays, strict=True)
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
-            by_sensor[name] = SensorSamples(*(np.concatenate(each) for each in rows))
+            by_sensor[name] = SensorSamples(*map(np.concatenate, rows))
         return by_sensor
 
     def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:

@@ -171,7 +171,7 @@ def settings(logs: Sequence[Log]) -> Facts:
     info = logs[0].info
     same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
-    truth = load_scenario(CASES[0]).agent.plant.vehicle
+    truth = load_scenario(CASES[0]).agent.vehicle
     return {
         "plants": list(dict.fromkeys(log.info["plant"] for log in logs)),
         **{name: info[name] for name in same},
@@ -180,7 +180,7 @@ def settings(logs: Sequence[Log]) -> Facts:
             "rigid_body": 1.0 / info["rates_hz"]["control"],
             "mujoco": 1.0 / info["rates_hz"]["physics"],
         },
-        "joint_damping": [float(link.joint.damping) for link in truth.links],
+        "joint_damping": [float(joint.damping) for joint in truth.joints],
         "windows_s": {name: [w.start, w.stop] for name, w in windows.items()},
         "holds_s": [[w.start, w.stop] for w in HOLDS],
         "ramp_shape": "linear",
@@ -195,5 +195,5 @@ def settings(logs: Sequence[Log]) -> Facts:
 
 def with_damping(planned: Scenario, damping: float) -> Scenario:
     """Scenario with another viscous damping (N m s/rad) on every joint of the simulated vehicle."""
-    world = dataclasses.replace(planned.agent.plant, vehicle=planned.agent.plant.vehicle.with_joints(damping=damping))
+    world = dataclasses.replace(planned.agent.plant, vehicle=planned.agent.vehicle.with_joints(damping=damping))
     return planned.with_plant(world)

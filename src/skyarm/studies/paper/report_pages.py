@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 
 from skyarm.log.flight_log import Log
 from skyarm.records.files import file_names
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.paper import report_text as prose
 from skyarm.studies.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
@@ -204,7 +204,7 @@ def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
 
 def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> list[Cell]:
     paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
-    values: list[Number] = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    values = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
     sizes = [relative(value, paper) for value in values]
     distances = [abs(size) for size in sizes if size is not None]
     telling = max(distances, default=0.0) - min(distances, default=0.0) > TELLING
@@ -270,7 +270,7 @@ CIRCLE = (7.5, 21.0)
 """Interval (s) of the flight whose path is drawn."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class _Page:
     """Content of an HTML page of the report: title, lead, facts, opening paragraph, and sections."""
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, doubles
 from skyarm.records.files import read_toml
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_file import LIBRARY
@@ -156,11 +156,11 @@ def losses(ours: Array, cells: Sequence[PublishedNumber], width: float, knee: fl
 
 
 def _columns(cells: Sequence[PublishedNumber]) -> tuple[Array, Array]:
-    pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
+    pairs = doubles([(cell.measured, cell.half) for cell in cells]).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
 
 def tally(ours: Array, cells: Sequence[PublishedNumber]) -> dict[str, int]:
     """Number of simulated values within 5, 10 and 25 % of the published numbers."""
-    lane = np.asarray(ours, dtype=float).reshape(1, -1)
+    lane = doubles(ours).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in SHARES}

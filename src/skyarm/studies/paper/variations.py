@@ -5,9 +5,9 @@ The report lists their metrics in tables of their own.
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
@@ -68,15 +68,15 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
         segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
     base = planned.agent.reference
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
-    return planned.with_reference(dataclasses.replace(base, joints=(first, *base.joints[1:])))
+    return planned.with_reference(replace(base, joints=(first, *base.joints[1:])))
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
     """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques suggest."""
-    truth = planned.agent.plant.vehicle
-    first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
-    vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
-    return planned.with_plant(dataclasses.replace(planned.agent.plant, vehicle=vehicle))
+    truth = planned.agent.vehicle
+    first = replace(truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1]))
+    vehicle = replace(truth, links=(first, *truth.links[1:]))
+    return planned.with_plant(replace(planned.agent.plant, vehicle=vehicle))
 
 
 def delay_commands(planned: Scenario) -> Scenario:
@@ -90,7 +90,7 @@ def variations() -> list[Variation]:
         Variation(
             group="joint_damping",
             value=f"{damping:g}",
-            change=None if damping == ASSUMED_DAMPING else functools.partial(with_damping, damping=damping),
+            change=None if damping == ASSUMED_DAMPING else partial(with_damping, damping=damping),
         )
         for damping in DAMPINGS
     ]
@@ -100,7 +100,7 @@ def variations() -> list[Variation]:
             group="ramp_shape",
             value=shape,
             cases=("case1",),
-            change=None if shape == "linear" else functools.partial(reshaped_ramps, shape=shape),
+            change=None if shape == "linear" else partial(reshaped_ramps, shape=shape),
         )
         for shape in ("linear", "quintic", "step")
     ]

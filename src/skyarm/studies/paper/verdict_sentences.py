@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from skyarm.records.immutable import positional
 from skyarm.studies.paper.counted_cells import Column, counts, inferred_value, stated_value
 from skyarm.studies.paper.flights import first_plant
 from skyarm.studies.paper.inferred_settings import unstated_study
@@ -16,7 +15,7 @@ NEAR = "within_25%"
 LAWS = {"CT": "the paper's law CT", "PD": "its baseline PD"}
 
 
-@dataclass(frozen=True)
+@positional
 class _Group:
     """Numbers of one quantity, and how many of them agree."""
 

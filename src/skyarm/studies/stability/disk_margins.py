@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.records.arrays import Array, Complex
+from skyarm.records.arrays import Array, Complex, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
 from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, LoopChannel, numbered_channels
@@ -131,7 +131,7 @@ class Response:
 
     def at(self, frequencies: Array) -> Complex:
         """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
-        z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)[:, None, None]
+        z = np.exp(1j * doubles(frequencies) * self.period)[:, None, None]
         responses = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
         return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses])
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.records.arrays import Array, Complex
+from skyarm.records.arrays import Array, Complex, doubles
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves, rebuild
@@ -291,7 +291,7 @@ class SettledHover:
             values: path -> (sets,); every path.
         """
         instants: list[LinearisedInstant | None] = []
-        sets = np.array([values[path] for path in self.paths], dtype=float).T.tolist()
+        sets = doubles([values[path] for path in self.paths]).T.tolist()
         for settled, numbers in zip(self.settle(values), sets, strict=True):
             if settled is None:
                 instants.append(None)
@@ -302,7 +302,7 @@ class SettledHover:
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[LoopState | None]:
         """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""
-        columns = [np.asarray(values[path], dtype=float) for path in self.paths]
+        columns = [doubles(values[path]) for path in self.paths]
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
@@ -321,5 +321,5 @@ def _is_hover(settled: LoopState) -> bool:
     if not settled.alive > 0.5:
         return False
     state = settled.agent.state
-    moving = np.array([*state.velocity, *state.rate, *state.joint_rates], dtype=float)
+    moving = doubles([*state.velocity, *state.rate, *state.joint_rates])
     return bool(np.isfinite(moving).all() and np.abs(moving).max() < SPEED)

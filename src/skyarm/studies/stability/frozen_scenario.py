@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Scalar
@@ -44,9 +44,9 @@ def nominal(scenario: Scenario) -> Scenario:
     scenario = _without_tilts(scenario)
     calm = scenario.wind
     if isinstance(calm, MovingAir):
-        calm = dataclasses.replace(calm, turbulence=None)
+        calm = replace(calm, turbulence=None)
     drives = tuple(
-        JointDrive(joint=each.joint, drive=dataclasses.replace(each.drive, resolution=0))
+        JointDrive(joint=each.joint, drive=replace(each.drive, resolution=0))
         if isinstance(each.drive, PositionServo)
         else each
         for each in scenario.agent.joint_drives
@@ -73,7 +73,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
     memoryless, left_out = list[Component[Tree]](), list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
-        memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
+        memory = part.start(scenario.rates.period, (0.5,) * (2 * part.uniforms))
         if not leaves(memory):
             memoryless.append(part)
         else:
@@ -84,7 +84,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...],
 
 def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
-    period, vehicle = 1.0 / scenario.rates.control, scenario.agent.plant.vehicle
+    period, vehicle = scenario.rates.period, scenario.agent.vehicle
     state = example_state(*vehicle.sizes)
 
     def advance(memory: Tree, time: tuple[Scalar], state: State, draws: Sequence[Scalar]) -> Tree:
@@ -98,14 +98,14 @@ def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> b
 
 def _without_tilts(scenario: Scenario) -> Scenario:
     """Scenario with tilting rotors fixed at their rest angles."""
-    vehicle = scenario.agent.plant.vehicle
+    vehicle = scenario.agent.vehicle
     if not vehicle.tilts:
         return scenario
     if turns_rotors(scenario.agent.controller):
         raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
-    fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
-    first = None if scenario.agent.initial is None else dataclasses.replace(scenario.agent.initial, tilts=())
-    return with_words(scenario, plant=dataclasses.replace(scenario.agent.plant, vehicle=fixed), initial=first)
+    fixed = replace(vehicle, rotors=tuple(replace(r, tilt=None) for r in vehicle.rotors))
+    first = None if scenario.agent.initial is None else replace(scenario.agent.initial, tilts=())
+    return with_words(scenario, plant=replace(scenario.agent.plant, vehicle=fixed), initial=first)
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
@@ -118,21 +118,21 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     if not hasattr(adaptation, "damping_limits"):  # of other laws these are gains
         return scenario
     held = tuple((damping, damping) for damping in adaptation.doubted)
-    return _with_part(scenario, adaptation=dataclasses.replace(adaptation, load=None, damping_limits=held))
+    return _with_part(scenario, adaptation=replace(adaptation, load=None, damping_limits=held))
 
 
 def with_held_lag(scenario: Scenario) -> Scenario:
     """Scenario whose law freezes its lag estimate, since a bank of candidate lags is no part of a linear loop."""
     lag = part_of(scenario.agent.controller.par, "lag")
-    return _with_part(scenario, lag=dataclasses.replace(lag, held=True)) if hasattr(lag, "held") else scenario
+    return _with_part(scenario, lag=replace(lag, held=True)) if hasattr(lag, "held") else scenario
 
 
 def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
     """Replace parts of a scenario's innermost control law, which safety layers may enclose."""
     par: Any = scenario.agent.controller.par
     own = innermost(par)
-    changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))
-    return scenario.with_controller(dataclasses.replace(scenario.agent.controller, par=changed))
+    changed = with_innermost(par, replace(own, parts=replace(own.parts, **part)))
+    return scenario.with_controller(replace(scenario.agent.controller, par=changed))
 
 
 def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
@@ -143,19 +143,19 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
     """
 
     def with_one_lag(vehicle: Vehicle) -> Vehicle:
-        return dataclasses.replace(vehicle, rotors=tuple(map(one_lag, vehicle.rotors)))
+        return replace(vehicle, rotors=tuple(map(one_lag, vehicle.rotors)))
 
     def one_lag(rotor: Rotor) -> Rotor:
         up, down = rotor.time_constant_up, rotor.time_constant_down
         if concrete(up, down) and up == down == 0.0:
             return rotor
         lag = up * down / (down + share * (up - down))
-        return dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag)
+        return replace(rotor, time_constant_up=lag, time_constant_down=lag)
 
     par = scenario.agent.controller.par
-    model = dataclasses.replace(par.model, vehicle=with_one_lag(par.model.vehicle))
-    controller = dataclasses.replace(scenario.agent.controller, par=dataclasses.replace(par, model=model))
-    plant = dataclasses.replace(scenario.agent.plant, vehicle=with_one_lag(scenario.agent.plant.vehicle))
+    model = replace(par.model, vehicle=with_one_lag(par.model.vehicle))
+    controller = replace(scenario.agent.controller, par=replace(par, model=model))
+    plant = replace(scenario.agent.plant, vehicle=with_one_lag(scenario.agent.vehicle))
     return with_words(scenario, controller=controller, plant=plant)
 
 

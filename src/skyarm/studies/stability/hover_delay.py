@@ -89,7 +89,7 @@ def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
         margin = min(delay_margin(hover.open_loop(lag)) for lag in LAGS)
         swings = delay_margin(hover.open_loop("between"))
     believed = believed_delay(scenario)
-    return HoverDelay(margin=margin, swings=swings, believed=believed, period=1.0 / scenario.rates.control)
+    return HoverDelay(margin=margin, swings=swings, believed=believed, period=scenario.rates.period)
 
 
 def hover_digest(scenario: Scenario) -> str:

@@ -134,7 +134,7 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
 
 def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[LoopChannel]:
     """Cut points at a measured attitude: small rotations about the base's axes."""
-    w, x, y, z = (float(c) for c in attitude)
+    w, x, y, z = map(float, attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
     channels = []
     for i, name in enumerate(names):

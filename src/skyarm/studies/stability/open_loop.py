@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Memories, Together
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
@@ -112,7 +112,7 @@ def _tangent(states: Array, still: Array) -> Array:
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
-Given: TypeAlias = tuple[tuple[Scalar, Scalar], Scalars]
+Given = tuple[tuple[Scalar, Scalar], Scalars]
 """Arrival time of a command (s) and fraction of the rotors' lag; values of the parameter paths."""
 
 
@@ -173,7 +173,7 @@ class Differentiator:
         require_no_memory(self.scenario, first)
         self._first = first
         plant = rigid_body_plant(self.scenario, first)
-        self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
+        self._period, self._substeps = scenario.rates.period, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))
@@ -275,9 +275,9 @@ class Differentiator:
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
         """Signals at which the loop is cut for its margins, at this operating point."""
-        at: OpenPoint = rebuild(point, iter(base.tolist()))
+        at = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.agent.plant.vehicle, speeds, at.seen.quaternion)
+        return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
@@ -301,7 +301,7 @@ class Differentiator:
         lanes = points.shape[1]
         given = np.repeat(np.array([self.lates[late], *numbers])[:, None], lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
-        return np.asarray(log[0], dtype=float)
+        return doubles(log[0])
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skyarm.records.arrays import Array, IntArray
+from skyarm.records.arrays import Array, IntArray, doubles
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import words_of
@@ -116,7 +116,7 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
 
 def _column(rows: Rows, path: str) -> Array:
     """Values of a varied parameter in each flight of a sweep, which all controllers share."""
-    return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
+    return doubles(rows.of(rows.controllers[0], path))
 
 
 def _cells(values: Array) -> IntArray:
@@ -131,7 +131,7 @@ def _cells(values: Array) -> IntArray:
 
 
 def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve:
-    column = np.asarray(rows.of(controller, metric), dtype=float)
+    column = doubles(rows.of(controller, metric))
     flew = rows.of(controller, "status") == "completed"
     cells = _cells(over)
     table: list[Sequence[float]] = []

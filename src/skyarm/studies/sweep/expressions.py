@@ -23,7 +23,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import positional
 
@@ -87,7 +87,7 @@ class Expression:
         if isinstance(node, ast.Constant):
             return np.asarray(float(str(node.value)))
         if isinstance(node, ast.Name):
-            return np.asarray(numbers[self.words[node.id]], dtype=float)
+            return doubles(numbers[self.words[node.id]])
         given = np.broadcast_arrays(*(self._value(each, numbers) for each in _operands(node)))
         with np.errstate(all="ignore"):
             values = np.asarray(OPERATIONS[_operation(node)](*given))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from skyarm.records.files import PathLike, shown, write_inside
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
 from skyarm.studies.flights.store import name_of
 from skyarm.studies.flights.work import kinship
@@ -70,7 +71,7 @@ LEFT_OUT = ("title", "success", "units", "noise")
 """Fields that earlier versions may have left out."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Manifest:
     """JSON manifest of a sweep's folder: the settings that determine its results.
 
@@ -151,7 +152,7 @@ class Manifest:
 
     def write(self, folder: Path, rows: int, done: int) -> None:
         """Write the manifest, with the numbers of simulated flights and of complete chunks of episodes."""
-        facts: Facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
+        facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
         del facts["old"]
         facts |= {"complete": done == self.chunks, "rows": rows, "chunks": {"done": done, "of": self.chunks}}
         content = json.dumps({**facts, "sha256": _sum(facts)}, indent=1) + "\n"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -224,7 +224,7 @@ def _fastest_friction(scenario: Scenario) -> float:
 def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:
     """Scenario of a single episode of a study, to run it alone and store its log."""
     scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
-    return dataclasses.replace(scenario, seed=study.seed, episode=episode)
+    return replace(scenario, seed=study.seed, episode=episode)
 
 
 def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path:
@@ -249,7 +249,7 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     episode, drawn = index, values(study, [index])
     scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
-    flight = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
+    flight = replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
     named = study.document["scenario"]
     base = named if named in list_scenarios() else Path(study.source).parent / named
     return save_scenario(path, flight, base, label if study.document["controllers"] else None)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.studies.flights.store import LABEL, ROWS, STUDY, facts_of, files_by_label, name_of, sound_content
 from skyarm.studies.sweep.manifest import MANIFEST, Manifest, label_of, read_manifest
 from skyarm.studies.sweep.study import StudyError
@@ -21,7 +21,7 @@ Piece = tuple[int, str]
 """Index of a chunk of episodes, and a controller."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class RowsThere:
     """Valid result files in a sweep's folder.
 

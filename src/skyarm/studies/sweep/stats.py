@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
 from skyarm.records.files import PathLike, did_you_mean, file_names, number, shown, write_inside
+from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
@@ -251,7 +252,7 @@ def _success_difference(one: Array, other: Array, seed: int, confidence: float) 
     }
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Pictures:
     """Robustness maps of a sweep as PNG pictures, by controller.
 

@@ -35,16 +35,7 @@ from typing import Any
 from skyarm.control.catalogue import require_different
 from skyarm.log.metrics.metric_catalogue import row_names
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.files import (
-    Fields,
-    PathLike,
-    did_you_mean,
-    errors_as,
-    file_name,
-    number,
-    one_line,
-    shown,
-)
+from skyarm.records.files import Fields, PathLike, did_you_mean, errors_as, file_name, number, one_line, shown
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
@@ -55,14 +46,7 @@ from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.studies.sweep.distributions import Distribution, distribution_from, finite
 from skyarm.studies.sweep.expressions import derived_from, is_own_name
 from skyarm.studies.sweep.sobol import DIMENSIONS
-from skyarm.studies.sweep.study import (
-    DESIGNS,
-    LARGEST_CHUNK,
-    MOST_EPISODES,
-    PRECISIONS,
-    Study,
-    StudyError,
-)
+from skyarm.studies.sweep.study import DESIGNS, LARGEST_CHUNK, MOST_EPISODES, PRECISIONS, Study, StudyError
 
 LIBRARY = resources.files("skyarm.studies.sweep") / "studies"
 
@@ -131,7 +115,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     _require_grid_design(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
-    chosen: dict[str, Any] = {
+    chosen = {
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,

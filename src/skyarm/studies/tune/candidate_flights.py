@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray, Array, IntArray, Mask
+from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -77,14 +77,14 @@ def shorten(own: Scenario) -> Scenario:
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
     periods = math.ceil(stop * own.rates.control - 1e-9)
-    return dataclasses.replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
+    return replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
 
 
 def with_own(plants: Plants) -> Plants:
     """Perturbed plants, every fourth of which flies the scenario's own reference, the others a random one."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
-    return dataclasses.replace(plants, kinds=kinds)
+    return replace(plants, kinds=kinds)
 
 
 LANES = 300
@@ -143,7 +143,7 @@ class CandidateFlights:
 
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         """Metrics of the flights."""
-        vehicle = scenario.agent.plant.vehicle
+        vehicle = scenario.agent.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
@@ -189,7 +189,7 @@ class CandidateFlights:
             values |= {path: np.tile(numbers, len(piece)) for path, numbers in plants.values.items()}
             episodes = np.tile(np.arange(each), len(piece))
             label = f"{stage}.{i + 1}"
-            works.append(dataclasses.replace(self._work, label=label, columns=values, episodes=episodes))
+            works.append(replace(self._work, label=label, columns=values, episodes=episodes))
         return works
 
     def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
@@ -200,7 +200,7 @@ class CandidateFlights:
 
         def table(name: str) -> Array:
             # a flight that ended before the window has NaN there
-            return np.asarray(column(name), dtype=float)
+            return doubles(column(name))
 
         return self._outcome(column("status") == "completed", table, plants.kinds)
 
@@ -242,7 +242,7 @@ def of_drawn(flown: Flown) -> Flown:
 
 def _without_motions(plants: Plants) -> Plants:
     values = {path: numbers for path, numbers in plants.values.items() if not path.startswith("reference.")}
-    return dataclasses.replace(plants, values=values)
+    return replace(plants, values=values)
 
 
 def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:

@@ -9,8 +9,8 @@ noise gets that of :data:`skyarm.studies.compare.suite.NOISE`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def motion(vehicle: Vehicle) -> Trajectory:
         y=sine_from_rest(0.15, 0.4),
         z=Sum((Constant(HEIGHT), sine_from_rest(0.15, 0.3))),
         yaw=sine_from_rest(0.2, 0.15),
-        joints=tuple(_joint(link.joint, vehicle.n, 0.5 + 0.07 * i) for i, link in enumerate(vehicle.links)),
+        joints=tuple(_joint(joint, vehicle.n, 0.5 + 0.07 * i) for i, joint in enumerate(vehicle.joints)),
     )
 
 
@@ -78,8 +78,8 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
         return Sum((sine_from_rest(amplitude, first, phase), sine_from_rest(0.5 * amplitude, second, phase + 1.0)))
 
     joints = []
-    for i, link in enumerate(vehicle.links):
-        rest, size = rest_and_size(link.joint, vehicle.n)
+    for i, joint in enumerate(vehicle.joints):
+        rest, size = rest_and_size(joint, vehicle.n)
         joints.append(Sum((Constant(rest), two(0.8 * size, 0.33 + 0.05 * i, 0.71 - 0.04 * i, 0.8 * i))))
     return Trajectory(
         x=two(0.3, 0.11, 0.29),
@@ -121,9 +121,9 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
         **_sine("reference.z.signals.1", uniform(5, 0.0, 0.15) * of_kind(0.5, 0.2, 1.0), uniform(6, 0.15, 0.35)),
         **_sine("reference.yaw", uniform(7, 0.0, 0.4) * of_kind(1.0, 0.0, 1.0), turn),
     }
-    for i, link in enumerate(vehicle.links):
+    for i, joint in enumerate(vehicle.joints):
         at = 8 + 3 * i
-        _, size = rest_and_size(link.joint, vehicle.n)
+        _, size = rest_and_size(joint, vehicle.n)
         values |= _sine(
             f"reference.joints.{i}.signals.1",
             size * of_kind(uniform(at, 0.4, 1.0), uniform(at, 0.8, 1.6), uniform(at, 0.4, 1.0)),
@@ -210,7 +210,7 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
 def with_noise(agent: Agent) -> Agent:
     """Vehicle with the comparison's noise if its sensors are perfect."""
     noisy = agent.noise != PERFECT_SENSORS or agent.sensors or agent.estimator != PASS_THROUGH
-    return agent if noisy else dataclasses.replace(agent, noise=NOISE)
+    return agent if noisy else replace(agent, noise=NOISE)
 
 
 def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
@@ -222,11 +222,11 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         unseen: use the validation path; errors count after the gust.
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
-    delays = dataclasses.replace(scenario.agent.delays, longest_command=longest)
+    delays = replace(scenario.agent.delays, longest_command=longest)
     words: FieldsByWord = {} if own_motion else {
         "duration": UNSEEN.stop if unseen else DURATION,
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
-        "reference": (unseen_motion if unseen else motion)(scenario.agent.plant.vehicle),
+        "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
         "path_time": None,
     }  # fmt: skip
     return with_words(
@@ -244,7 +244,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
 
 
 def _gust(scenario: Scenario) -> Gust:
-    weight = float(scenario.agent.plant.vehicle.mass) * float(scenario.agent.plant.gravity)
+    weight = float(scenario.agent.vehicle.mass) * float(scenario.agent.plant.gravity)
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
@@ -271,7 +271,7 @@ class Plants:
     def select(self, which: IntArray) -> Plants:
         """Subset of the perturbed plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
-        return dataclasses.replace(self, values=values, kinds=self.kinds[which])
+        return replace(self, values=values, kinds=self.kinds[which])
 
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
@@ -283,7 +283,7 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
         seed: key.
         mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.
     """
-    truth = scenario.agent.plant.vehicle
+    truth = scenario.agent.vehicle
     own = float(scenario.agent.delays.command)
     longest = scenario.agent.delays.longest_command
     spread, eased = spread_of(truth, float(scenario.agent.plant.gravity), 0.0 if longest is None else longest - own)

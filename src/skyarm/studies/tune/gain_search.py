@@ -10,9 +10,9 @@ A round's candidates follow from the seed and the scores before it.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Effort:
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))
         first_plants = min(plants, self.first_plants)
-        return dataclasses.replace(self, scatter=scatter, rounds=rounds, plants=plants, first_plants=first_plants)
+        return replace(self, scatter=scatter, rounds=rounds, plants=plants, first_plants=first_plants)
 
 
 Judge = Callable[[int, Array, int], Scores]
@@ -98,7 +98,7 @@ def search(
     asked = scatter(knobs, effort.scatter, seed, starts)
     rounds = [judge(0, asked, effort.first_plants)]
     logs = asked
-    strategies: list[CMA] = []
+    strategies = []
     begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
     for number in range(1, effort.rounds + 1):
         if number in begins:
@@ -130,11 +130,11 @@ def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, sli
     """
     shortfalls = np.full(len(asked), np.nan)
     while True:
-        now = dataclasses.replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
+        now = replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
         leading = [_leaders(now.cost(weight), which, count) for weight, which, count in groups]
         missing = np.unique([k for each in leading for k in each if np.isnan(shortfalls[k])]).astype(int)
         if not len(missing):
-            return dataclasses.replace(scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls))
+            return replace(scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls))
         shortfalls[missing] = short(asked[missing])
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,12 +61,12 @@ def required_margins(scenario: Scenario) -> Required:
 
 def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]) -> Controller:
     """Controller with the parameters of each tunable gain multiplied by the gain's factor."""
-    return dataclasses.replace(controller, par=replace_at(controller.par, numbers_at(knobs, logs)))
+    return replace(controller, par=replace_at(controller.par, numbers_at(knobs, logs)))
 
 
 def calm(flight: Scenario) -> Scenario:
     """Tuning flight without the randomly drawn wind and without unmodelled delay."""
-    delays = dataclasses.replace(flight.agent.delays, longest_command=None)
+    delays = replace(flight.agent.delays, longest_command=None)
     return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 
@@ -125,7 +125,7 @@ class HoverMargins:
     def measure(self, logs: Array) -> list[LoopMargins]:
         """Stability margins of each gain candidate in hover, the worse of those for rising and falling rotor speeds."""
         if self._loops is None:
-            return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
+            return [replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
 
 

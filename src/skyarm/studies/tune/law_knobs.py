@@ -12,11 +12,11 @@ given ones are flown next to them, so that good ones are not lost either.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     listed = tuned_factors().get(law)
     candidates = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
     knobs = tuple(
-        dataclasses.replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
+        replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
         for each in candidates
         if each is not None
     )
@@ -128,7 +128,7 @@ def _is_meant(word: str, path: str) -> bool:
 
 
 def _knob_at(par: Tree, path: str) -> GainKnob | None:
-    place: Place = tuple(path.split("."))
+    place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
         below = parts(record)
@@ -216,7 +216,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: s
 
     def replace_gains(numbers: Mapping[Place, float]) -> Scenario:
         law = flight.agent.controller
-        return flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
+        return flight.with_controller(replace(law, par=replace_at(law.par, numbers)))
 
     return centre(knobs, {name: catalogue[name] for name in names}, replace_gains)
 
@@ -239,7 +239,7 @@ def centre(
     else:
         middle = catalogue[names[0]]
     centred = tuple(
-        dataclasses.replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
+        replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
         for knob, at in zip(knobs, middle, strict=True)
     )
     place = moved({place: number for knob in centred for place, number in knob.numbers})
@@ -260,7 +260,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
     law = scenario.agent.controller.name
     names = [f"{law}{TUNED}"] if law in tuned_factors() else []
     names += [law] if law in LAWS else []
-    model = plain_model(scenario.agent.controller.par.model)
+    model = plain_model(scenario.agent.model)
     facts = loop_facts(scenario.rates, scenario.agent.delays)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
@@ -302,4 +302,4 @@ def _log_factors(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
 
 
 def _mean(numbers: tuple[float, ...]) -> float:
-    return sum(math.log(number) for number in numbers) / len(numbers)
+    return sum(map(math.log, numbers)) / len(numbers)

@@ -72,15 +72,15 @@ class Subject:
 
     def title(self, scenario: Scenario) -> str:
         """Name of the vehicle, or of the scenario of a team, for titles."""
-        return scenario.agent.plant.vehicle.name
+        return scenario.agent.vehicle.name
 
     def error(self, scenario: Scenario) -> str:
         """Column head of the position error: of the tip, or of the base if there is no tip."""
-        return "tip error" if scenario.agent.plant.vehicle.end_effector else "base error"
+        return "tip error" if scenario.agent.vehicle.end_effector else "base error"
 
     def columns(self, scenario: Scenario) -> Collection[str]:
         """Groups of columns in the tables of results, beside those that all have."""
-        return ("margins", "effort", "joints") if scenario.agent.plant.vehicle.n else ("margins",)
+        return ("margins", "effort", "joints") if scenario.agent.vehicle.n else ("margins",)
 
     def scenes(self, scenario: Scenario, moves: bool) -> dict[str, Scenario]:
         """Scenarios of a plan by their names there; its own motion is flown, too, if it ``moves``."""
@@ -103,8 +103,8 @@ class Subject:
 
     def origin(self, scenario: Scenario) -> Facts:
         """Digests of what flew, as plain data."""
-        vehicle = scenario.agent.plant.vehicle
-        model = scenario.agent.controller.par.model.vehicle
+        vehicle = scenario.agent.vehicle
+        model = scenario.agent.model.vehicle
         return {"vehicle": vehicle.name, "vehicle_digest": identity(vehicle), "belief_digest": identity(model)}
 
 

@@ -11,8 +11,8 @@ position and of the RMS error of the pull: each counts by its ratio of improveme
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -33,7 +33,7 @@ from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, O
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
 from skyarm.studies.tune.hover_margins import HoverMargins
-from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, Numbers, centre, chosen_knobs
+from skyarm.studies.tune.law_knobs import Centred, GainKnob, KnobError, centre, chosen_knobs
 from skyarm.studies.tune.subject import SearchSizes, Subject
 from skyarm.view.pages import Facts
 
@@ -67,16 +67,16 @@ def team_flight(scenario: Scenario) -> Scenario:
     """Scenario with noise where it has none, and with paths of tips whose grasps can be off."""
     team, agents = team_of(scenario), dict(scenario.agents)
     if not (team.position_noise or team.attitude_noise):
-        team = dataclasses.replace(team, position_noise=NOISE.position, attitude_noise=NOISE.attitude)
+        team = replace(team, position_noise=NOISE.position, attitude_noise=NOISE.attitude)
     for member in team.members:
         own = agents[member.agent].reference
         if own.tip is not None and team.motion is not None:
-            path = dataclasses.replace(member, taken=member.taken or member.place).path(team.motion, team.take)
-            tip = dataclasses.replace(own.tip, x=path.x, y=path.y, z=path.z)
-            moved = dataclasses.replace(own, tip=tip)
-            agents[member.agent] = dataclasses.replace(agents[member.agent], reference=moved)
+            path = replace(member, taken=member.taken or member.place).path(team.motion, team.take)
+            tip = replace(own.tip, x=path.x, y=path.y, z=path.z)
+            moved = replace(own, tip=tip)
+            agents[member.agent] = replace(agents[member.agent], reference=moved)
     noisy = {name: with_noise(each) for name, each in agents.items()}
-    return dataclasses.replace(scenario.with_kind("rigid_body"), agents=noisy, team=team)
+    return replace(scenario.with_kind("rigid_body"), agents=noisy, team=team)
 
 
 def masses(scenario: Scenario) -> list[list[str]]:
@@ -136,9 +136,9 @@ def draw_team_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool =
 
 def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
     """Flight with the search centred at the defaults of the law of its team."""
-    usual: dict[str, Any] = {each.name: each.default for each in dataclasses.fields(team_of(flight))}
+    usual: dict[str, Any] = {each.name: each.default for each in fields(team_of(flight))}
     # an option whose default is 0, or that has none, is searched around its given value
-    numbers: Numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
+    numbers = [(float(usual[k.path]),) if _is_above_0(usual[k.path]) else k.values for k in knobs]
     return centre(knobs, {label: numbers}, lambda moved: with_options(flight, moved))
 
 
@@ -149,7 +149,7 @@ def _is_above_0(value: object) -> bool:
 
 def with_options(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
     """Scenario with other options of its team's law."""
-    return dataclasses.replace(scenario, team=replace_at(team_of(scenario), numbers))
+    return replace(scenario, team=replace_at(team_of(scenario), numbers))
 
 
 class TeamCandidates(CandidateFlights):

@@ -10,10 +10,10 @@ What a team flies instead is in :mod:`skyarm.studies.tune.team_subject`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -26,23 +26,12 @@ from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import LOCAL, Progress, require_place
-from skyarm.studies.tune.candidate_flights import (
-    WEIGHTS,
-    CandidateFlights,
-    Flown,
-    Scores,
-    of_drawn,
-    scores,
-    with_own,
-)
+from skyarm.studies.tune.candidate_flights import WEIGHTS, CandidateFlights, Flown, Scores, of_drawn, scores, with_own
 from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread
-from skyarm.studies.tune.law_knobs import (
-    GainKnob,
-    numbers_at,
-)
+from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
 from skyarm.studies.tune.subject import VEHICLE, SearchSizes, Subject
 from skyarm.studies.tune.team_subject import TeamSubject
 from skyarm.vehicle import Vehicle
@@ -216,7 +205,7 @@ class Tuner:
         self._progress(self._done, self._total, "the best once more")
         flown = self._flights.fly("again", asked, others=self._drawn(self._stages.further, self._plan.seed + 2))
         short = self._margins.costs(asked)
-        every, drawn = (dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
+        every, drawn = (replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
         self._done += len(asked) * self._stages.further
         return every, drawn
 
@@ -416,7 +405,7 @@ def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     subject, sizes = plan.subject, plan.stages
     start = subject.centred(plan.flight, plan.knobs, plan.label)
     centre = numbers_at(start.knobs, (0.0,) * len(start.knobs))
-    plan = dataclasses.replace(
+    plan = replace(
         plan,
         flight=start.flight,
         check=subject.under(plan.check, centre),

@@ -12,7 +12,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import Scenario
@@ -65,7 +65,7 @@ def gust_interval(log: Log) -> Span | None:
         gusts = [each[1:] for part in scenario.components for each in part.events if each[0] == "gust"]
         gusts = [(start, stop) for start, stop in gusts if start <= last]
         return (min(start for start, _ in gusts), min(last, max(stop for _, stop in gusts))) if gusts else None
-    blowing = np.flatnonzero(np.linalg.norm(log.wind_force, axis=1) > 0.0)
+    blowing = np.flatnonzero(lengths(log.wind_force) > 0.0)
     if not blowing.size or blowing.size == log.time.size:
         return None
     end = min(int(blowing[-1]) + 1, log.time.size - 1)

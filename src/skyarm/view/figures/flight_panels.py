@@ -14,7 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns, component_labels, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -69,14 +69,14 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
         if i >= table.shape[1]:
             return None
         off = getattr(log, reference)[:, i] if reference else 0.0
-        return np.asarray(factor * (table[:, i] - off))
+        return factor * (table[:, i] - off)
 
     return read
 
 
 def distance(name: str, reference: str, factor: float = 1.0) -> Read:
     """Make a function that computes the norm over time of a logged array's difference from a reference array."""
-    return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
+    return lambda log: factor * np.asarray(lengths(getattr(log, name) - getattr(log, reference)))
 
 
 def by_axis(label: str, array: str, desired: str = "", error: str = "") -> Panels:
@@ -101,7 +101,7 @@ def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Joint]]]:
 
 
 def _vehicles(logs: Logs) -> list[Vehicle]:
-    return [scenario.agent.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
+    return [scenario.agent.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
 
 
 def _finite(values: Iterable[SupportsFloat]) -> tuple[float, ...]:
@@ -183,7 +183,7 @@ def _pull(body: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pull = grasp_pulls(log).get(body)
-        return None if pull is None else np.asarray(np.linalg.norm(pull, axis=1))
+        return None if pull is None else np.asarray(lengths(pull))
 
     return read
 
@@ -194,7 +194,7 @@ def _pair_force(*pair: str) -> Read:
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
         forces, owned = log.component("contact_force"), pair in pairs and pair[1] not in parts_of_others(log)
-        return np.asarray(forces[:, pairs.index(pair)]) if owned and forces.shape[1] == len(pairs) else None
+        return forces[:, pairs.index(pair)] if owned and forces.shape[1] == len(pairs) else None
 
     return read
 

@@ -144,7 +144,7 @@ def world_of(named: Named, span: Span) -> Scene:
         around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
         for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
             agents[name] = Instants(
-                vehicle=agent.plant.vehicle, times=log.time[ends], position=own.position[ends],
+                vehicle=agent.vehicle, times=log.time[ends], position=own.position[ends],
                 quaternion=own.quaternion[ends], joints=own.joints[ends], around=around, name=name,
             )  # fmt: skip
         name, first = next(iter(agents)), team[0]

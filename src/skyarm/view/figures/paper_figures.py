@@ -213,7 +213,7 @@ def overview_figure(logs: Mapping[str, Named], steady: Window) -> Picture:
         steady: part of the flight whose path is drawn.
     """
     figure = PAPER.blank(9.0, 2.9)  # the width of a web page's column
-    path, *others = (PAPER.dress(ax) for ax in figure.subplots(1, 3))
+    path, *others = map(PAPER.dress, figure.subplots(1, 3))
     handles: Handles = {}
     for i, (controller, log) in enumerate(logs["case3"].items()):
         at, look = steady.of(log), _law_look(controller, i).line

@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from skyarm.planning.plan_file import plan_arrays
 from skyarm.planning.plan_report import tilts
 from skyarm.planning.planner import Plan, states_at
-from skyarm.records.arrays import Array, Pixels
+from skyarm.records.arrays import Array, Pixels, float_array, lengths
 from skyarm.view.figures.projection import SIDE, TOP, outline
 from skyarm.view.figures.style import PAGE, Picture
 from skyarm.world.contact.contact_scene import surface_shape
@@ -106,7 +106,7 @@ def _lines_at(plan: Plan, times: Array) -> Array:
     ends = [(seen.place(), seen.place(rotor.position)) for rotor in vehicle.rotors]
     ends += [(seen.place(body=link.parent), seen.place(body=k)) for k, link in enumerate(vehicle.links)]
     if vehicle.end_effector:
-        frame = vehicle.frame(vehicle.end_effector)
+        frame = vehicle.frame()
         ends.append((seen.place(body=frame.link), seen.place(frame.position, frame.link)))
     return np.array(ends).transpose(2, 0, 1, 3)
 
@@ -115,9 +115,9 @@ def limits_figure(plan: Plan) -> Figure:
     """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time, with their limits."""
     vehicle, limits = plan.task.vehicle, plan.task.limits
     at = plan.stage.at
-    efforts = np.array([float(link.joint.effort_limit) for link in vehicle.links])
+    efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     panels: list[tuple[str, str, Array, Array, list[float]]] = [
-        ("Speed", "m/s", plan.t, np.linalg.norm(plan.x[:, 7:10], axis=1), [limits.speed]),
+        ("Speed", "m/s", plan.t, lengths(plan.x[:, 7:10]), [limits.speed]),
         ("Tilt", "degrees", plan.t, np.degrees(tilts(plan)), [math.degrees(limits.tilt)]),
         ("Rotor thrust", "% of highest", plan.t, 100.0 * plan.thrust_shares, [100.0 * limits.thrust_share]),
     ]

@@ -73,7 +73,7 @@ def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
         angle: rad.
     """
     turned = np.linspace(0.0, angle, AROUND)[:, None]
-    return np.asarray(centre + np.cos(turned) * start + np.sin(turned) * np.cross(axis, start))
+    return centre + np.cos(turned) * start + np.sin(turned) * np.cross(axis, start)
 
 
 def perpendicular(axis: Array) -> Array:

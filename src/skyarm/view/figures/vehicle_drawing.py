@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
@@ -109,26 +109,26 @@ class Posed:
             R, p = self.poses[frame.link]
             local = np.array([float_array(row) for row in frame.rotation.rows])
             self.frames[frame.name] = R @ local, p + R @ float_array(frame.position)
-        self.axes = [self.poses[i][0] @ float_array(link.joint.axis) for i, link in enumerate(vehicle.links)]
+        self.axes = [self.poses[i][0] @ float_array(joint.axis) for i, joint in enumerate(vehicle.joints)]
         named = [p for _, p in (*self.frames.values(), *self.poses.values())]
         named += [float_array(rotor.position) for rotor in vehicle.rotors]
-        self.reach = max(float(np.linalg.norm(each)) for each in named) or 0.1
+        self.reach = max(norm(each) for each in named) or 0.1
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     """Joint values for a drawing: 0.5 rad for joints whose motion the side view shows, else zero, within limits."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     angles = []
-    for i, link in enumerate(vehicle.links):
-        bent = link.joint.turns and abs((level[i][0] @ float_array(link.joint.axis))[1]) > 0.9
-        angles.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
+    for i, joint in enumerate(vehicle.joints):
+        bent = joint.turns and abs((level[i][0] @ float_array(joint.axis))[1]) > 0.9
+        angles.append(min(max(BENT if bent else 0.0, float(joint.lower)), float(joint.upper)))
     return tuple(angles)
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
-    poses = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
+    poses = body_poses(vehicle, np.zeros((1, 3)), level, doubles([joints]))
     return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
 
 
@@ -210,13 +210,13 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     posed, vehicle = sheet.posed, sheet.posed.vehicle
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
-    for link, at, axis in zip(vehicle.links, origins, posed.axes, strict=True):
-        apart = [float(np.linalg.norm(at - other)) for other in origins]
+    for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
+        apart = [norm(at - other) for other in origins]
         size = min([0.13 * sheet.reach, *(0.8 * each for each in apart if each > 0.02 * sheet.reach)])
         bow = arc(at, axis, size * perpendicular(axis), 1.5 * math.pi)
-        sheet.arrow(bow if link.joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
+        sheet.arrow(bow if joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
         sheet.line(at + 1.4 * size * np.array([-axis, axis]))
-        sheet.label(link.joint.name, at)
+        sheet.label(joint.name, at)
     for name, frame in posed.frames.items():
         sheet.triad(name, *frame, TRIAD if name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
     marked, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
@@ -242,11 +242,11 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
         R, at = posed.poses[i]
         rods = [R @ end for body, end in ends if body == i and np.linalg.norm(end) > 1e-6]
         for rod in rods:
-            length, middle = float(np.linalg.norm(rod)), at + 0.5 * rod
+            length, middle = norm(rod), at + 0.5 * rod
             # two arms in one line of sight have one label
             words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
             labelled = any(text == words and math.dist(there, flat) < 0.02 * sheet.reach for text, there in written)
-            seen = float(np.linalg.norm(sheet.view.flat(rod))) >= 0.97 * length > 0.05 * sheet.reach
+            seen = norm(sheet.view.flat(rod)) >= 0.97 * length > 0.05 * sheet.reach
             if not seen or labelled:
                 continue
             written.append((words, flat))
@@ -262,7 +262,7 @@ def _mark_rotors(sheet: Sheet) -> None:
     sheet.triad("base", *sheet.posed.frames["base"])
     for i, rotor in enumerate(vehicle.rotors):
         hub, _ = _rotor_bow(sheet, rotor)
-        away = float(np.linalg.norm(hub[:2]))
+        away = norm(hub[:2])
         edge = hub * (1.0 + 0.95 * rotor_radius(vehicle) / away) if away > 0.0 else hub
         sheet.label(f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", edge)
         if i == 0 and away > 0.05 * sheet.reach:

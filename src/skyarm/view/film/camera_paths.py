@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.linalg import norm
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, lengths
 from skyarm.records.immutable import positional
 from skyarm.view.film.filmed_flight import FilmedFlight, Flights, by_flight
 from skyarm.world.scene.scene import hidden_share
@@ -105,7 +105,7 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 def vehicle_reach(flight: FilmedFlight) -> float:
     """Radius (m) of a vehicle around its base: rotor booms with discs, or the arm, whichever is longer."""
-    arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
+    arm = float(np.max(lengths(flight.desired_tip - flight.desired_position)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
@@ -135,7 +135,7 @@ def _corners_of_grasped(flight: FilmedFlight) -> Iterator[Array]:
 def _limit_lengths(offset: Array, length: float) -> Array:
     """Shorten vectors (F, 3) that are longer than a given length."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
-    return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
+    return doubles(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)))
 
 
 def _distance_for_sphere(radius: float, aspect: float) -> float:

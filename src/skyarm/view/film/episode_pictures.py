@@ -5,15 +5,16 @@ from __future__ import annotations
 import weakref
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from skyarm.log.flight_log import Log
 from skyarm.plant.loads import wind_at
-from skyarm.records.arrays import Array, Pixels
+from skyarm.records.arrays import Array, Pixels, doubles
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.simulate.assemble_log import AgentPiece, LoggedSamples, log_of_agent
@@ -50,7 +51,7 @@ FARTHEST = 1e6
 """Largest value of a drawable state; otherwise the vehicle is drawn at its last drawable one."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class InstantLog(Log):
     """Log of single instants of a running simulation, with the scenario that is flown.
 
@@ -145,7 +146,7 @@ class EpisodePictures:
         state, last = self._last, now.with_agent(replace(now.agent, state=self._last))
         around = self._stages.surroundings(last, time)
         (motion,) = self._stages.motions(last, around)
-        wind, numbers = wind_at(around.of(0), motion), np.array([leaves(state)], dtype=float)
+        wind, numbers = wind_at(around.of(0), motion), doubles([leaves(state)])
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn

@@ -9,7 +9,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles, lengths, norm
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
@@ -159,7 +159,7 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0)
     return FilmedFlight(
         label=label,
         color=color,
-        vehicle=agent.plant.vehicle,
+        vehicle=agent.vehicle,
         quaternion=read(log.time, continuous(log.quaternion), times),
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
         error=read(log.time, error[:, None], times)[:, 0],
@@ -200,7 +200,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
     away = log.tip - log.tip_reference
     if push is not None:
         away = push.across(away, log.time, log.tip)
-    return np.asarray(np.linalg.norm(away, axis=1))
+    return lengths(away)
 
 
 def patch_about(tip: Array) -> float:
@@ -234,7 +234,7 @@ def continuous(quaternion: Array) -> Array:
     """Flip signs of a quaternion series (N, 4) so that it is continuous, for interpolation."""
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
-    return np.asarray(quaternion * sign[:, None], dtype=float)
+    return doubles(quaternion * sign[:, None])
 
 
 TRAIL = 4.0
@@ -315,8 +315,8 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
         )
         if np.linalg.norm(each[k]) > least
     ]
-    length = max(seen, key=lambda each: float(np.linalg.norm(each)), default=np.zeros(3))
-    size = float(np.linalg.norm(length))
+    length = max(seen, key=norm, default=np.zeros(3))
+    size = norm(length)
     if not size:
         return []
     along = length / size
@@ -328,7 +328,7 @@ def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
     """Make arrows of all contact forces at frame k, each starting at its contact point."""
     marks = []
     for touch in flight.scene.arrows:
-        size = float(np.linalg.norm(touch.force[k]))
+        size = norm(touch.force[k])
         if size > LEAST_FORCE:
             length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
             end = touch.spot[k] + touch.force[k] * (length / size)
@@ -338,7 +338,7 @@ def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
     """Caption with the force on the base and the wind speed in a frame; empty if both are negligible."""
-    force, speed = (float(np.linalg.norm(each[k])) for each in (flight.force, flight.air))
+    force, speed = (norm(each[k]) for each in (flight.force, flight.air))
     words = [f"force {force:.1f} N"] if force > LEAST_FORCE else []
     return ", ".join([*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])])
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Pixels
+from skyarm.records.arrays import Array, Pixels, doubles
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
@@ -21,7 +21,6 @@ from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import Flights, by_flight, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import FramePanel, open_stage
 from skyarm.view.film.video_files import require_film_format
-from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Progress = Callable[[int, int], None]
@@ -75,7 +74,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
         raise ValueError(f"start = {settings.start:g}: must leave at least one frame before the end, {stop:g} s")
-    return np.asarray(settings.start + np.arange(count) * (settings.speed / settings.fps), dtype=float)
+    return doubles(settings.start + np.arange(count) * (settings.speed / settings.fps))
 
 
 def film_frames(
@@ -103,7 +102,7 @@ def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: 
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
-        solids: list[Solid] = [solid for flight in inside for solid in vehicle_solids(flight)]
+        solids = [solid for flight in inside for solid in vehicle_solids(flight)]
         if settings.ghost:
             solids += [solid for flight in by_flight(inside)[0] for solid in ghost_solids(flight)]
         booms = max(longest_boom(flight.vehicle) for flight in inside)

@@ -6,7 +6,7 @@ import ctypes
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeAlias
+from typing import Any
 
 LIBRARY = "libEGL.so.1"
 
@@ -23,7 +23,7 @@ CONFIG = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3
 
 _Pointer = ctypes.c_void_p
 
-CType: TypeAlias = type[ctypes.c_void_p] | type[ctypes.c_int] | type[ctypes.c_uint]
+CType = type[ctypes.c_void_p] | type[ctypes.c_int] | type[ctypes.c_uint]
 """Type of a C function's result or argument."""
 
 

@@ -15,16 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import (
-    CAMERAS,
-    FIELD_OF_VIEW,
-    free_azimuth,
-    looking_towards,
-    vehicle_reach,
-)
+from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, free_azimuth, looking_towards, vehicle_reach
 from skyarm.view.film.captions import state_words
 from skyarm.view.film.filmed_flight import (
     LEAST_FORCE,
@@ -170,7 +164,7 @@ def _serialize(
         serializer.insert_sleep(1.0 / settings.fps)
         if progress is not None:
             progress(k + 1, len(times))
-    content: bytes = serializer.serialize()
+    content = serializer.serialize()
     return content
 
 
@@ -230,7 +224,7 @@ class _RecordedFlight:
             self._words.text = self._text(k)
         force, air = flight.force[k], flight.air[k]
         wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
-        size = float(np.linalg.norm(wind))
+        size = norm(wind)
         along = wind / size if size > least else np.zeros(3)
         # of one length, and turned only by what is seen: turbulence would fill the file
         if k == 0 or (np.round(along, 1) != np.round(self._blows, 1)).any():
@@ -282,7 +276,7 @@ def _surroundings(
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
-    eye = path.look_at[0] - (path.distance[0] + 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0]))) * along
+    eye = path.look_at[0] - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
     server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(path.look_at[0])
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)

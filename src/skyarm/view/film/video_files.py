@@ -73,7 +73,7 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
 
 def webp_bytes(frames: Frames, fps: int) -> bytes:
     """Encode frames as an animated WebP that repeats for ever."""
-    first, *rest = (Image.fromarray(pixels) for pixels in frames)
+    first, *rest = map(Image.fromarray, frames)
     # whole milliseconds that add up to the film's length
     edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
     durations = [after - before for before, after in itertools.pairwise(edges)]
@@ -134,5 +134,5 @@ def import_av() -> ModuleType:
         import av
     except ImportError:
         raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more") from None
-    module: ModuleType = av
+    module = av
     return module

@@ -211,7 +211,7 @@ class Chart(Generic[Seen]):
     def _data(self) -> tuple[Array, ...]:
         """Return times (s) before the last instant and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
-        longest: Sequence[Seen] = max(rows, key=len, default=[])
+        longest = max(rows, key=len, default=[])
         times = [seen.time - longest[-1].time for seen in longest]
         if len(times) < 2:  # an axis needs two instants
             times = [-1e-3, 0.0]
@@ -241,7 +241,7 @@ def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, 
     if surfaces:
         yield "contact force (N)", {name: _force(name) for name in surfaces}, None
     # of joints whose drives take another setpoint no effort is known
-    joints = [link.joint for link in first.agent.plant.vehicle.links]
+    joints = first.agent.vehicle.joints
     driven = [i for i in range(len(joints)) if not any(each.first.agent.commands_setpoints[i] for each in flights)]
     if driven:
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
@@ -251,7 +251,7 @@ def _chart_rows(flights: Sequence[FlownAgent]) -> Iterator[tuple[str, dict[str, 
             efforts,
             100.0 if limited else None,
         )
-    if first.agent.plant.vehicle.rotors:
+    if first.agent.vehicle.rotors:
         rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}
         yield "slowest and fastest rotor (% of limit)", rotors, 100.0
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import bisect
-import contextlib
-import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from skyarm.control.catalogue import AUTOPILOTS, every_name
@@ -61,15 +61,15 @@ def adjustable(plain: Scenario) -> Scenario:
 
 def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it, the delay to a vehicle."""
-    named, vehicle = {fault.name for fault in agent.faults}, agent.plant.vehicle
+    named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
-    faults += [Fault(joint=link.joint.name) for link in vehicle.links]
+    faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     names = [fault.name for fault in faults]
     faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
     delays = agent.delays
     if kind == "rigid_body" and agent.controller.compiled and delays.longest_command is None:
-        delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return dataclasses.replace(agent, faults=(*agent.faults, *faults), delays=delays)
+        delays = replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
+    return replace(agent, faults=(*agent.faults, *faults), delays=delays)
 
 
 def pushes_of(scenario: Scenario) -> dict[str, str]:
@@ -98,7 +98,7 @@ class Fleet(Clock):
         plain = load_scenario(source)
         self.source = source
         self.planned, self._duration = True, plain.duration
-        with contextlib.suppress(ValueError):
+        with suppress(ValueError):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
             pairs = zip(plain.agents.values(), longer.agents.values(), strict=True)
@@ -229,7 +229,7 @@ class Fleet(Clock):
             seconds = (flight.tick + (1 if flight.lost else 0)) / flight.rate
             plan = flight.session.plan
             try:
-                shortened = plan if self.planned else dataclasses.replace(plan, duration=seconds)
+                shortened = plan if self.planned else replace(plan, duration=seconds)
                 written.append(f"skyarm run {save_scenario(file, shortened, self.source, flight.law)}")
             except ScenarioError as error:
                 without.append(f"; no file of the scenario: {error}")
@@ -407,7 +407,7 @@ class FlownAgent:
     @property
     def vehicle(self) -> Vehicle:
         """Simulated vehicle of the plant."""
-        return self.first.agent.plant.vehicle
+        return self.first.agent.vehicle
 
     @property
     def hung_mass(self) -> float:
@@ -436,6 +436,6 @@ def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     if scenario.autopilot is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
-    with contextlib.suppress(ScenarioError):
+    with suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
     return Session(scenario, paths)

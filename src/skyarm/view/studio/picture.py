@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics import State
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
@@ -230,7 +230,7 @@ class FleetPicture(StudioStage):
             ghost.remove()
         now, vehicles = first_loop_state(scenario), scenario.vehicles
         placed = [poses_of(*each) for each in zip(vehicles.values(), [own.state for own in now.agents], strict=True)]
-        bases, tips = (np.array(each) for each in ([p.positions[0] for p in placed], [p.tip for p in placed]))
+        bases, tips = map(np.array, ([p.positions[0] for p in placed], [p.tip for p in placed]))
         self._origin, self._around = bases.mean(axis=0), tips.mean(axis=0)
         self._follow(self._origin)
         scenes = scenes_at(scenario, now, 0.0, self._around)
@@ -247,7 +247,7 @@ class FleetPicture(StudioStage):
         self._ghosts = [VehicleNodes(self._scene, f"{STAGE}/ghost{end}", each[1], grey) for end, each, *_ in rows]
         self._draw_ghosts(scenario, 0.0)
         self._ground.position = (0.0, 0.0, scenes[0].ground or 0.0)
-        self._look_at(scenes[0], tips, 1.0 + float(np.linalg.norm(bases - self._origin, axis=1).max()))
+        self._look_at(scenes[0], tips, 1.0 + float(lengths(bases - self._origin).max()))
 
     def _look_at(self, scene: Scene, tips: Array, scale: float) -> None:
         """Initial camera of a new tab: ahead and to the right, or where no surface hides the tips."""

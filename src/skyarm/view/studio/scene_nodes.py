@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
@@ -260,7 +260,7 @@ class Arrows:
 
     def point(self, ends: Array) -> None:
         """Draw arrows (N, 2, 3) from start to end point (m); those that are too short are hidden."""
-        long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > SHORTEST
+        long = lengths(ends[:, 1] - ends[:, 0]) > SHORTEST
         acting = bool(long.any()) and bool(np.isfinite(ends).all())
         if acting:
             # the head of an arrow is drawn however short it is: it hides where another one begins

@@ -6,7 +6,6 @@ is given a socket that is bound already, and websockets that pass allowed frames
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import hmac
 import http
@@ -16,6 +15,7 @@ import math
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qs, urlsplit
@@ -133,7 +133,7 @@ def open_server(listening: socket.socket, guard: AccessGuard, title: str) -> Vis
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
     inputs: Inputs = {}
     # of what viser prints when it starts and stops nothing is wanted
-    with _serving(module, listening, guard, inputs), contextlib.redirect_stdout(io.StringIO()):
+    with _serving(module, listening, guard, inputs), redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
     inputs["server"] = server
     configure_theme(server, dark=False)
@@ -148,11 +148,11 @@ def configure_theme(server: Any, *, dark: bool) -> None:
 
 def close_server(server: ViserServer) -> None:
     """Stop a viser server and suppress the messages that it prints."""
-    with contextlib.redirect_stdout(io.StringIO()):
+    with redirect_stdout(io.StringIO()):
         server.stop()
 
 
-@contextlib.contextmanager
+@contextmanager
 def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: Inputs) -> Iterator[None]:
     """Context manager in which viser serves on a given socket, with access checks and a frame filter."""
     plain = module.serve

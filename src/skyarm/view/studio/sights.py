@@ -13,7 +13,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Surroundings, motions_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, norm
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.scenario.scenario_record import Agent, Scenario
@@ -71,7 +71,7 @@ def _sight(
     tick: int, time: float, agent: Agent, command: Command, around: Surroundings, motion: PointMotion
 ) -> PlottedInstant:
     """Compute the plotted quantities of one vehicle at an instant (s), given the last command of its law."""
-    vehicle, state, outside = agent.plant.vehicle, motion.state, wind_at(around, motion)
+    vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(agent, time).tip
     push = getattr(agent.reference, "push", None)
@@ -81,7 +81,7 @@ def _sight(
         tick=tick,
         time=time,
         tip=placed.tip,
-        error=float(np.linalg.norm(away)),
+        error=norm(away),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, command.efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
@@ -121,7 +121,7 @@ def goal_of(agent: Agent, time: float) -> Placed:
     desired = agent.reference.at(time)
     half = 0.5 * float(desired.yaw)
     level = math.cos(half), 0.0, 0.0, math.sin(half)
-    return place(agent.plant.vehicle, tuple(desired.position), level, desired.joints)
+    return place(agent.vehicle, tuple(desired.position), level, desired.joints)
 
 
 def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *, attached: bool = True) -> list[Scene]:
@@ -151,5 +151,5 @@ def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *,
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:
     """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
-    limits = [float(link.joint.effort_limit) for link in vehicle.links]
+    limits = [float(joint.effort_limit) for joint in vehicle.joints]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))

@@ -8,12 +8,12 @@ beside them, since it advances within a control period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra import Force as Wrench6
 from skyarm.algebra.scalars import clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
@@ -21,9 +21,8 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import errors_as, must_be_one_of, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import blend, leaves
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
@@ -123,7 +122,7 @@ class Contact(Force[ContactMemory]):
     objects: tuple[FreeObject, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
-    grasps: tuple[Grasp, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    grasps: tuple[Grasp, ...] = field_if_any(default=())
     rotor_radius: Annotated[
         Scalar, nonnegative("m", "radius of the rotor discs, for which any contact is a crash; 0: hubs only")
     ] = 0
@@ -363,7 +362,7 @@ class Contact(Force[ContactMemory]):
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
-            bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
+            bristles=tuple(ZERO3_DATA for _ in range(self.meeting_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
             turns=(STRAIGHT,) * sum(each.kind == "fixed" for each in self.grasps),
@@ -420,7 +419,7 @@ class Contact(Force[ContactMemory]):
         for grasp, constraint in zip(self.grasps, memory.constraints or (None,) * len(self.grasps), strict=True):
             index, frame = names.index(grasp.body), grasp.frame_of(motion)
             body = self.carriers[index].frame(memory.carried[index])
-            turn: Mat3 | tuple[()] = next(turns) if grasp.kind == "fixed" else ()
+            turn = next(turns) if grasp.kind == "fixed" else ()
             place = next(places) if grasp.closes else None
             rows.append((grasp, index, grasp.pull(turn, frame, body, t, constraint, place), frame))
         return rows

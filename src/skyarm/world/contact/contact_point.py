@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
@@ -14,8 +14,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Wrench
@@ -64,7 +63,7 @@ class ContactPoint:
     position: Annotated[Vec3, Unit("m", "position of the contact point, axes of its frame or body")] = ZERO3
     radius: Annotated[Scalar, nonnegative("m", "radius of the contact ball; 0 for a point")] = 0
     ring: Ring | None = None
-    agent: str = field(default="", metadata=WRITTEN_IF_ANY)
+    agent: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
         accept_fields(self, "point")

@@ -18,8 +18,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
@@ -94,7 +93,7 @@ class FreeObject(Carrier[ObjectMotion]):
     angular_velocity: Annotated[Vec3, Unit("rad/s", "initial angular velocity, world axes")] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
-    mesh: str = field(default="", metadata=WRITTEN_IF_ANY)
+    mesh: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
         accept_fields(self, "object")
@@ -157,7 +156,7 @@ class FreeObject(Carrier[ObjectMotion]):
             divide(r.y * r.y, J.x) + divide(r.x * r.x, J.y),
         )
         beside = (divide(r.x * r.y, J.z), divide(r.x * r.z, J.y), divide(r.y * r.z, J.x))
-        xy, xz, yz = (absolute(each) for each in beside)
+        xy, xz, yz = map(absolute, beside)
         rows = (diagonal[0] + xy + xz, diagonal[1] + xy + yz, diagonal[2] + xz + yz)
         return 1.0 / self.mass + maximum(maximum(rows[0], rows[1]), rows[2])
 

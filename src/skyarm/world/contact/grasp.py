@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Force, Mat3, Scalar, Vec3
@@ -23,8 +22,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Column
@@ -86,9 +84,9 @@ class Grasp:
     length: Annotated[Scalar, nonnegative("m", "length of a cable without load")] = 0
     close: Annotated[
         Scalar, nonnegative("s", "time at which the grasp closes, where the frame then is; 0: closed at its place")
-    ] = field(default=0, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=0)
     release: Annotated[Scalar, nonnegative("s", "time at which the grasp opens", infinite=True)] = math.inf
-    name: str = field(default="", metadata=WRITTEN_IF_ANY)
+    name: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
         accept_fields(self, "grasp")

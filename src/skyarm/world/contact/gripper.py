@@ -30,9 +30,8 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import immutable, positional
+from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.leaves import Tree
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
@@ -155,7 +154,7 @@ class Gripper:
             "", "damping ratio of the grasp", high=2.0, effect="higher values let the held body swing less in the grasp"
         ),
     ] = 0.5
-    agent: str = field(default="", metadata=WRITTEN_IF_ANY)
+    agent: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")

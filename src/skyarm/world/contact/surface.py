@@ -28,8 +28,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
-from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
 from skyarm.world.contact.material import Material
@@ -79,7 +78,7 @@ class Surface:
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
-    mesh: str = field(default="", metadata=WRITTEN_IF_ANY)
+    mesh: str = field_if_any(default="")
 
     def __post_init__(self) -> None:
         accept_fields(self, "surface")

@@ -142,7 +142,7 @@ def clearances(vehicle: Vehicle, obstacles: Iterable[Surface] = (), touching: Co
     free = [each.name for each in every if not (each.body in touching and each.name.startswith(("base/", "link/")))]
     pairs = [Pair(name, surface.name, surface) for surface in obstacles for name in free]
     inner = [Pair(b.name, a.name) for i, b in enumerate(every) for a in every[:i] if a.body != b.body]
-    rest = [clip(0.0, link.joint.lower, link.joint.upper) for link in vehicle.links]
+    rest = [clip(0.0, joint.lower, joint.upper) for joint in vehicle.joints]
     apart = Clearances(vehicle, tuple(inner)).distances(ZERO3, Mat3.identity(), rest)
     measured = zip(inner, apart, strict=True)
     pairs += [replace(pair, rest=gap) for pair, gap in measured if not (concrete(gap) and gap < 0.0)]

@@ -90,7 +90,7 @@ def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:
     scenes = [_drawn(part, seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
-    of_solids, of_lines = (distinct(names) for names in ([s.shape.name for s in solids], [s.name for s in lines]))
+    of_solids, of_lines = map(distinct, ([s.shape.name for s in solids], [s.name for s in lines]))
     return Scene(
         solids=tuple(replace(s, shape=replace(s.shape, name=name)) for s, name in zip(solids, of_solids, strict=True)),
         lines=tuple(replace(line, name=name) for line, name in zip(lines, of_lines, strict=True)),

@@ -7,7 +7,7 @@ for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -79,7 +79,7 @@ class Scene:
         return tuple(each for each in self.solids if each.shape.role in OBSTACLES)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Instants:
     """Instants of a flight to draw: times, the vehicle's states, and logged numbers of one environment model.
 
@@ -120,7 +120,7 @@ class Instants:
     def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
         """World positions (N, 3), in m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
-        return np.asarray(p + R @ float_array(point))
+        return p + R @ float_array(point)
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:

@@ -16,7 +16,7 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.coerce import concrete
 from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
@@ -131,7 +131,7 @@ def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
 
 def _mesh_shape(number: int, look: Look) -> Shape:
     """Drawn shape of a link with an STL mesh file."""
-    a, b, c = (floats(row) for row in look.rotation.rows)
+    a, b, c = map(floats, look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
     return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)
@@ -224,12 +224,12 @@ def rotations_of(quaternions: Array) -> Array:
 
 def vectors(v: Vec3, count: int) -> Array:
     """Stack the components of a vector, numbers or arrays (N,), into an array (N, 3)."""
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), count) for c in v], axis=1)
+    return np.stack([np.broadcast_to(doubles(c), count) for c in v], axis=1)
 
 
 def matrices(R: Mat3, count: int) -> Array:
     """Stack the entries of a matrix, numbers or arrays (N,), into an array (N, 3, 3)."""
-    entries = [np.broadcast_to(np.asarray(c, dtype=float), count) for row in R.rows for c in row]
+    entries = [np.broadcast_to(doubles(c), count) for row in R.rows for c in row]
     return np.stack(entries, axis=1).reshape(count, 3, 3)
 
 

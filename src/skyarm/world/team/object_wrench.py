@@ -411,7 +411,7 @@ class ObjectWrench(Sharing):
         desired = then = self.motion.at(clock).at_pace(pace, change)
         if self.pose_age:
             then = self.motion.at(clock - pace * self.pose_age).at_pace(pace, 0.0)
-        now, there = (self.motion.yaw.derivatives(each) for each in (inputs.time, clock))
+        now, there = map(self.motion.yaw.derivatives, (inputs.time, clock))
         down = SINKING * maximum(own.overload - PATIENCE - 1.0, 0.0)
         height = maximum(desired.position.z - self._start, 0.0)
         landed = clip(divide(down - height, SINKING * self.rise), 0.0, 1.0)
@@ -435,7 +435,7 @@ class ObjectWrench(Sharing):
         """
         force, moment = weight_of(self, desired, inputs.gravity)
         loads, endless = self.shares(force, moment, arms), [SLACK / SMALL] * len(arms)
-        ratios: list[Scalar] = [
+        ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
         ]

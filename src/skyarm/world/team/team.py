@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Annotated, Protocol, Self
 
@@ -33,9 +33,8 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
@@ -82,7 +81,7 @@ class Member:
     place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
     length: Annotated[
         float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
-    ] = field(default=0, metadata=WRITTEN_IF_ANY)
+    ] = field_if_any(default=0)
     taken: Annotated[
         Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")
     ] = None
@@ -207,7 +206,7 @@ class Team(Component[TeamMemory]):
 
     object: Annotated[str, Unit("", "object that the team carries", rule=coerce.name)]
     members: tuple[Member, ...] = ()
-    motion: PoseTrajectory | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    motion: PoseTrajectory | None = field_if_any(default=None)
     take: Annotated[
         Scalar, Unit("s", "time from which the members hold the body; 0: when the last grasp closes", low=0.0)
     ] = 0.0
@@ -441,7 +440,7 @@ class Team(Component[TeamMemory]):
             seen=tuple(map(data_of, seen[: len(memory.seen)])),
             carries=carries,
             drawn=memory.drawn,
-            logged=tuple(data(each) for each in logged),
+            logged=tuple(map(data, logged)),
         )
 
     def usual_mass(self, limit: Scalar) -> Scalar:

@@ -16,11 +16,11 @@ Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib import resources
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> 
     return total
 
 
-Training: TypeAlias = dict[str, Any]
+Training = dict[str, Any]
 """Training record of a network, as stored in its file."""
 
 
@@ -120,16 +120,14 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
     """Masses (kg, base first) and joint positions (m, in the parent link) that identify a vehicle."""
     return {
         "masses": [float(body.mass) for body in vehicle.bodies],
-        "places": [float(c) for link in vehicle.links for c in link.joint.position],
+        "places": [float(c) for joint in vehicle.joints for c in joint.position],
     }
 
 
 def unlike(vehicle: Vehicle, training: Training) -> str:
     """Differences between a vehicle and the one that a network was trained on, as text; empty if equal or unknown."""
     recorded = training.get("numbers", {})
-    if not concrete(
-        *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
-    ):
+    if not concrete(*(body.mass for body in vehicle.bodies), *(c for joint in vehicle.joints for c in joint.position)):
         return ""
     for name, there in numbers_of(vehicle).items():
         trained = recorded.get(name, there)
@@ -195,7 +193,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
 
 def features(measurement: Measurement, reference: Reference, history: History) -> Scalars:
     """Input vector of the network from measurement, reference and filtered history."""
-    m, R = measurement, measurement.quaternion.rotation()
+    m, R = measurement, measurement.rotation
     new = history.started < 0.5
     pairs = zip(_velocities(m), history.motion, strict=True)
     rises = [where(new, 0.0, HISTORY * (x - filtered)) for x, filtered in pairs]
@@ -223,7 +221,7 @@ def with_motion(history: History, measurement: Measurement, dt: Scalar) -> Histo
     """History of network inputs updated by a new measurement."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
-    return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
+    return replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
@@ -233,7 +231,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
     begun, sent = history.started > 0.5, (*pushed.force, *pushed.torque, *command.efforts)
     after = _filter_values(history.commanded < 0.5, history.commands, sent, dt)
-    return dataclasses.replace(
+    return replace(
         history,
         commanded=where(begun, 1.0, history.commanded),
         commands=choose_each(begun, after, history.commands),
@@ -289,7 +287,7 @@ def learned_compensator(
 
 def compensate(measurement: Measurement, reference: Reference, unknown: Scalars, par: LearnedParameters) -> Command:
     """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
     specific = wanted_specific_force(par, measurement, reference)
     # what pushes already need not be thrust

@@ -54,14 +54,14 @@ def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, jo
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
     w = state.rate
-    return linear + state.quaternion.rotation().apply(a + angular.cross(p) + w.cross(v * 2.0 + w.cross(p)))
+    return linear + state.rotation.apply(a + angular.cross(p) + w.cross(v * 2.0 + w.cross(p)))
 
 
 def tip_velocity(model: Model, state: State) -> Vec3:
     """Velocity of the tip (m/s, world axes)."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates), 1).tip
     p, v = derivative(tip, 0), derivative(tip, 1)
-    return state.velocity + state.quaternion.rotation().apply(v + state.rate.cross(p))
+    return state.velocity + state.rotation.apply(v + state.rate.cross(p))
 
 
 def under_contact(
@@ -85,7 +85,7 @@ def under_contact(
     if not contact:
         return disturbance, 0
     n = contact.normal
-    unit = levers(model.vehicle, state.quaternion.rotation(), state.joints).disturbance(n)
+    unit = levers(model.vehicle, state.rotation, state.joints).disturbance(n)
 
     def along(pushed: Disturbance) -> Any:
         return n.dot(tip_acceleration(model, state, *accelerations(model, state, efforts, pushed, dry_rates)))
@@ -238,7 +238,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     """
     if goal.planned:
         return planned_residuals(model, weights, state, goal, goal.planned)
-    vehicle, R = model.vehicle, state.quaternion.rotation()
+    vehicle, R = model.vehicle, state.rotation
     c, s = cos(goal.yaw), sin(goal.yaw)
     # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
     up = R.apply_T(Vec3(0, 0, 1))
@@ -253,10 +253,10 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
     residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, joints, strict=True)]
     residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if mode == "tool" and vehicle.end_effector:
-        frame = vehicle.frame(vehicle.end_effector)
+        frame = vehicle.frame()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
-        tip_goal = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
+        tip_goal = goal.position + arm.about_z(goal.yaw)
         off = tip - tip_goal
         if goal.contact:
             off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
@@ -266,7 +266,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoa
 
 def planned_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, planned: PlannedGoal) -> Scalars:
     """Weighted errors of a predicted vehicle state against a planned one."""
-    vehicle, R = model.vehicle, state.quaternion.rotation()
+    vehicle, R = model.vehicle, state.rotation
     turned = planned.attitude.conjugate() * state.quaternion
     turn = Vec3(turned.x, turned.y, turned.z) * (2.0 * turned.w)
     residuals = [*((state.position - goal.position) * weights.position)]
@@ -275,7 +275,7 @@ def planned_residuals(model: Model, weights: Weights, state: State, goal: StageG
     residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, goal.joints, strict=True)]
     residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if vehicle.end_effector:
-        frame, S = vehicle.frame(vehicle.end_effector), planned.attitude.rotation()
+        frame, S = vehicle.frame(), planned.attitude.rotation()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         tip_goal = goal.position + S.apply(frame_pose(vehicle, frame, goal.joints).p)
         residuals += [*((tip - tip_goal) * weights.tool)]

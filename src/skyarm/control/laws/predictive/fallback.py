@@ -26,7 +26,7 @@ from skyarm.control.laws.predictive.solver import Compiled, MotionPlan
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import AllocationError, Command, mix
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
@@ -59,7 +59,7 @@ FORGIVEN = 3.0
 """Time (s) of flight by plans after which a further hand-over counts as the first."""
 
 
-@immutable(kw_only=False)
+@positional
 class Trust:
     """Acceptance history of motion plans, which decides whether plans or the substitute law control the vehicle.
 

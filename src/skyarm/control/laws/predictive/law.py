@@ -41,12 +41,7 @@ from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
-from skyarm.control.laws.predictive.observer import (
-    Bandwidths,
-    Observation,
-    ObserverState,
-    command_row,
-)
+from skyarm.control.laws.predictive.observer import Bandwidths, Observation, ObserverState, command_row
 from skyarm.control.laws.predictive.prediction import command_for
 from skyarm.control.laws.predictive.preview import (
     SampledReference,
@@ -69,9 +64,9 @@ from skyarm.control.laws.predictive.solver import (
 from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -149,7 +144,7 @@ KEPT = 16
 """Largest number of compiled predictive controllers in the cache."""
 
 
-@immutable(kw_only=False)
+@positional
 class PredictiveEngine:
     """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 
@@ -185,8 +180,8 @@ def make_engine(key: EngineKey) -> PredictiveEngine:
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
     bounds = Bounds(
-        np.array([float(link.joint.effort_limit) for link in vehicle.links]),
-        np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
+        float_array(joint.effort_limit for joint in vehicle.joints),
+        float_array(rotor.max_speed for rotor in vehicle.rotors),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
     compiled = CompiledStages(model, weights, mode, scales, presses)
@@ -211,7 +206,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     for _ in range(60):
         factor = 0.5 * (low + high)
         low, high = (factor, high) if dt * np.sum(factor**powers) < horizon else (low, factor)
-    return np.asarray(dt * low**powers)
+    return dt * low**powers
 
 
 @immutable
@@ -417,7 +412,7 @@ def problem_at(
     targets = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
     error = x[:3] - targets[0, :3] - shift[0]
-    distance = float(np.linalg.norm(error))
+    distance = norm(error)
     if distance > LONGEST_ERROR:
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))

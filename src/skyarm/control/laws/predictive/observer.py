@@ -10,8 +10,8 @@ whether commands are late on their way out or measurements on their way in.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,8 +25,8 @@ from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
-from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.arrays import Array, doubles
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement, blank_measurement
@@ -97,7 +97,7 @@ def observe(
     Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our own.
     """
     foreseen, n = predict(model, before, command, dt), model.vehicle.n
-    R = measurement.quaternion.rotation()
+    R = measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
     speeds = (*(bandwidths.linear,) * 3, *(bandwidths.angular,) * 3, *(bandwidths.joints,) * n)
@@ -155,12 +155,12 @@ class Observation:
         """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
-        estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
+        estimate = doubles([*moving, *(0.0,) * (6 + self.joints)])
         return ObserverState(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
     def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
         """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
-        reading = np.array(leaves(dataclasses.replace(measurement, **NOT_READ)), dtype=float)
+        reading = np.array(leaves(replace(measurement, **NOT_READ)), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
         late = update_lateness(past.late, modelled, np.array(measurement.rotor_speeds, dtype=float), self.dt)
@@ -173,10 +173,10 @@ class Observation:
 
 def command_row(command: Command) -> Array:
     """Rotor speeds and joint efforts of a command as one array."""
-    return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
+    return doubles([*command.rotor_speeds, *command.efforts])
 
 
-@immutable(kw_only=False)
+@positional
 class ObserverState:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
@@ -209,7 +209,7 @@ NOTICED = 0.5
 """Root mean square difference of rotor speeds (rad/s) below which the estimated command delay is not changed."""
 
 
-@immutable(kw_only=False)
+@positional
 class Lateness:
     """Statistics of the command delay: modelled rotor speeds and their differences from the measured ones.
 
@@ -248,4 +248,4 @@ def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: floa
     best = int(np.argmin(squares))
     if late.count < LEAST or not now > NOTICED**2 * late.weight or not squares[best] < CLEAR * now:
         return late
-    return dataclasses.replace(late, periods=best)
+    return replace(late, periods=best)

@@ -20,8 +20,8 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.arrays import Array, float_array
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle import Rotor
 
@@ -45,7 +45,7 @@ def accelerations(
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
     """
-    R = state.quaternion.rotation()
+    R = state.rotation
     return acceleration_under(
         model,
         R,
@@ -63,7 +63,7 @@ def base_accelerations(
     model: Model, state: State, joint_accelerations: Scalars, disturbance: Disturbance
 ) -> tuple[Vec3, Vec3]:
     """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
-    vehicle, R = model.vehicle, state.quaternion.rotation()
+    vehicle, R = model.vehicle, state.rotation
     applied = _on_base(model, state, R, disturbance)
     still = Motion(ZERO3, ZERO3)
     moving = state.joints, state.rate, state.joint_rates
@@ -139,9 +139,7 @@ def runge_kutta_step(state: State, k1: State, slope: Callable[[State, Scalar], S
     k2 = slope(euler_step(state, k1, half), half)
     k3 = slope(euler_step(state, k2, half), half)
     k4 = slope(euler_step(state, k3, dt), dt)
-    mean = (
-        (a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*(leaves(k) for k in (k1, k2, k3, k4)), strict=True)
-    )
+    mean = ((a + 2.0 * (b + c) + d) * (1.0 / 6.0) for a, b, c, d in zip(*map(leaves, (k1, k2, k3, k4)), strict=True))
     end = euler_step(state, rebuild(k1, mean), dt)
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
     return rebuild(state, iter(values))
@@ -152,7 +150,7 @@ def euler_step(state: State, rate: State, dt: Scalar) -> State:
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
-@immutable(kw_only=False)
+@positional
 class Motors:
     """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 
@@ -167,7 +165,7 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
         np.array([1.0 - exp(divide(-dt, getattr(rotor, name))) for rotor in rotors])
         for name in ("time_constant_up", "time_constant_down")
     )
-    return Motors(up, down, np.array([float(rotor.max_speed) for rotor in rotors]))
+    return Motors(up, down, float_array(rotor.max_speed for rotor in rotors))
 
 
 def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:

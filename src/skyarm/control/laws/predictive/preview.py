@@ -7,22 +7,21 @@ tip's displacement for a lean about an axis about which no joint turns.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.records.arrays import Array, IntArray
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples, samples_ahead
 from skyarm.vehicle import Vehicle
@@ -43,7 +42,7 @@ SETTLED = 2
 """Number of predicted samples in a row after which the change of the jerk is used."""
 
 
-@immutable(kw_only=False)
+@positional
 class SampledReference:
     """Last reference sample [x, y, z, yaw, joints ...], its age, third derivatives, and statistics of its oscillation.
 
@@ -67,13 +66,13 @@ class SampledReference:
     foretold: int = 0
     secants: Array | None = None
     gap: float = 0.0
-    coming: Array = dataclasses.field(default_factory=partial(np.zeros, (3, 0, 0)))
-    turning: Array = dataclasses.field(default_factory=partial(np.zeros, (2, 0, 0)))
+    coming: Array = field(default_factory=partial(np.zeros, (3, 0, 0)))
+    turning: Array = field(default_factory=partial(np.zeros, (2, 0, 0)))
 
     @property
     def stiffness(self) -> Array:
         """Squared angular frequency of each signal's oscillation, 1/s^2; 0 if it does not oscillate."""
-        return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
+        return np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY)
 
 
 def extrapolate(sample: SampledReference, ahead: Array) -> Array:
@@ -112,13 +111,13 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
         rows = [samples(reference), *samples_ahead(reference)]
         coming = np.array(rows, dtype=float).transpose(2, 0, 1)
         turning = np.array(reference.turning, dtype=float).reshape(len(rows), 2, -1).transpose(1, 0, 2)
-        first = dataclasses.replace(first, coming=coming, turning=turning)
+        first = replace(first, coming=coming, turning=turning)
     if before is None:
         return first
     age = before.age + dt
     # a motion that begins later is seen in the preview alone
     if np.array_equal(motion, before.motion) and np.array_equal(first.coming, before.coming):
-        return dataclasses.replace(before, age=age)
+        return replace(before, age=age)
     # a number that is not finite was not predicted either
     if not np.abs(motion[0] - extrapolate(before, np.array([age]))[0, 0]).max() < JUMP:
         return first
@@ -134,7 +133,7 @@ def update_sample(reference: Reference, before: SampledReference | None, dt: flo
     sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age, first.coming, first.turning)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
-    return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
+    return replace(sample, jerks=(accelerations * c - last) / (age * s1))
 
 
 def planned_motion(sample: SampledReference, leads: Array, ahead: Array) -> tuple[Array, Array]:
@@ -213,13 +212,12 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
         yaw: rad.
         joints: positions, which give the tip's place under a level base.
     """
-    frame = vehicle.frame(vehicle.end_effector)
+    frame = vehicle.frame()
     leaning = desired_attitude(-thrust, yaw, Mat3.identity())
     up = leaning.apply_T(Vec3(0, 0, 1))
     arm = frame_pose(vehicle, frame, joints).p
     bent = frame_pose(vehicle, frame, given_way(vehicle, joints, Vec3(up.y, -up.x, 0))).p
-    c, s = cos(yaw), sin(yaw)
-    return Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z) - leaning.apply(bent)
+    return arm.about_z(yaw) - leaning.apply(bent)
 
 
 def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
@@ -230,5 +228,5 @@ def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
     vehicle = model.vehicle
     if mode != "tool" or not vehicle.end_effector:
         return lambda _thrusts, values: np.zeros((len(values), 3))
-    compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, (0.0,) * vehicle.n)
+    compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, vehicle.zeros)
     return lambda thrusts, values: compiled(thrusts, values[:, 3:])

@@ -33,7 +33,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import Array
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 
 Result = TypeVar("Result", bound=Tree)
@@ -158,10 +158,10 @@ class CompiledStages:
         """Central-difference derivatives by state and input components, an array (stages, values, components)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
-        return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
+        return (change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1)
 
 
-@immutable(kw_only=False)
+@positional
 class Bounds:
     """Limits of joint efforts (n,) and rotor speeds (rotors,)."""
 
@@ -169,7 +169,7 @@ class Bounds:
     speeds: Array
 
 
-@immutable(kw_only=False)
+@positional
 class Motions:
     """Candidate motions, one per SIMD lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), costs (lanes,)."""
 
@@ -267,7 +267,7 @@ HOLD = 1e8
 """Weight of an input that is fixed at its limit, over its own second derivative."""
 
 
-@immutable(kw_only=False)
+@positional
 class Linear:
     """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with least-squares residuals.
 
@@ -281,7 +281,7 @@ class Linear:
     r: Array
 
 
-@immutable(kw_only=False)
+@positional
 class Policy:
     """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go x' P x / 2 + p' x."""
 
@@ -360,7 +360,7 @@ class NoPlanError(Exception):
     """Error: no motion with a finite cost was found."""
 
 
-@immutable(kw_only=False)
+@positional
 class MotionPlan:
     """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
@@ -377,7 +377,7 @@ class MotionPlan:
     share: float = 1.0
 
 
-@immutable(kw_only=False)
+@positional
 class Problem:
     """Optimal control problem for the solver: initial state, disturbance, and references over the horizon.
 

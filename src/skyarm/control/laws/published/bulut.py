@@ -42,7 +42,7 @@ def bulut_computed_torque(
 ) -> tuple[Memory, Command]:
     """Computed torque on position, Euler angles and joints, translation decoupled."""
     del dt
-    R = measurement.quaternion.rotation()
+    R = measurement.rotation
     specific = wanted_specific_force(par, measurement, reference)
     alpha = _angular(par, measurement, reference, specific)
     weight = R.apply_T(E_Z * par.model.gravity)
@@ -56,7 +56,7 @@ def bulut_computed_torque(
 
 def _angular(par: Parameters, measurement: Measurement, reference: Reference, specific: Vec3) -> Vec3:
     """Desired angular acceleration (rad/s^2, base axes) by computed torque on the Euler angles."""
-    phi, theta, psi = euler_angles(measurement.quaternion.rotation())
+    phi, theta, psi = euler_angles(measurement.rotation)
     c, s = cos(psi), sin(psi)
     per_gravity = divide(1.0, par.model.gravity)
     roll = clip((specific.x * s - specific.y * c) * per_gravity, -STEEPEST, STEEPEST)

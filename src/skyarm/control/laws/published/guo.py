@@ -35,7 +35,7 @@ def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3
     R = axis_rotation(E_Z, reference.yaw)
     c, _ = central_inertia(locked_inertia(vehicle, q))
     cd = center_velocity(vehicle, q, qd)
-    cdd: Vec3 = arm_reaction(vehicle, q, ZERO3, qd, qdd).force * inverse_mass(vehicle)
+    cdd = arm_reaction(vehicle, q, ZERO3, qd, qdd).force * inverse_mass(vehicle)
     w, a = E_Z * reference.yaw_rate, E_Z * reference.yaw_acceleration
     velocity = R.apply(cd + w.cross(c))
     acceleration = R.apply(cdd + w.cross(cd) * 2.0 + w.cross(w.cross(c)) + a.cross(c))
@@ -47,7 +47,7 @@ def guo_center_of_inertia(
 ) -> tuple[Memory, Command]:
     """SE(3) tracking of the centre of mass with the locked inertia; the joints are controlled separately."""
     del dt
-    vehicle, R, w = par.model.vehicle, measurement.quaternion.rotation(), measurement.rate
+    vehicle, R, w = par.model.vehicle, measurement.rotation, measurement.rate
     c, J = central_inertia(locked_inertia(vehicle, measurement.joints))
     cd = center_velocity(vehicle, measurement.joints, measurement.joint_rates)
     position, velocity, acceleration = center_reference(vehicle, reference)

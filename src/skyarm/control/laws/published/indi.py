@@ -94,7 +94,7 @@ def indi(
     memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: IndiParameters
 ) -> tuple[IndiMemory, Command]:
     """Incremental nonlinear dynamic inversion: thrust vector, body torque and joint torques by increments."""
-    vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
+    vehicle, R, n = par.model.vehicle, measurement.rotation, par.model.vehicle.n
     first = memory.started < 0.5
     speeds = _speeds(memory, measurement, par, first, dt)
     # before the first command the joints are taken to hold the arm

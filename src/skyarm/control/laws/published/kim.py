@@ -118,7 +118,7 @@ def kim_sliding_mode(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: SlidingParameters
 ) -> tuple[SlidingMemory, Command]:
     """Adaptive sliding mode: sliding accelerations through the coupled inverse dynamics."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     s_p, up = _translation(memory, measurement, reference, par)
     s_R, alpha = _rotation(memory, measurement, reference, R, up, par)
     s_q, qdd = _arm(memory, measurement, reference, par)
@@ -198,7 +198,7 @@ def first_memory(par: SlidingParameters) -> SlidingMemory:
     return SlidingMemory(
         position=ZERO3_DATA,
         attitude=ZERO3_DATA,
-        joints=(0.0,) * vehicle.n,
+        joints=vehicle.zeros,
         sent=no_command(vehicle),
         applied=all_applied(vehicle.n),
     )

@@ -25,8 +25,8 @@ known.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
@@ -144,7 +144,7 @@ def l1_adaptive(
     memory: L1Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: L1Parameters
 ) -> tuple[L1Memory, Command]:
     """L1 adaptive control: coupled geometric law minus the filtered estimate of the disturbance."""
-    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    vehicle, R = par.model.vehicle, measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
     pairs = zip(predict_velocities(par, memory, dt), measured, strict=True)
@@ -160,7 +160,7 @@ def l1_adaptive(
     )
     filtered = _advance_filters(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
-    following = dataclasses.replace(
+    following = replace(
         filtered,
         quaternion=measurement.quaternion,
         joints=measurement.joints,
@@ -204,10 +204,10 @@ def _advance_filters(
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
     force_limits, torque_limits = (par.force_limit,) * 3, (par.torque_limit,) * 3
-    effort_limits = [link.joint.effort_limit for link in par.model.vehicle.links]
+    effort_limits = [joint.effort_limit for joint in par.model.vehicle.joints]
     torque = Vec3(*filter_within(memory.torque, force.torque, par.torque_filter, torque_limits))
     once = filter_within(memory.efforts, efforts, par.joint_filter, effort_limits)
-    return dataclasses.replace(
+    return replace(
         memory,
         started=1.0,
         force=Vec3(*filter_within(memory.force, R.apply(force.force), par.lateral_filter, force_limits)),
@@ -244,7 +244,7 @@ def limits(model: Model) -> dict[str, Scalar]:
 
 def first_memory(par: L1Parameters) -> L1Memory:
     """Initial internal state of the L1 law: no prediction error and no disturbance."""
-    arm = (0.0,) * par.model.vehicle.n
+    arm = par.model.vehicle.zeros
     none = (0.0,) * (6 + len(arm))
     return L1Memory(
         started=0.0,

@@ -20,13 +20,7 @@ from __future__ import annotations
 
 from skyarm.algebra import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
-from skyarm.control.blocks.common import (
-    arm_alone,
-    inverse_mass,
-    make_command,
-    turn_towards,
-    wanted_specific_force,
-)
+from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards, wanted_specific_force
 from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -41,7 +35,7 @@ def li_feedforward(
 ) -> tuple[Memory, Command]:
     """Geometric base control with feed-forward of the arm's reaction; the joints are controlled separately."""
     del dt
-    vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
+    vehicle, R, q = par.model.vehicle, measurement.rotation, measurement.joints
     reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
     specific = wanted_specific_force(par, measurement, reference)
     up = specific + R.apply(reaction.force) * inverse_mass(vehicle)
