@@ -107,8 +107,8 @@ def test_delays_of_a_log_are_those_that_its_scenario_states(delays, stated):
 
 def test_the_model_of_lags_is_the_vehicle_that_is_named_or_that_of_the_log_s_law():
     model = SimpleNamespace(vehicle=VEHICLE, gravity=9.7)
-    law = SimpleNamespace(controller=SimpleNamespace(par=SimpleNamespace(model=model)))
-    log = SimpleNamespace(info={"scenario_record": "a"}, scenario=SimpleNamespace(agent=law))
+    agent = SimpleNamespace(model=model)
+    log = SimpleNamespace(info={"scenario_record": "a"}, scenario=SimpleNamespace(agent=agent))
     assert nominal_model(log, None, None) == (VEHICLE, 9.7)
     assert nominal_model(log, None, 9.8) == (VEHICLE, 9.8)
     assert nominal_model(log, "tilted_hexarotor", None) == (skyarm.load_vehicle("tilted_hexarotor"), 9.81)
