@@ -17,7 +17,10 @@ from support.logs import drawn, flown
 mcap_reader = pytest.importorskip("mcap.reader", reason="needs the extra 'test'")
 mcap_ros2 = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra 'test'")
 
-FAST = {"/odom", "/joint_states", "/skyarm/flight"}
+EACH = {"/clock", "/skyarm/flight"}
+"""Topics of every control period."""
+
+FAST = {"/odom", "/joint_states"}
 ONCE = {"/tf_static", "/vehicle"}
 
 
@@ -44,7 +47,7 @@ def test_every_topic_has_its_rate_and_no_message_is_missing(read):
     log, (found, same) = flown(), read
     count = log.time.size
     for topic, (_, times, messages) in found.items():
-        every = 1 if topic in FAST else 4
+        every = 1 if topic in EACH | FAST else 4
         wanted = 1 if topic in ONCE else -(-count // every)
         assert len(messages) == wanted, topic
         if topic not in ONCE:
@@ -147,8 +150,8 @@ def test_other_control_rates_keep_their_order_and_lose_nothing(rate, fast, slow,
             assert message.log_time >= last
             last = message.log_time
         statistics = reader.get_summary().statistics
-    for topic in FAST | {"/tf"}:
-        every = 1 if topic == "/skyarm/flight" else fast if topic in FAST else slow
+    for topic in EACH | FAST | {"/tf"}:
+        every = 1 if topic in EACH else fast if topic in FAST else slow
         assert counts[topic] == -(-count // every), topic
     assert statistics.message_count == sum(counts.values())
     if count:
@@ -186,7 +189,7 @@ def test_definitions_are_those_of_ros(tmp_path):
         names = {schema.name for schema in schemas}
         assert {schema.encoding for schema in schemas} == {"ros2msg"}
         own = names - {"skyarm_msgs/msg/Flight"}
-        assert len(own) == len(names) - 1 == 6
+        assert len(own) == len(names) - 1 == 7
         for name in own:
             # the identity by which ROS 2 tells types apart
             assert reader.typestore.hash_rihs01(name) == store.hash_rihs01(name), name

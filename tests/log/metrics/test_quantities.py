@@ -112,7 +112,7 @@ def test_a_period_counts_once_however_many_commands_are_at_limits():
 def test_what_has_no_limit_is_never_at_it_and_an_unknown_vehicle_has_no_share():
     found = load_vehicle("quadrotor_roll_arm2")
     assert ActuatorLimits.of(found, [True, True]).efforts == (math.inf, math.inf), "setpoints of servos"
-    unlimited = ActuatorLimits(speeds=(math.inf,) * 4, efforts=(math.inf,) * 2)
+    unlimited = ActuatorLimits(speeds=(math.inf,) * 4, least=(0.0,) * 4, efforts=(math.inf,) * 2)
     assert limited(efforts=(1e9, 1e9), limits=unlimited) == (0.0, 0.0)
     arm = load_vehicle("hummingbird_arm2")
     passive = dataclasses.replace(arm.links[0].joint, effort_limit=0)

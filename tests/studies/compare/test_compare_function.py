@@ -30,7 +30,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def test_a_record_flies_what_its_name_flies(asked: list[Any], tmp_path: Path) -> None:
     record = skyarm.load_scenario("case1")
-    found = [skyarm.compare(given, ["centroidal_tip"], tmp_path / "out", seed=3) for given in (record, "case1")]
+    found = [skyarm.compare(given, ["own", "centroidal_tip"], tmp_path / "out", seed=3) for given in (record, "case1")]
     cells = [[identity(each.scenario()) for each in suite.plan_cells()[0]] for suite, _ in asked]
     assert cells[0] == cells[1]
     flights = asked[0][0].plan_cells()[0]
@@ -85,7 +85,9 @@ def test_what_cannot_be_compared_is_one_line(given: Any, laws: list[str], words:
 def test_a_record_is_compared_as_its_file(tmp_path: Path) -> None:
     record = skyarm.load_scenario("case1", duration=2.0)
     file = skyarm.run(record).save_npz(tmp_path / "flight.npz")
-    found = [skyarm.compare(given, ["paper_pd"], tmp_path / name) for name, given in (("a", record), ("b", file))]
+    found = [
+        skyarm.compare(given, ["own", "paper_pd"], tmp_path / name) for name, given in (("a", record), ("b", file))
+    ]
     assert found[0].document["summaries"] == found[1].document["summaries"]
     assert "| own | 1 of 1 |" in found[0].report.markdown()
 

@@ -27,7 +27,9 @@ LABELS = ["given__case1__own", "given__case1__paper_pd", "given__case1__paper_ct
 
 @pytest.fixture(scope="module")
 def suite() -> OwnScenario:
-    return OwnScenario(scenario=skyarm.load_scenario("case1", duration=0.1), laws=("paper_pd", "paper_ct"), seeds=1)
+    return OwnScenario(
+        scenario=skyarm.load_scenario("case1", duration=0.1), laws=("own", "paper_pd", "paper_ct"), seeds=1
+    )
 
 
 @pytest.fixture(scope="module")

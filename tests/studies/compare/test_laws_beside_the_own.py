@@ -84,7 +84,7 @@ def test_other_makers_and_files_are_other_laws() -> None:
 
 
 def test_the_table_says_own(tmp_path: Path) -> None:
-    found = fly_suite(OwnScenario(scenario="case3", laws=["paper_pd"]), tmp_path)
+    found = fly_suite(OwnScenario(scenario="case3", laws=["own", "paper_pd"]), tmp_path)
     rows = [line.split("|")[1].strip() for line in (tmp_path / "tables.md").read_text().splitlines() if "|" in line]
     assert rows == ["law", "---", "own", "paper_pd"]
     assert list(found["summaries"]["given"]["case3"]) == ["own", "paper_pd"]
