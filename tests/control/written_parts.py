@@ -251,18 +251,19 @@ class WrittenParts:
         dt = self.dt
         more = (self.v.A @ (done.speeds**2 - done.squares))[-1]
         beside = R @ (x.specific_force - self.bias - R.T @ (linear + self.g * E_Z) - E_Z * more / self.v.mass)
-        guess = self.integrated + dt * (linear + beside)
+        there = float(np.any(x.specific_force))
+        fresh = new["specific_force"] * there
+        guess = self.integrated + dt * (linear + fresh * beside)
         e, beta = new["velocity"] * (x.velocity - guess), np.exp(-heard[1] * dt)
         ratio = heard[2] / np.sqrt(e @ e + 1e-9)
-        there = new["specific_force"] if np.any(x.specific_force) else 0.0
         integrated = guess + e - beta**2 * min(1.0, 2 * ratio) * e
         agreed = min(min(1.0, ratio) ** 4, self.agreed + dt)
         used = there * agreed
-        trust = self.free.prod() * used
+        trust = self.free.prod() * fresh * agreed
         taken = beside * min(1.0, 10.0 / np.sqrt(beside @ beside + 1e-9))
         change = trust * low(heard[0], dt) * taken + (1 - trust) * seen[1]
         if self.started:
-            self.bias = self.bias - there * min(1.0, ratio) * (1 - beta) ** 2 * R.T @ e / dt
+            self.bias = self.bias - fresh * min(1.0, ratio) * (1 - beta) ** 2 * R.T @ e / dt
             self.bias = np.clip(self.bias, -5.0, 5.0)
             self.integrated, self.agreed = integrated, agreed
         return (used * integrated + (1 - used) * seen[0], change, trust), beside
