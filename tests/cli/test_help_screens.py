@@ -95,3 +95,10 @@ def test_no_word_of_a_table_is_broken_at_80_columns(vehicle: str) -> None:
 
 def test_a_name_is_not_broken_beside_a_long_text() -> None:
     assert "rotor_defaults.rolling_moment_coefficient  " in skyarm("show", "crazyflie_arm1", columns=80).out
+
+
+@pytest.mark.parametrize("columns", [30, 40])
+def test_long_names_leave_half_of_a_narrow_screen_to_the_values(columns):
+    text = skyarm("show", "hexarotor_arm6", columns=columns).out
+    assert "  4 kg" in text
+    assert "  11.5, 0, -94.8" in text

@@ -211,8 +211,8 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
         moved = np.concatenate([array(found.velocity), array(found.rate), found.joint_rates])
         np.testing.assert_allclose(moved, foretold + off * (1.0 - b**2), atol=1e-5)
         learned = np.concatenate([array(found.force), array(found.torque), found.efforts])
-        # of a joint at its limit a tenth
-        shares = np.repeat(np.maximum(free, [0.0, 0.1, 0.1]), [6, 1, 1])
+        # of a joint at its limit a fifth
+        shares = np.repeat(np.maximum(free, [0.0, 0.2, 0.2]), [6, 1, 1])
         # a force that shrinks does so at a limit, too, until it is least
         along = missed[:3] @ [1.0, 2.0, 3.0]
         shares[:3] = np.maximum(shares[:3], np.clip(-along / (missed[:3] @ missed[:3]), 0.0, 0.05))

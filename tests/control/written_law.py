@@ -351,7 +351,7 @@ class WrittenLaw(WrittenParts):
             self.d = (
                 self.d[0] + force * max(self.free[0], np.clip(-self.d[0] @ force / (force @ force + 1e-9), 0.0, 0.05)),
                 self.d[1] + torque * self.free[0],
-                self.d[2] + efforts * np.maximum(self.free[1:], 0.1),
+                self.d[2] + efforts * np.maximum(self.free[1:], 0.2),
             )
             self.W = done.speeds
         else:

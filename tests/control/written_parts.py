@@ -331,7 +331,7 @@ class WrittenParts:
         a.B += 0.3 * dt * free[0] * (e**2 / size - a.B)
         asked, answered = band[2:] @ band[2:], z[2:] @ z[2:]
         a.obeyed += 2.0 * dt * (min(answered, asked) - a.obeyed * asked) / (asked + 0.01)
-        a.own = a.own + told.corrections * [free[0], free[0], *np.maximum(free[1:], 0.1)]
+        a.own = a.own + told.corrections * [free[0], free[0], *np.maximum(free[1:], 0.2)]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 
     def _share(self, noise: Any, density: float) -> float:

@@ -137,6 +137,12 @@ def with_(name: str, value: float) -> np.ndarray[Any, Any]:
         ({"joint_rates": np.ones((41, 3))}, "joint_rates of shape (41, 3): must be (41, 2)"),
         ({"phase": np.ones((41, 1))}, "phase of shape (41, 1): must be (41,)"),
         ({"phase": np.array([b"a"] * 41)}, "phase of type |S1: must be an array of numbers"),
+        (
+            {"position": np.full((41, 3), np.iinfo(np.int64).min)},
+            "position: must be finite numbers, from -1e+06 to 1e+06",
+        ),
+        ({"rate": np.full((41, 3), np.inf, dtype=np.float16)}, "rate: must be finite numbers, from -1e+06 to 1e+06"),
+        ({"t": np.arange(41, 0, -1, dtype=np.uint8)}, "t: must increase from node to node"),
         ({"notes": "mine"}, "notes of type <U4: must be an array of numbers"),
         ({"vehicle": 3}, "vehicle: must be a name"),
         ({"format": np.ones(3)}, "must be a file of 'skyarm plan' of this version"),

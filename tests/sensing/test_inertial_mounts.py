@@ -28,7 +28,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.estimate.filter_models import modelled_force
 from skyarm.sensing.sensor import specific_force_at
-from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading, PoseReading, mount_rotation
+from skyarm.sensing.sensor_kinds import EncoderReading, Imu, ImuReading, PoseReading, mount_rotation, reads
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.plant_steps import CalledPlant
@@ -265,6 +265,21 @@ class Bare(Mine):
         return memory, (t, 0.0)
 
 
+class Counting(Bare):
+    """A sensor whose ``record`` is a number: it declares no readings."""
+
+    record = 3.0
+
+
+def test_a_record_that_is_no_type_declares_no_readings():
+    with registry_kept():
+        skyarm.register.sensor("counting")(Counting)
+        assert not reads(Counting(), ImuReading)
+        assert skyarm.run(estimated(duration=0.1, **EXACT, sensors__own={"kind": "counting"})).status == "completed"
+        with pytest.raises(ValueError, match=r"needs one sensor of kind 'imu'"):
+            estimated(sensors__imu={"kind": "counting"})
+
+
 def test_an_inertial_unit_of_one_s_own_is_one_to_filter_export_and_autopilots(tmp_path):
     with registry_kept():
         skyarm.register.sensor("mine")(Mine)
@@ -278,7 +293,7 @@ def test_an_inertial_unit_of_one_s_own_is_one_to_filter_export_and_autopilots(tm
         assert inertial_unit(scenario).mounted_at == Mine().mounted_at
         done = commands.skyarm("export", str(tmp_path / "mine.toml"), "--to", "mjcf", "-o", str(tmp_path / "mine.xml"))
         assert done.code == 0, done.err
-        with pytest.raises(ValueError, match=r"gives a reading that is .*: must be a ImuReading"):
+        with pytest.raises(ValueError, match=r"gives a reading that is .*: must be of type ImuReading"):
             skyarm.run(estimated(duration=0.1, sensors__imu={"kind": "bare"}))
         with pytest.raises(ValueError, match=r"needs one sensor of kind 'imu'.*there are 2"):
             estimated(sensors__more={"kind": "mine"})

@@ -92,13 +92,18 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
     for part in _in_parts(line):
         names = [name.removeprefix(">") for name in part.head]
         tables.append(table := Table(box=None, pad_edge=False, show_header=any(names), header_style="dim"))
+        # names stay whole where they leave room for values
+        whole = max((len(str(row[0])) for row in part.rows), default=0) <= console.width - ROOM
         for name, head in zip(names, part.head, strict=True):
-            text, first = Text(name, overflow="fold"), not table.columns
-            table.add_column(text, justify="left" if name == head else "right", no_wrap=first)
+            text, kept = Text(name, overflow="fold"), whole and not table.columns
+            table.add_column(text, justify="left" if name == head else "right", no_wrap=kept)
         for row in part.rows:  # rich would read [s] in a cell as markup
             table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
     return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), *tables)
 
+
+ROOM = 24
+"""Least width (letters) of a table beside the names of its rows."""
 
 WIDE = 4
 """Least number of columns of a table that may be turned."""

@@ -159,11 +159,12 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
     Raises:
         ValueError: one line that begins with ``at``.
     """
-    for name, values in arrays.items():  # those that no law reads, too
-        kind = np.asarray(values).dtype
-        if name != "vehicle" and kind.kind not in "fiu":
+    for name in (each for each in [*arrays] if each != "vehicle"):  # those that no law reads, too
+        kind = np.asarray(arrays[name]).dtype
+        if kind.kind not in "fiu":
             raise ValueError(f"{at}: {name} of type {kind}: must be an array of numbers")
-        if name != "vehicle" and not (np.abs(values) <= LARGEST).all():
+        arrays[name] = values = np.asarray(arrays[name], dtype=float)  # of whole numbers the least has no size
+        if not (np.abs(values) <= LARGEST).all():
             raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     t = arrays["t"]
     if t.ndim != 1 or len(t) < 2:

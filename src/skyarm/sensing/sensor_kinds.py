@@ -91,9 +91,15 @@ class SwitchReading(Reading):
     closed: Annotated[Scalar, Unit("", "state of the switch: 1 closed, 0 open")]
 
 
+def declared_reading(sensor: Sensor) -> type:
+    """Type of a sensor's readings by ``record`` of its class; ``object`` where that is no type."""
+    declared = getattr(sensor, "record", object)
+    return declared if isinstance(declared, type) else object
+
+
 def reads(sensor: Sensor, reading: type) -> bool:
     """True if a sensor declares, by ``record`` of its class, readings of a given type."""
-    return issubclass(getattr(sensor, "record", object), reading)
+    return issubclass(declared_reading(sensor), reading)
 
 
 LOG_2 = 0.6931471805599453

@@ -57,6 +57,7 @@ from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
+from skyarm.sensing.sensor_kinds import declared_reading
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle import BASE
@@ -424,14 +425,16 @@ def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
 def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, sensor = scenario.agent.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
-    declared: type = getattr(sensor, "record", object)
+    declared = declared_reading(sensor)
 
     def step(call: Call, memory: Tree, time: Scalar, state: State, draws: Scalars) -> Tree:
         seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
         result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
         following, reading = part.pair(result, "reading")
         if not isinstance(reading, declared):
-            raise part.refusal(f"gives a reading that is {kind_of(reading)}: must be a {declared.__name__}, its record")
+            raise part.refusal(
+                f"gives a reading that is {kind_of(reading)}: must be of type {declared.__name__}, its record"
+            )
         part.require_numbers("measure", "a reading", reading, also=bool)
         return following
 

@@ -14,6 +14,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.unlikely_numbers import unlikely_units
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
 from skyarm.world.contact.static_equilibrium import stand_vehicle, with_standing_objects
 from support.worlds import GRAVITY, SKIDS, at_rest, limp
@@ -112,6 +113,8 @@ def test_a_level_box_is_set_down_on_a_slope(degrees):
     slope = math.radians(degrees)
     made = on_slope((slope, 0.0, 0.0), 0.8, objects=[{**box, "standing": True}]).world.objects[0]
     assert made.angles.x == pytest.approx(slope, abs=0.01)
+    turned = on_slope((slope, 0.0, 0.0), 0.8, objects=[{**box, "standing": True, "angles": [0.0, 0.0, 90.0]}])
+    assert "world.objects[box].angles = 90" in "".join(unlikely_units(turned)), "degrees"
     above = float(made.position.z) * math.cos(slope)
     assert above == pytest.approx(0.1, abs=1e-3)
 

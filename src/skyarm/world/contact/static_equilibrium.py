@@ -373,9 +373,10 @@ def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
     """Free object whose initial position and angles are those of a given state."""
     frame = of.frame(memory)
     (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
-    angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
-    position = Vec3(*map(float, frame.position))
-    return replace(of, position=position, angles=Vec3(*map(float, angles)))
+    found = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
+    # as many turns as are stated: degrees in place of radians are told later
+    angles = (float(a + math.tau * round((float(s) - a) / math.tau)) for a, s in zip(found, of.angles, strict=True))
+    return replace(of, position=Vec3(*map(float, frame.position)), angles=Vec3(*angles))
 
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
