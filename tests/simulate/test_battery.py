@@ -31,6 +31,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world.battery_drain import BatteryDrain
 
 DATA = Path(__file__).parents[1] / "data"
+QUAD = Path(__file__).parents[2] / "examples" / "servo_quad.toml"
 CHARGE, CELL = (0.0, 0.1, 0.5, 0.9, 1.0), (3.3, 3.6, 3.8, 4.05, 4.2)
 BATTERY = Battery(
     cells=4,
@@ -238,6 +239,48 @@ def test_a_pack_near_its_peak_comes_to_rest_as_its_rotors_would(seed):
     assert found == pytest.approx(exact, rel=0.04)
     assert before[-1] == pytest.approx(share * idle, rel=1e-6)
     assert np.abs(np.diff(before[-20:])).max() < 1e-4, "it does not alternate"
+
+
+@pytest.mark.parametrize(
+    ("resistance", "speed"), [(0.5, 0.0), (0.6, 0.0), (0.7, 0.0), (0.6, 450.0), (1.5, 200.0), (0.8, 300.0)]
+)
+def test_a_step_of_the_throttle_is_no_overload_before_the_rotors_follow(resistance, speed):
+    """One period of full throttle against SciPy's root of V (V_0 - V) = R P(V), at the speeds at the period's end."""
+    bare, dt = load_vehicle(QUAD), 0.004
+    pack = dataclasses.replace(bare.battery, resistance=resistance)
+    rotor, count = bare.rotors[0], len(bare.rotors)
+    idle = 4.0 * 4.2
+
+    def surplus(voltage):
+        target = rotor.max_speed * min(voltage / 14.8, 1.0)
+        lag = rotor.time_constant_up if target > speed else rotor.time_constant_down
+        turning = target + (speed - target) * math.exp(-dt / lag)
+        power = 6.0 + count * float(rotor.table.current_at(turning)) * 14.8
+        return voltage * (idle - voltage) - resistance * power
+
+    right = brentq(surplus, 0.5 * idle, idle, xtol=1e-13)
+    drain, still = BatteryDrain(battery=pack, rotors=bare.rotors), example_state(0, count)
+    state = dataclasses.replace(still, rotor_speeds=(speed,) * count)
+    charge, voltage = drain.supply((1.0, idle), dt, state, (rotor.max_speed,) * count)
+    assert voltage == pytest.approx(right, rel=1e-9)
+    drawn = (1.0 - charge) * pack.capacity * 3600.0 / dt
+    assert drawn == pytest.approx((idle - right) / resistance, rel=1e-6)
+
+
+def test_an_overload_stays_until_the_throttle_ends_it():
+    """Full throttle for 0.4 s: the voltage falls once, below half; at rest again it is back in one period."""
+    bare, dt = load_vehicle(QUAD), 0.001
+    pack, top = dataclasses.replace(bare.battery, resistance=1.2), float(bare.rotors[0].max_speed)
+    drain, still = BatteryDrain(battery=pack, rotors=bare.rotors), example_state(0, 4)
+    memory, speeds, volts = (1.0, 16.8), (0.0,) * 4, []
+    for command in [top] * 400 + [0.0]:
+        state, commands = dataclasses.replace(still, rotor_speeds=speeds), (command,) * 4
+        memory = drain.supply(memory, dt, state, commands)
+        speeds = speeds_after(bare.rotors, speeds, drain.rotor_commands(memory, bare.rotors, commands), dt)
+        volts.append(memory[1])
+    assert volts[10] > 8.4 > volts[50]
+    assert np.all(np.diff(volts[:400]) < 1e-9), "it does not alternate"
+    assert volts[-1] > 8.4
 
 
 def test_a_load_beyond_the_peak_draws_the_limit():

@@ -9,7 +9,7 @@ from typing import TypeGuard
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul, where
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
-from skyarm.dynamics.actuators.rotor import SHORT_LAG, felt_in, has_short_lag, lag_of, spin_torque
+from skyarm.dynamics.actuators.rotor import felt_in, has_short_lag, lag_of, short_lag, spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
@@ -183,7 +183,7 @@ def felt_in_step(
             speeds, lag = there, lag_of(rotor, there[0], asked)
             if held or has_short_lag(rotor):
                 mean, until = felt_in(rotor, speeds[0], asked, dt)
-                short = held or lag < SHORT_LAG
+                short = held or lag < short_lag(rotor)
                 speeds, lag = [where(short, mean, each) for each in speeds], where(short, until, lag)
             turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)

@@ -144,7 +144,7 @@ class Battery:
     ) -> tuple[Scalar, Scalar, Scalar]:
         """Overload of a pack, with its voltage (V) and current (A) then.
 
-        A pack is overloaded where the rotors would draw more than its peak power V_0^2 / 4 R at half of V_0. What they
+        It is overloaded where settled rotors would draw more than its peak power V_0^2 / 4 R at half of V_0. What they
         draw falls with the voltage, as P(V): the pack then holds V (V_0 - V) = R P(V) at a voltage below half of V_0.
         Each call takes one step V <- V + V (V (V_0 - V) - R P) / (3 R P): Newton's for P as V^3 without the slope
         V_0 - 2 V of the left side, hence shorter, and near from above.
@@ -155,7 +155,7 @@ class Battery:
             load: power (W) that the rotors draw when they have followed a voltage (V).
 
         Returns:
-            True where it is overloaded; voltage and current, which mean nothing elsewhere.
+            True where settled rotors overload it; voltage and current, which mean nothing elsewhere.
         """
         idle = self.open_circuit_voltage(charge)
         half = 0.5 * idle

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import clip, data, divide, logical_and, maximum, minimum, where
+from skyarm.algebra.scalars import clip, data, divide, logical_and, logical_or, maximum, minimum, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.actuators import speeds_after
 from skyarm.dynamics.point_motion import PointMotion
@@ -41,6 +41,8 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
 
         The voltage is that at the speeds which the rotors reach with it by the end of the period (implicit Euler): one
         at their speeds before would alternate near the peak power, where a volt moves the load by more than itself.
+        The pack is overloaded from where these speeds ask for more than its peak power until their commands do not:
+        below half of the idle voltage the speeds that follow it take less, and would end it in each second period.
         """
         battery, (charge, before), rotors = self.battery, memory, self.rotors
         idle = battery.open_circuit_voltage(charge)
@@ -67,7 +69,9 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
         voltage = where(charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0)
         over, sagged, current = battery.overload(charge, before, lambda at: load(at, SETTLED))
-        over = logical_and(over, charge > 0.0)
+        # a step of the throttle is no overload yet, while the rotors have not followed it
+        reached = logical_or(before <= 0.5 * idle, surplus(0.5 * idle) < 0.0)
+        over = logical_and(logical_and(over, reached), charge > 0.0)
         after = battery.drain(charge, sagged, current, dt)
         return where(over, after, battery.discharge(charge, load(voltage), dt)), where(over, sagged, voltage)
 

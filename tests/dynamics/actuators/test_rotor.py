@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.dynamics.actuators import Command, rotor_force, rotor_forces, speed_after
-from skyarm.dynamics.actuators.rotor import felt_in
+from skyarm.dynamics.actuators.rotor import felt_in, has_short_lag
 from skyarm.dynamics.state import example_state
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
@@ -286,6 +286,42 @@ def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
         yaw -= rotor.direction * 3e-5 * (command - 300.0) * (1.0 - math.exp(-0.01 / tau))
     assert x[9] * float(vehicle.mass) == pytest.approx(lift, rel=1e-6)
     assert x[12] * float(vehicle.base.inertia.zz) == pytest.approx(yaw, rel=2e-3)
+
+
+@pytest.mark.parametrize(("lag", "least", "most"), [(6e-3, 0.01, 0.011), (7e-3, 0.007, 0.01)])
+def test_simpsons_rule_through_zero_errs_by_1_percent_up_to_the_bound(lag, least, most):
+    """Largest error of the mean w |w| over 5 ms by SciPy, as a share of the commanded change of it."""
+    errors = []
+    for share in np.linspace(0.02, 1.0, 50):
+        for first, last in ((1.0, -share), (share, -1.0)):
+            speed = lambda t, a=first, b=last: b + (a - b) * math.exp(-t / lag)  # noqa: E731
+            push = lambda t, w=speed: w(t) * abs(w(t))  # noqa: E731
+            zero = min(lag * math.log((last - first) / last), 0.005)
+            exact = (quad(push, 0.0, zero)[0] + quad(push, zero, 0.005)[0]) / 0.005
+            simpson = (push(0.0) + 4.0 * push(0.0025) + push(0.005)) / 6.0
+            errors.append(abs(simpson - exact) / (first**2 + last**2))
+    assert least < max(errors) < most
+    rotor = dataclasses.replace(ROTOR, time_constant_up=lag, time_constant_down=lag, reversible=True)
+    assert has_short_lag(rotor) is (most > 0.01)
+    assert not has_short_lag(dataclasses.replace(rotor, reversible=False))
+
+
+@pytest.mark.parametrize("lag", [3e-3, 6.9e-3])
+def test_a_reversible_rotor_has_its_exact_impulse_through_zero(lag):
+    """Runge-Kutta's steps of 4 ms from 400 to -300 rad/s, whose velocity by SciPy is the integral of w |w|."""
+    bare = load_vehicle("hummingbird")
+    numbers = {"drag_coefficient": 0, "rolling_moment_coefficient": 0, "reversible": True}
+    rotors = tuple(dataclasses.replace(r, time_constant_up=lag, time_constant_down=lag, **numbers) for r in bare.rotors)
+    vehicle = dataclasses.replace(bare, rotors=rotors)
+    plant = RigidBodyPlant(Truth(vehicle=vehicle, gravity=0.0), Surroundings())
+    x = flat(dataclasses.replace(example_state(0, 4), rotor_speeds=(400.0,) * 4))
+    x = plant.advance(x, (-300.0,) * 4, (0.0,), 0.004)
+    zero = lag * math.log(700.0 / 300.0)
+    pieces = [(0.0, min(zero, 0.004)), (min(zero, 0.004), 0.004)]
+    speed = lambda t: -300.0 + 700.0 * math.exp(-t / lag)  # noqa: E731
+    square = sum(quad(lambda t: speed(t) * abs(speed(t)), *piece)[0] for piece in pieces)
+    lift = sum(float(r.thrust_coefficient) for r in rotors) * square
+    assert x[9] * float(vehicle.mass) == pytest.approx(lift, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_it_stands_on_a_slope_up_to_the_angles_of_friction_and_tipping(degrees, 
     up = first.quaternion.rotation().column(2)
     assert math.degrees(math.acos(up.z)) == pytest.approx(degrees, abs=1.0)
     assert up.y == pytest.approx(-math.sin(angles[0]), abs=0.02)
-    with pytest.raises(ValueError, match=r"by .* N; it is .* N at most, and it slides"):
+    with pytest.raises(ValueError, match=r"by .* N; it is .* N at most, .* N too little, and it slides"):
         on_slope(angles, 0.97 * math.tan(math.radians(degrees)))
 
 
@@ -98,7 +99,7 @@ def test_on_a_level_floor_it_stands_without_friction():
     """Tilts that the equilibrium leaves by rounding ask for 1e-13 N of friction: none."""
     state = skyarm.Session(on_slope((0.0, 0.0, 0.0), 0.0)).state
     assert [*state.rate] == [0.0, 0.0, 0.0]
-    with pytest.raises(ValueError, match="it is 0 N at most, and it slides"):
+    with pytest.raises(ValueError, match=r"it is 0 N at most, .* N too little, and it slides"):
         on_slope((1e-6, 0.0, 0.0), 0.0)
 
 
@@ -129,7 +130,9 @@ def test_a_cube_stands_on_a_slope_up_to_45_degrees_set_down_level_or_along_it(de
     (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(cube,)), GRAVITY).objects
     assert math.degrees(stood.angles.y) == pytest.approx(degrees, abs=0.2)
     steep = dataclasses.replace(ground, angles=Vec3(0.0, math.radians(46.0), 0.0))
-    with pytest.raises(ValueError, match="it tips over beyond 45 degrees, and the slope has 46"):
+    with pytest.raises(
+        ValueError, match=r"it tips over: a rigid one beyond 45 degrees, .* the slope has 46 \(less slope\)"
+    ):
         with_standing_objects(Contact(surfaces=(steep,), objects=(cube,)), GRAVITY)
 
 
@@ -197,8 +200,36 @@ def test_a_cylinder_tips_over_the_lowest_point_of_its_rim():
     for degrees, way in ((47.0, 1.0), (50.0, -1.0)):
         angles = Vec3(0.0, way * math.radians(degrees), 0.0)
         ground = Surface(name="ground", angles=angles, material=Material(friction=2.0))
-        with pytest.raises(ValueError, match=f"it tips over beyond 45 degrees, and the slope has {degrees:g}"):
+        with pytest.raises(ValueError, match=f"it tips over: a rigid one beyond 45 degrees, .* slope has {degrees:g} "):
             with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "degrees", "stiffness"),
+    [("cylinder", (0.05, 0.2), 26.0, 5000.0), ("box", (0.1, 0.2, 0.3), 18.4, 5000.0)],
+)
+def test_what_tips_over_by_its_softness_alone_is_told_so(shape, size, degrees, stiffness):
+    """Below atan(half width / half height) the refusal asks for stiffness, and with it the body stands."""
+    rigid = math.degrees(math.atan2(size[0] * (1.0 if shape == "cylinder" else 0.5), 0.5 * size[-1]))
+    assert degrees < rigid
+    body = FreeObject(name="body", shape=shape, size=size, mass=0.5, standing=True, position=Vec3(0.0, 0.0, 1.0))
+    soft, hard = (Surface(name="ground", angles=Vec3(0.0, math.radians(degrees), 0.0),
+                          material=Material(friction=5.0, stiffness=each)) for each in (stiffness, 1e5))  # fmt: skip
+    words = r"a rigid one beyond (.*) degrees, a soft one earlier; the slope has (.*) \(less slope, or more stiffness\)"
+    with pytest.raises(ValueError, match=words) as refused:
+        with_standing_objects(Contact(surfaces=(soft,), objects=(body,)), GRAVITY)
+    said, slope = map(float, re.search(words, str(refused.value)).groups())
+    assert said == pytest.approx(rigid, abs=0.02)
+    assert slope == degrees < said
+    with_standing_objects(Contact(surfaces=(hard,), objects=(body,)), GRAVITY)
+
+
+def test_a_cylinder_across_the_slope_has_no_angle():
+    body = FreeObject(name="body", shape="cylinder", size=(0.05, 0.2), mass=0.5, standing=True,
+                      position=Vec3(0.0, 0.0, 1.0), angles=Vec3(0.5 * math.pi, 0.0, 0.0))  # fmt: skip
+    ground = Surface(name="ground", angles=Vec3(0.0, math.radians(5.0), 0.0), material=Material(friction=5.0))
+    with pytest.raises(ValueError, match=r"it tips over as it lies; the slope has 5 degrees \(level ground"):
+        with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY)
 
 
 def test_what_is_in_equilibrium_already_is_asked_for_friction_too():

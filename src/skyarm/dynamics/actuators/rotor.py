@@ -45,18 +45,24 @@ def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Se
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
 
-SHORT_LAG = 2e-3
-"""Time constant (s) below which Simpson's rule over a step of 5 ms errs by more than 1 % of a change of thrust."""
+SHORT_LAG, SHORT_THROUGH_ZERO = 2e-3, 7e-3
+"""Time constants (s) below which Simpson's rule over a step of 5 ms may err by more than 1 % of a commanded change of
+thrust; the second for a reversible rotor, whose w |w| is not smooth at 0."""
 
 
 LEAST_LAG = 1e-3
 """Least lag that is felt over the true one: where it would be less there is only rounding."""
 
 
+def short_lag(rotor: Rotor) -> float:
+    """Time constant (s) of a rotor below which its thrust has its exact impulse."""
+    return SHORT_THROUGH_ZERO if rotor.reversible else SHORT_LAG
+
+
 def has_short_lag(rotor: Rotor) -> bool:
-    """True if a time constant of a rotor is below ``SHORT_LAG``, or may be."""
+    """True if a time constant of a rotor is below ``short_lag``, or may be."""
     lags = rotor.time_constant_up, rotor.time_constant_down
-    return not concrete(*lags) or min(lags) < SHORT_LAG
+    return not concrete(*lags) or min(lags) < short_lag(rotor)
 
 
 def lag_of(rotor: Rotor, speed: Scalar, command: Scalar) -> Scalar:

@@ -61,6 +61,9 @@ SMALL, ROUNDS = 1e-8, 100
 DAMPED = np.diag([1e-6, 1.0, 1.0])
 """Shares of the damping in height and tilts: the height follows at once, or a foot that bears too much lifts others."""
 
+ROLLS = 1e-3
+"""Least range of slopes (rad) on which a body can stand: less is an edge, or a line on which it rolls."""
+
 LEAN = 1e-5
 """Additional tilt (rad) down a slope: the rim of a cylinder then touches where it will."""
 
@@ -196,8 +199,13 @@ def _tipping(pushes: Sequence[Push]) -> str:
     along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
     spots = [*zip(along, aside, strict=True)]
     ways = [(a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d]
-    most = math.degrees(math.atan2(max(ways, default=0.0), -np.mean(arms @ normal)))
-    return f" beyond {most:.3g} degrees, and the slope has {math.degrees(math.acos(normal[2])):.3g}"
+    height, slope = -np.mean(arms @ normal), math.acos(normal[2])
+    least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))
+    has = f"the slope has {math.degrees(slope):.4g}"
+    if most - least < ROLLS or least > slope:  # on an edge or a line, or up the slope
+        return f" as it lies; {has} degrees (level ground, or another attitude)"
+    cure = "less slope, or more stiffness" if most > slope else "less slope"
+    return f": a rigid one beyond {math.degrees(most):.4g} degrees, a soft one earlier; {has} ({cure})"
 
 
 def _require_friction(where: str, pushes: Sequence[Push], contact: Contact, weight: float) -> None:
@@ -211,8 +219,8 @@ def _require_friction(where: str, pushes: Sequence[Push], contact: Contact, weig
     across = Vec3(0.0, 0.0, weight) - sum((push for *_, push in pushes), ZERO3)
     needed = math.sqrt(float(across.dot(across)))
     if needed > most + ROUNDING * weight:
-        words = f"must stand where friction holds it, by {needed:.3g} N; it is {most:.3g} N at most, and it slides"
-        raise ValueError(f"{where}: {words}")
+        words = f"by {needed:.3g} N; it is {most:.3g} N at most, {needed - most:.2g} N too little, and it slides"
+        raise ValueError(f"{where}: must stand where friction holds it, {words}")
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
