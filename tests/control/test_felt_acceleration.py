@@ -638,7 +638,7 @@ def test_whole_numbers_are_a_specific_force():
 
 
 @pytest.mark.parametrize("law", ["centroidal_tip", "centroidal_joint"])
-def test_a_pull_at_the_tip_that_the_joints_cannot_hold_does_not_throw_the_vehicle_down(law):
+def test_a_pull_at_the_tip_beyond_the_joints_does_not_throw_the_vehicle_down(law):
     """3 N at 0.3 m are 0.9 N m of joints of 0.5 N m: the arm gives way, and the base bears the pull."""
     pull = [{"kind": "ramp", "start": 1.0, "duration": 0.5, "height": -3.0}, 0.0, 0.0]
     scenario = skyarm.scenario_from(
