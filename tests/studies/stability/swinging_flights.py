@@ -17,6 +17,9 @@ EARLY, LATE = (4.0, 6.0), (12.0, 14.0)
 TILT = 1e-4
 """Of the first attitude: small, so that nothing saturates while the swing grows or dies out."""
 
+LARGE = 1.0
+"""rad/s: a swing of this size has grown to where actuators are at their limits, and grows no more."""
+
 TABLE = (
     ("hummingbird_arm2_rotors", "paper_pd", (0.4, 0.6)),
     ("hummingbird_arm2_rotors", "paper_ct", (0.4, 0.6)),
@@ -59,7 +62,8 @@ def swings_from(scenario, delays):
     outcome = batch.fly({"delays.command": np.asarray(delays), **dict.fromkeys(tilted, lanes)})
     with np.errstate(all="ignore"):
         growth = np.log(size(outcome.log, *LATE) / size(outcome.log, *EARLY))
-    growth[outcome.status != "completed"] = np.inf
+        swings = size(outcome.log, *LATE) > LARGE
+    growth[(outcome.status != "completed") | swings] = np.inf
     k = int(np.argmax(growth > 0.0))
     assert k > 0, f"nothing between {growth[:1]} and swinging"
     share = 0.5 if not np.isfinite(growth[k]) else growth[k - 1] / (growth[k - 1] - growth[k])

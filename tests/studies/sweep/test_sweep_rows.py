@@ -69,6 +69,8 @@ def test_rows_do_not_depend_on_chunks_or_threads(tmp_path: Path, precision: str)
 def test_a_lane_is_the_same_at_every_vector_width(
     bit_exact: bool, single_: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """As sweeps are compiled; without optimisation products of a lane alone are not fused into sums."""
+    monkeypatch.setenv("SKYARM_EFFORT", "2")
     study = small_study(episodes=11)
     drawn = values(study, np.arange(11))
     found = []
