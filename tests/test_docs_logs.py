@@ -49,7 +49,7 @@ def test_the_topics_shown_are_those_that_are_written():
     rows = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
     words = {0: "once", 1: "200", 4: "50"}
     written = {
-        each.name: (full_name(each.kind), "control" if each.name == "/skyarm/flight" else words[each.every])
+        each.name: (full_name(each.kind), "control" if each.name in ("/clock", "/skyarm/flight") else words[each.every])
         for log in (flown(), touching(), on_a_filter())
         for each in FlightTopics(log).topics
         if not each.name.startswith("/sensors/")

@@ -222,7 +222,7 @@ def test_columns_have_names_and_units_of_their_records(tmp_path):
         np.load(skyarm.save_log(flown(), tmp_path / "a.npz"))["readings.imu.rate"], flown()["readings.imu.rate"]
     )
     assert set(flown().units) == set(flown().arrays())
-    assert flown().units["readings.imu.rate"].words == "rad/s, angular velocity, base axes"
+    assert flown().units["readings.imu.rate"].words == "rad/s, angular velocity, axes of the inertial unit"
 
 
 def test_messages_are_those_of_ros_at_the_instants_at_which_readings_arrive(tmp_path):

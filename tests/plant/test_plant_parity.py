@@ -14,6 +14,7 @@ from skyarm.compile import trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
+from skyarm.dynamics.actuators.rotor import felt_in
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.compiled import RigidBodyPlant, example_state
@@ -109,8 +110,11 @@ class ManifoldRungeKutta:
         return state, change[1]
 
     def step(self, x, command, wind):
+        # held loads have the rotors' mean thrust of the step
+        rows = zip(self.vehicle.rotors, x.rotor_speeds, command.rotor_speeds, strict=True)
+        felt = replace(x, rotor_speeds=tuple(felt_in(*row, self.dt)[0] for row in rows))
         force, torques = applied_force(
-            motion_of(Truth(vehicle=self.vehicle), x, wind), Command(efforts=command.efforts), wind
+            motion_of(Truth(vehicle=self.vehicle), felt, wind), Command(efforts=command.efforts), wind
         )
         held = (x.quaternion.rotation().apply(force.force), force.torque, torques)
         slopes = [self.slope(x, Vec3(0, 0, 0), *held)]

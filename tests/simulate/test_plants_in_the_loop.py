@@ -58,9 +58,9 @@ def test_loads_at_each_stage_bring_the_plants_together(case):
     errors = farthest(rigid, ours(scenario, 2)) + farthest(staged, mujocos(scenario, "rk4_staged", 2000))
     apart = farthest(rigid, staged)
     assert np.all(apart <= RICHARDSON * errors + ROUNDING), (apart, errors)
-    # 0.15 um of the base, 0.1 urad of the joints; a thousandth of what held loads leave between the plants
+    # 0.15 um of the base, 0.1 urad of the joints; a hundredth of what held loads, with the rotors' impulse, leave
     assert np.all(errors < 1.5e-7)
-    assert np.all(apart < 1e-3 * farthest(rigid, mujocos(scenario, "rk4")))
+    assert np.all(apart < 1e-2 * farthest(rigid, mujocos(scenario, "rk4")))
     # and the flight must be worth comparing
     assert np.ptp(rigid[:, 7:], axis=0).max() > 0.1
 

@@ -323,7 +323,9 @@ def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -
     plain = skyarm.Session(skyarm.load_scenario(source))
     while plain.tick < ticks - 1 and plain.step():
         pass
-    assert (states(fleet.flights[0]) == states(SimpleNamespace(session=plain))).all()  # type: ignore[arg-type]
+    found, flown = states(fleet.flights[0]), states(SimpleNamespace(session=plain))  # type: ignore[arg-type]
+    # numbers that a slider may change are fused otherwise into products and sums: 1e-16 a step, which contact lets grow
+    assert np.abs(found - flown).max() < 1e-4
 
 
 def believed() -> dict[str, Any]:

@@ -64,7 +64,7 @@ def test_far_from_every_surface_a_flight_has_the_bits_and_the_steps_of_a_free_on
     assert np.array_equal(near.joints, free.joints)
     around = first_surroundings(scenario, first_loop_state(scenario))
     steps = RigidBodyPlant(scenario.plant, around).substeps(0.005)
-    assert steps == (4, 1, 3, True, scenario.world.hit_steps, 0)
+    assert steps[:6] == (4, 1, 3, True, scenario.world.hit_steps, 0)
 
 
 def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp_path):
