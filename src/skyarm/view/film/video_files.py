@@ -134,5 +134,5 @@ def import_av() -> ModuleType:
         import av
     except ImportError:
         raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp needs no more") from None
-    module = av
+    module: ModuleType = av
     return module
