@@ -111,7 +111,7 @@ class TestOnRay:
 
     @posix
     def test_one_machine(self, here: Path) -> None:
-        assert "64 rows in out/my_study: 32 episodes of paper_ct, paper_pd" in self.run(ONE)
+        assert "64 flights in out/my_study: 32 episodes under paper_ct, paper_pd" in self.run(ONE)
         shutil.rmtree(here / "out")
         done = subprocess.run([sys.executable, "-c", PYTHON], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -126,7 +126,7 @@ class TestOnRay:
             outward.connect(("192.0.2.1", 9))
             address = outward.getsockname()[0]
         told = self.run(TWO.replace("10.0.0.1", address).replace("6379", str(port)))
-        assert "64 rows in out/my_study: 32 episodes of paper_ct, paper_pd" in told
+        assert "64 flights in out/my_study: 32 episodes under paper_ct, paper_pd" in told
         # whoever has no token stays outside
         (here / ".ray" / "auth_token").write_text("another")
         monkeypatch.setenv("RAY_AUTH_MODE", "token")

@@ -162,7 +162,7 @@ class TestWithRay:
             os.killpg(program.process.pid, signal.SIGINT)  # as Ctrl-C in a terminal
             code, out, err = program.end(60.0)
             assert (code, out) == (130, ""), err
-            assert err.endswith("interrupted; finished files are whole\n")
+            assert err.endswith("interrupted; finished files are whole; the same command goes on\n")
             assert program.left() == []
             assert performing(10.0) == []
         kept = [*rows.glob("*.parquet")]
