@@ -324,8 +324,8 @@ def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -
     while plain.tick < ticks - 1 and plain.step():
         pass
     found, flown = states(fleet.flights[0]), states(SimpleNamespace(session=plain))  # type: ignore[arg-type]
-    # numbers that a slider may change are fused otherwise into products and sums: 1e-16 a step, which contact lets grow
-    assert np.abs(found - flown).max() < 1e-4
+    # numbers that a slider may change are fused otherwise into products and sums: a peg in its hole lets that grow
+    assert np.abs(found - flown).max() < (1e-4 if Path(source).stem == "insert_a_peg" else 1e-6)
 
 
 def believed() -> dict[str, Any]:
