@@ -136,7 +136,7 @@ def test_a_cube_stands_on_a_slope_up_to_45_degrees_set_down_level_or_along_it(de
         with_standing_objects(Contact(surfaces=(steep,), objects=(cube,)), GRAVITY)
 
 
-def set_down_drawn(kind, rng):
+def set_down_drawn(kind, rng, powers):
     """What becomes of a drawn body on a drawn slope, and what SciPy's linear program and Coulomb say of it."""
     yaw, way = rng.uniform(-3.0, 3.0), rng.uniform(0.0, 2.0 * np.pi)
     around = np.linspace(0.0, 2.0 * np.pi, 720)
@@ -161,7 +161,7 @@ def set_down_drawn(kind, rng):
     friction = tangent * rng.choice([rng.uniform(1.04, 2.0), rng.uniform(0.5, 0.96)], p=[0.7, 0.3])
     right = "stands" if tangent < min(tipping, friction) else "tips over" if tangent > tipping else "slides"
     leaning = Rotation.from_rotvec(math.atan(tangent) * np.array([-down[1], down[0], 0.0]))
-    material = Material(friction=friction, stiffness=10.0 ** rng.uniform(4.0, 5.0))
+    material = Material(friction=friction, stiffness=10.0 ** rng.uniform(*powers))
     ground = Surface(name="ground", angles=Vec3(*leaning.as_euler("xyz").tolist()), material=material)
     try:
         if kind == "feet":
@@ -244,7 +244,24 @@ def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
 
 
 @pytest.mark.parametrize("kind", ["box", "cylinder", "feet"])
-def test_drawn_bodies_stand_up_to_the_angles_of_tipping_and_friction(kind):
+@pytest.mark.parametrize(("powers", "count"), [((4.0, 5.0), 5), ((7.0, 9.0), 2),
+                                               pytest.param((6.0, 9.0), 20, marks=pytest.mark.thorough)])  # fmt: skip
+def test_drawn_bodies_stand_up_to_the_angles_of_tipping_and_friction(kind, powers, count):
+    """On ground of some stiffness, and on one into which they sink by a nanometre."""
     rng = np.random.default_rng(20)
-    for right, found in (set_down_drawn(kind, rng) for _ in range(5)):
+    for right, found in (set_down_drawn(kind, rng, powers) for _ in range(count)):
         assert right in found
+
+
+@pytest.mark.parametrize("stiffness", [1e7, 1e9])
+def test_on_very_stiff_ground_rounding_neither_slides_nor_stands_on_an_edge(stiffness):
+    """A box far from the origin needs no friction on a level floor, and at 45 degrees it does not stand."""
+    ground = Surface(name="ground", material=Material(friction=0.0, stiffness=stiffness))
+    flat, edge = (
+        FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.7),
+                   position=Vec3(3.0, 2.0, 0.3)) for lean in (0.01, 0.25 * math.pi)
+    )  # fmt: skip
+    (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(flat,)), GRAVITY).objects
+    assert float(stood.position.z) == pytest.approx(0.05 - 0.1 * GRAVITY / (4.0 * stiffness), abs=1e-15)
+    with pytest.raises(ValueError, match=r"it tips over$"):
+        with_standing_objects(Contact(surfaces=(ground,), objects=(edge,)), GRAVITY)

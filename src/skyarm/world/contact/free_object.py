@@ -244,9 +244,11 @@ class FreeObject(Carrier[ObjectMotion]):
                 (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
                 for a, b, c in product((-1, 1), (-1, 1), (-1, 1))
             )
-        axis, normal = frame.rotation.column(2), toward(frame.position)
-        way = axis * axis.dot(normal) - normal + frame.rotation.column(0) * _LEVEL
-        down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
+        (x, y, axis), normal = (frame.rotation.column(i) for i in range(3)), toward(frame.position)
+        # in the axes of the rim: a way along the cylinder's, of rounding, would count by the root of a small tilt
+        along, aside = _LEVEL - x.dot(normal), -y.dot(normal)
+        share = divide(self.size[0], sqrt(along * along + aside * aside + _LEVEL**3))
+        down = x * (along * share) + y * (aside * share)
         across, half = axis.cross(down), axis * (0.5 * self.size[1])
         return tuple(
             (frame.position + half * end + down * cosine + across * sine, 0) for end in (-1, 1) for cosine, sine in RIM

@@ -52,11 +52,13 @@ ROUNDING = 1e-9
 UP, UPRIGHT = np.array([1.0, 0.0, 0.0]), Vec3(0.0, 0.0, 1.0)
 """Displacement upwards, of a height and two tilts, and vertical axis."""
 
-NEAR = 1e-7
-"""Step (m and rad) of the finite difference for the stiffness."""
+NEAR, PACE = 1e-4, 1e-3
+"""Steps (m and rad) per depth (m) under the weight: of the finite difference for the stiffness, and the first one of
+the damped Newton's method."""
 
-SMALL, ROUNDS = 1e-8, 100
-"""Residual of an equilibrium, as a fraction of the weight, and largest number of Newton steps to it."""
+SMALL, ROUNDED, ROUNDS = 1e-8, 1e-14, 100
+"""Residual of an equilibrium, as a fraction of the weight, length (m) whose share of the depth rounding adds to it, and
+largest number of Newton steps."""
 
 DAMPED = np.diag([1e-6, 1.0, 1.0])
 """Shares of the damping in height and tilts: the height follows at once, or a foot that bears too much lifts others."""
@@ -64,40 +66,41 @@ DAMPED = np.diag([1e-6, 1.0, 1.0])
 ROLLS = 1e-3
 """Least range of slopes (rad) on which a body can stand: less is an edge, or a line on which it rolls."""
 
-LEAN = 1e-5
-"""Additional tilt (rad) down a slope: the rim of a cylinder then touches where it will."""
+LEAN = 0.1
+"""Additional tilt (rad) down a slope per depth (m) under the weight: the rim of a cylinder then touches where it
+will."""
 
 UNSTABLE = 1e-3
 """Growth of the residual (1 per m or rad) from which an equilibrium is unstable: above that of rounding."""
 
 
-def _settle(residual: Residual, x: Array) -> Array | None:
-    """Stable root of a residual near an initial guess; None if there is none.
+def _settle(residual: Residual, x: Array, depth: float) -> Array | None:
+    """Stable root of a residual near an initial guess at a depth (m); None if there is none.
 
     Newton's method, damped as implicit Euler steps of dx/dt = residual: longer after one that hardly raises the
     residual, else shorter, as where a foot would lift off. Of what nothing holds, as a ball that may roll, nothing
     changes. Source: Kelley, Keyes 1998, Convergence analysis of pseudo-transient continuation.
     """
-    start, pace, left = x, 1e-6, residual(x)
+    start, pace, left = x, PACE * depth, residual(x)
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(ROUNDS):
-            slopes, size = _stiffness(residual, x), np.abs(left).max()
+            slopes, size = _stiffness(residual, x, NEAR * depth), np.abs(left).max()
             if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
                 break
             there = x + np.linalg.solve(DAMPED / pace - slopes, left)
             after = residual(there)
             share = np.abs(after).max() / size
-            if not share < 1.0 and size < SMALL:  # on an edge it may be balanced, and falls
+            if not share < 1.0 and size < SMALL + ROUNDED / depth:  # on an edge it may be balanced, and falls
                 return x if np.linalg.eigvals(slopes).real.max() < UNSTABLE else None
             pace *= 10.0 if share < 1.0 else 2.0 if share < 1.5 else 0.1
             x, left = (there, after) if share < 1.5 else (x, left)
     return None
 
 
-def _stiffness(residual: Residual, x: Array) -> Array:
+def _stiffness(residual: Residual, x: Array, near: float) -> Array:
     """Derivatives of a residual by its argument, by differences."""
     left = residual(x)
-    return np.stack([(residual(x + step) - left) / NEAR for step in NEAR * np.eye(len(x))], axis=1)
+    return np.stack([(residual(x + step) - left) / near for step in near * np.eye(len(x))], axis=1)
 
 
 def _turn(about_x: float, about_y: float) -> Quaternion:
@@ -143,25 +146,36 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
 
     def set_down(x: Array) -> Array:
         """Lower the vehicle from a pose until the surfaces carry its weight."""
+        above = x
         while residual(x)[0] < 0.0:
-            x = x - STEP * UP
+            above, x = x, x - STEP * UP
             if x[0] < -LOWEST:
                 raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
-        x = x + STEP * UP
-        while residual(x)[0] < 0.0:
-            x = x - FINEST * UP
-        return x
+        return _raise(residual, x, above)
 
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
-    equilibrium = _settle(residual, x)
+    equilibrium = _settle(residual, x, _depth(pushes(x)))
     if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
-        equilibrium = _settle(residual, x)
+        equilibrium = _settle(residual, x, _depth(pushes(x)))
     if equilibrium is None:
         words = "must stand on three points around its centre of mass; it tips over"
         raise ValueError(f"initial.standing = true: {words}{_tipping(pushes(x))}")
     _require_friction("initial.standing = true", pushes(equilibrium), contact, weight)
     return at(equilibrium)
+
+
+def _raise(residual: Residual, x: Array, above: Array) -> Array:
+    """Pose by which the surfaces carry one to two weights, between one of more and one of less above it."""
+    while residual(x)[0] > 1.0 and above[0] - x[0] > ROUNDED:
+        middle = 0.5 * (x + above)
+        x, above = (x, middle) if residual(middle)[0] < 0.0 else (middle, above)
+    return x
+
+
+def _depth(pushes: Sequence[Push]) -> float:
+    """Largest penetration (m) of a body, negative above what it may touch."""
+    return max((float(each.touch.depth) for each, *_ in pushes), default=-LOWEST)
 
 
 def _normal(pushes: Sequence[Push]) -> Array:
@@ -183,7 +197,7 @@ def _slope(pushes: Sequence[Push], axes: Sequence[Vec3]) -> Array:
     size = np.linalg.norm(across)
     # one that leans otherwise is not laid flat
     turn = across * (math.atan2(size, axis @ normal) / size if size > 0.0 and near > math.cos(OTHER) else 0.0)
-    return np.asarray(turn[:2] + LEAN * np.array([-normal[1], normal[0]]))
+    return np.asarray(turn[:2] + LEAN * _depth(pushes) * np.array([-normal[1], normal[0]]))
 
 
 def _tipping(pushes: Sequence[Push]) -> str:
@@ -216,8 +230,7 @@ def _require_friction(where: str, pushes: Sequence[Push], contact: Contact, weig
     """
     frictions = {each.name: each.material.friction for _, each in contact.every_surface}
     most = sum(float(frictions[each.surface] * each.touch.normal) for each, *_ in pushes)
-    across = Vec3(0.0, 0.0, weight) - sum((push for *_, push in pushes), ZERO3)
-    needed = math.sqrt(float(across.dot(across)))
+    needed = weight * math.hypot(*_normal(pushes)[:2])
     if needed > most + ROUNDING * weight:
         words = f"by {needed:.3g} N; it is {most:.3g} N at most, {needed - most:.2g} N too little, and it slides"
         raise ValueError(f"{where}: must stand where friction holds it, {words}")
@@ -272,22 +285,23 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
     """Contact model with one object moved to static equilibrium on the surfaces below that object."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
-    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, x) is not None:
+    depth = -supports.gap(x)
+    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, x, depth) is not None:
         _require_friction(f"{where}: object {body.name!r}", supports.pushes(x), contact, supports.weight)
         return contact
-    if supports.gap(x) < 0.0:
+    if depth > 0.0:
         x[0] = LIFT
     if supports.gap(x) < 0.0:
         raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
     x = _descend(body, supports, x, index)
-    equilibrium = _settle(supports.residual, x)
+    equilibrium = _settle(supports.residual, x, -supports.gap(x))
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array([x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])])
         while supports.gap(x) < 0.0:
             x = x + max(LIFT, -supports.gap(x)) * UP
         x = _descend(body, supports, x, index)
-        equilibrium = _settle(supports.residual, x)
+        equilibrium = _settle(supports.residual, x, -supports.gap(x))
     if equilibrium is None:
         tips = f"it tips over{_tipping(supports.pushes(x))}"
         raise ValueError(
@@ -299,7 +313,7 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
 
 def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Array:
     """Height and tilts of an object that is lowered until it is carried."""
-    carried = 0.0
+    carried, above = 0.0, x
     while supports.residual(x)[0] < 0.0:
         gap = supports.gap(x)
         force = supports.force(x) if gap < 0.0 else 0.0
@@ -311,11 +325,11 @@ def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Arr
                 f"stiffness larger; its weight presses object {body.name!r} through what it stands on"
             )
         carried = force
-        x = x - max(gap, FINEST, DEEPER * -gap) * UP
+        above, x = x, x - max(gap, FINEST, DEEPER * -gap) * UP
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
             raise ValueError(f"world.objects[{index}].standing = true: must be above a surface; {below}")
-    return x
+    return _raise(supports.residual, x, above)
 
 
 def _half_of(body: FreeObject) -> float:
@@ -357,7 +371,7 @@ class _Supports:
 
     def gap(self, x: Array) -> float:
         """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""
-        return -max((float(each.touch.depth) for each, *_ in self.pushes(x)), default=-LOWEST)
+        return -_depth(self.pushes(x))
 
     def force(self, x: Array) -> float:
         """Vertical contact force on the object, N."""
