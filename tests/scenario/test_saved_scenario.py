@@ -74,6 +74,26 @@ def test_a_varied_payload_is_written_as_the_numbers_of_its_link(case3, tmp_path)
     assert identity(read) == identity(scenario.with_loads_of(case3))
 
 
+@pytest.mark.filterwarnings("ignore:.*only the log has its readings")
+@pytest.mark.parametrize("path", ["plant.payload.mass", "plant.payload.tip.mass"])
+def test_a_varied_payload_that_a_sensor_feels_is_written_as_its_mass(tmp_path, path):
+    """Also of a file that has one already, and beside other numbers; its flight has the same bits."""
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    del tables["windows"]
+    tables |= {"duration": 0.2, "sensors": {"wrist": {"kind": "force_torque"}}}
+    for held in ({}, {"payload": {"mass": 0.03}}):
+        base = tables | {"plant": tables["plant"] | held}
+        numbers = {path: 0.1, "plant.vehicle.base.mass": 0.8}
+        varied = skyarm.with_numbers(skyarm.scenario_from(base), numbers)
+        read = skyarm.load_scenario(skyarm.save_scenario(tmp_path / "found.toml", varied, base))
+        assert identity(read) == identity(varied)
+        assert len(read.agent.plant.loads) == 1 + len(held)
+        ours, theirs = (skyarm.run(each) for each in (varied, read))
+        assert (ours.position == theirs.position).all()
+        for key, readings in ours.readings["wrist"].items():
+            assert (readings == theirs.readings["wrist"][key]).all()
+
+
 def test_what_follows_from_numbers_is_not_written(case3, tmp_path):
     path = "model.vehicle.rotors.0.thrust_coefficient"
     stronger = skyarm.with_numbers(

@@ -37,7 +37,7 @@ from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.document import LEFT_OUT, OF_AGENT_ALONE, slot_of
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.paths import path_of, place_in_agent
+from skyarm.scenario.paths import path_of, place_in_agent, prefix_of
 from skyarm.scenario.readers import with_other_paths
 from skyarm.scenario.scenario_differences import ABSENT, scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
@@ -152,14 +152,27 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     read, rate = scenario_from(tables, folder), target.rates.control
     if in_order(read.changes, rate) == in_order(target.changes, rate):
         target = replace(target, changes=read.changes)
-    # a varied payload is written as the numbers of the body that holds it
+    # a varied payload is written as the numbers of the body that holds it, but where a sensor feels the payload alone
     target = target.with_loads_of(read)
-    numbers = _numbers(read, target)
+    loads = _added_loads(read, target)
+    numbers = loads | _numbers(with_numbers(read, loads), target)
     written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
     if identity(made) != identity(target):
         raise ScenarioError(f"base: {_difference(made, target)}")
     return written
+
+
+def _added_loads(begun: Scenario, target: Scenario) -> dict[str, Any]:
+    """Masses (kg) by parameter path of the point masses that a scenario has at frames, beyond those of another."""
+    paths = {
+        load: f"{prefix_of(target, name)}plant.payload.{frame.name}.mass"
+        for name, agent in target.agents.items()
+        for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]
+        for frame in agent.vehicle.frames
+        if load == agent.vehicle.point_mass(load[1].mass, frame.name)
+    }
+    return {path: body.mass for (_, body), path in paths.items()}
 
 
 def _difference(made: Scenario, target: Scenario) -> str:
