@@ -175,6 +175,8 @@ def felt_in_step(
     if not held and not any(has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors):
         return worlds, stages
     made, felt = list[Truth](), list[list[State]]()
+    # angles of tilting rotors are those of the middle of a step
+    moved = [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)] if held else stages
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
         rotors, turned, columns = world.vehicle.rotors, list[Rotor](), list[Sequence[Scalar]]()
         heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
@@ -189,7 +191,7 @@ def felt_in_step(
             columns.append(speeds)
         made.append(replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned))))
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
-        felt.append([replace(s[i], rotor_speeds=row) for s, row in zip(stages, rows, strict=True)])
+        felt.append([replace(s[i], rotor_speeds=row) for s, row in zip(moved, rows, strict=True)])
     return made, [*zip(*felt, strict=True)]
 
 

@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators.tilting import angle_after, turn_rotors, with_res
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle.tilt import Tilt
 from support.one_vehicle import rate_of
 from support.vehicles import steady_wind
@@ -92,6 +92,35 @@ def test_both_plants_turn_their_rotors_alike(integrator):
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-10 if integrator == "euler" else 2e-6)
     exact = [angle_after(t, a, u, 0.02) for t, a, u in zip(bare.tilts, ANGLES, command.tilts, strict=True)]
     np.testing.assert_allclose(found[0][-6:], exact, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "integrator"), [(RigidBodyPlant, "euler"), (MujocoPlant, "euler"), (MujocoPlant, "rk4")]
+)
+def test_forces_that_are_held_for_a_step_have_the_mean_axes_of_turning_rotors(kind, integrator):
+    """Velocity after one step of 5 ms from rest, against SciPy's quadrature of the thrust along the turning axes."""
+    bare = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")
+    goals, dt, gravity = (-0.4, 0.5, 0.9, 0.1, 0.4, 0.6), 0.005, 9.81
+    still = Vec3(0.0, 0.0, 0.0)
+    begun = dataclasses.replace(
+        state(bare), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=still, rate=still, joints=(), joint_rates=()
+    )
+    command, around = Command(rotor_speeds=SPEEDS, tilts=goals), steady_wind()
+    plant = kind(Truth(vehicle=bare, gravity=gravity), around, integrator, dt)
+    after = rebuild(begun, iter(plant.advance(flat(begun), leaves(command), leaves(around), dt)))
+    gained = np.zeros(3)
+    for rotor, speed, angle, goal in zip(bare.rotors, SPEEDS, ANGLES, goals, strict=True):
+        at, servo = np.array([float(c) for c in rotor.position]), rotor.tilt
+        at /= np.linalg.norm(at)
+
+        def slope(_, x, at=at, servo=servo, goal=goal, push=rotor.thrust_coefficient * speed**2):
+            """Rates of the tilt and of the momentum."""
+            turn = np.clip((goal - x[0]) / servo.time_constant, -servo.max_rate, servo.max_rate)
+            return [turn, *(push * Rotation.from_rotvec(x[0] * at).apply([0.0, 0.0, 1.0]))]
+
+        gained += solve_ivp(slope, (0.0, dt), [angle, 0.0, 0.0, 0.0], rtol=1e-9, atol=1e-12).y[1:, -1]
+    right = gained / float(bare.mass) - np.array([0.0, 0.0, gravity * dt])
+    np.testing.assert_allclose([*after.velocity], right, atol=1e-4 * dt * gravity)
 
 
 def test_a_command_that_says_nothing_of_servos_leaves_them_at_rest():
