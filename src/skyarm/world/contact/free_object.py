@@ -47,7 +47,7 @@ LOGGED = (
 )
 """Logged arrays of an object: name, axes, unit, meaning."""
 
-_LEVEL = 1e-10
+_LEVEL = 1e-12
 """Fraction of a fixed direction added to that of the rim's deepest position, which is undefined for an upright
 cylinder."""
 
@@ -244,11 +244,10 @@ class FreeObject(Carrier[ObjectMotion]):
                 (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
                 for a, b, c in product((-1, 1), (-1, 1), (-1, 1))
             )
-        (x, y, axis), normal = (frame.rotation.column(i) for i in range(3)), toward(frame.position)
-        # in the axes of the rim: a way along the cylinder's, of rounding, would count by the root of a small tilt
-        along, aside = _LEVEL - x.dot(normal), -y.dot(normal)
-        share = divide(self.size[0], sqrt(along * along + aside * aside + _LEVEL**3))
-        down = x * (along * share) + y * (aside * share)
+        axis, normal = frame.rotation.column(2), toward(frame.position)
+        # across the axis also by rounding, which a small tilt would enlarge
+        way = axis.cross(axis.cross(normal)) + frame.rotation.column(0) * _LEVEL
+        down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
         across, half = axis.cross(down), axis * (0.5 * self.size[1])
         return tuple(
             (frame.position + half * end + down * cosine + across * sine, 0) for end in (-1, 1) for cosine, sine in RIM

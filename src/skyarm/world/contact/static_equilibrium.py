@@ -74,17 +74,19 @@ UNSTABLE = 1e-3
 """Growth of the residual (1 per m or rad) from which an equilibrium is unstable: above that of rounding."""
 
 
-def _settle(residual: Residual, x: Array, depth: float) -> Array | None:
-    """Stable root of a residual near an initial guess at a depth (m); None if there is none.
+def _settle(residual: Residual, pushes: Callable[[Array], list[Push]], x: Array) -> Array | None:
+    """Stable root of a residual near an initial guess, at which contacts push; None if there is none.
 
     Newton's method, damped as implicit Euler steps of dx/dt = residual: longer after one that hardly raises the
     residual, else shorter, as where a foot would lift off. Of what nothing holds, as a ball that may roll, nothing
     changes. Source: Kelley, Keyes 1998, Convergence analysis of pseudo-transient continuation.
     """
-    start, pace, left = x, PACE * depth, residual(x)
+    start, left, depth = x, residual(x), _depth(pushes(x))
+    near, pace = NEAR * depth, PACE * depth
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(ROUNDS):
-            slopes, size = _stiffness(residual, x, NEAR * depth), np.abs(left).max()
+            slopes = np.stack([(residual(x + step) - left) / near for step in near * np.eye(len(x))], axis=1)
+            size = np.abs(left).max()
             if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
                 break
             there = x + np.linalg.solve(DAMPED / pace - slopes, left)
@@ -95,12 +97,6 @@ def _settle(residual: Residual, x: Array, depth: float) -> Array | None:
             pace *= 10.0 if share < 1.0 else 2.0 if share < 1.5 else 0.1
             x, left = (there, after) if share < 1.5 else (x, left)
     return None
-
-
-def _stiffness(residual: Residual, x: Array, near: float) -> Array:
-    """Derivatives of a residual by its argument, by differences."""
-    left = residual(x)
-    return np.stack([(residual(x + step) - left) / near for step in near * np.eye(len(x))], axis=1)
 
 
 def _turn(about_x: float, about_y: float) -> Quaternion:
@@ -154,10 +150,10 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         return _raise(residual, x, above)
 
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
-    equilibrium = _settle(residual, x, _depth(pushes(x)))
+    equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
-        equilibrium = _settle(residual, x, _depth(pushes(x)))
+        equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:
         words = "must stand on three points around its centre of mass; it tips over"
         raise ValueError(f"initial.standing = true: {words}{_tipping(pushes(x))}")
@@ -285,23 +281,22 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
     """Contact model with one object moved to static equilibrium on the surfaces below that object."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
-    depth = -supports.gap(x)
-    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, x, depth) is not None:
+    if np.abs(supports.residual(x)).max() < 1e-9 and _settle(supports.residual, supports.pushes, x) is not None:
         _require_friction(f"{where}: object {body.name!r}", supports.pushes(x), contact, supports.weight)
         return contact
-    if depth > 0.0:
+    if supports.gap(x) < 0.0:
         x[0] = LIFT
     if supports.gap(x) < 0.0:
         raise ValueError(f"{where}: object {body.name!r} must begin outside of what carries it")
     x = _descend(body, supports, x, index)
-    equilibrium = _settle(supports.residual, x, -supports.gap(x))
+    equilibrium = _settle(supports.residual, supports.pushes, x)
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array([x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])])
         while supports.gap(x) < 0.0:
             x = x + max(LIFT, -supports.gap(x)) * UP
         x = _descend(body, supports, x, index)
-        equilibrium = _settle(supports.residual, x, -supports.gap(x))
+        equilibrium = _settle(supports.residual, supports.pushes, x)
     if equilibrium is None:
         tips = f"it tips over{_tipping(supports.pushes(x))}"
         raise ValueError(
