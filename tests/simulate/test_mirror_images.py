@@ -18,8 +18,32 @@ from skyarm.records.files.toml import toml_value
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
-def vehicle(rng: np.random.Generator, folder: Path, rolling: str) -> str:
-    """File of a drawn vehicle of four or six rotors and two joints about y."""
+def link(name: str, parent: str, x: float, y: float, z: float, **joint: Any) -> dict[str, Any]:
+    """Table of a link whose joint is at x, y, z (m) of its parent."""
+    return {
+        "name": name,
+        "parent": parent,
+        "mass": 0.04,
+        "com": [0.0, 0.0, -0.07],
+        "inertia": [1e-4, 1e-4, 2e-5],
+        "joint": {"name": f"of {name}", "axis": [0, 1, 0], "position": [x, y, z], "damping": 0.002, **joint},
+    }
+
+
+ARM = [link("upper", "base", 0.02, 0.0, -0.03), link("lower", "upper", 0.0, 0.0, -0.15)]
+LIMITS = {"lower": -1.2, "upper": 1.2, "effort_limit": 2.0}
+TWO_ARMS = [
+    each
+    for name, y in (("lower", 0.06), ("lower right", -0.06))
+    for each in (
+        link(f"upper of {name}", "base", 0.0, y, -0.03, **LIMITS, axis=[1, 0, 0]),
+        link(name, f"upper of {name}", 0.0, 0.0, -0.14, **LIMITS),
+    )
+]
+
+
+def vehicle(rng: np.random.Generator, folder: Path, rolling: str, links: list[dict[str, Any]] = ARM) -> str:
+    """File of a drawn vehicle of four or six rotors and the links."""
     pairs, length, coefficient = int(rng.choice([2, 3])), rng.uniform(0.12, 0.3), 10.0 ** rng.uniform(-5.3, -4.7)
     rotors = list[Any]()
     for k in range(pairs):
@@ -45,17 +69,7 @@ def vehicle(rng: np.random.Generator, folder: Path, rolling: str) -> str:
             "max_speed": float(np.sqrt(2.2 * (mass + 0.1) * 9.81 / (2 * pairs * coefficient))),
         },
         "rotors": rotors,
-        "links": [
-            {
-                "name": name,
-                "parent": parent,
-                "mass": 0.04,
-                "com": [0.0, 0.0, -0.07],
-                "inertia": [1e-4, 1e-4, 2e-5],
-                "joint": {"name": f"of {name}", "axis": [0, 1, 0], "position": [x, 0.0, z], "damping": 0.002},
-            }
-            for name, parent, x, z in (("upper", "base", 0.02, -0.03), ("lower", "upper", 0.0, -0.15))
-        ],
+        "links": links,
         "frames": [{"name": "tip", "link": "lower", "position": [0.0, 0.0, -0.12]}],
     }
     file = folder / "drawn.toml"
@@ -104,3 +118,25 @@ def test_mirror_images_of_flights_are_equal(seed: int, law: str, tmp_path: Path)
 def test_the_form_of_rotors_sim_breaks_the_symmetry(tmp_path: Path) -> None:
     """Its moment has one sense for all rotors: a push along x tips the vehicle to one side."""
     assert parted(9000, "decoupled_pd", tmp_path, "rotors_sim") > 1e-3
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+def test_a_left_and_a_right_arm_meet_their_stops_alike(integrator: str, tmp_path: Path) -> None:
+    """The default stops of a joint, and its steps there, do not depend on its place in the file."""
+    rng = np.random.default_rng(2)
+    file, logs = vehicle(rng, tmp_path, "signed", TWO_ARMS), []
+    still, moving = np.array([1.1, 0.2, -0.1, 0.3]) * rng.uniform(0.5, 1.0, 4), rng.uniform(5.0, 25.0, 4)
+    for side in (1.0, -1.0):
+        # the arms change places, and about x the sense of their turns
+        joints, rates = ((each if side > 0.0 else each[[2, 3, 0, 1]] * [-1, 1, -1, 1]) for each in (still, moving))
+        tables = {
+            "name": "mirrored",
+            "duration": 0.2,
+            "plant": {"vehicle": file, "integrator": integrator},
+            "controller": {"law": "decoupled_pd"},
+            "environment": {"ground": False},
+            "initial": {"position": [0.0, 0.0, 5.0], "joints": joints.tolist(), "joint_rates": rates.tolist()},
+        }
+        logs.append(skyarm.run(skyarm.scenario_from(tables)))
+    assert np.abs(logs[0].joints).max() > 1.2
+    assert np.abs(logs[0].position - logs[1].position * MIRROR).max() < 1e-9

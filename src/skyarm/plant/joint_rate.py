@@ -23,6 +23,7 @@ from skyarm.records.arrays import Array, float_array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import Joint, Vehicle, VehicleError
+from skyarm.vehicle.mobility import of_mirrored
 from skyarm.world.component import MOST_STEPS
 
 SAMPLES = 64
@@ -181,6 +182,7 @@ def stop_numbers(vehicle: Vehicle) -> StopNumbers:
         with np.errstate(all="ignore"):
             mobility = np.abs(np.linalg.inv(_masses(vehicle))[:, 6:, 6:])
             rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(axis=1)
+            rows = of_mirrored(rows, mobility[0].diagonal())
             most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
     except np.linalg.LinAlgError:
         return ()

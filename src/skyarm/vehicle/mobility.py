@@ -22,6 +22,9 @@ from skyarm.vehicle.linkage import Body, Joint, Linkage
 SINGULAR = 1e-12
 """Moved inertia over that of the outer bodies below which the remainder is rounding (1e-16 times a few)."""
 
+ALIKE = 1e-6
+"""Relative difference of mobilities up to which they are those of mirrored joints; rounding is far below."""
+
 GOLDEN = 0.6180339887498949
 
 
@@ -142,6 +145,15 @@ def joint_mobility(vehicle: Linkage) -> list[Any]:
             except np.linalg.LinAlgError:
                 mobilities.append(np.full((vehicle.n, vehicle.n), np.nan))
     return mobilities
+
+
+def of_mirrored(values: AnyArray, still: AnyArray) -> AnyArray:
+    """Largest of the values (..., n) among joints of one mobility (n,) at rest, thus one number for mirrored joints.
+
+    Sampled postures are no mirror images of each other; the one at rest, zero or the nearest limit, is its own.
+    """
+    alike = np.isclose(still[:, None], still, rtol=ALIKE, atol=0.0)
+    return np.where(alike, values[..., None, :], 0.0).max(axis=-1)
 
 
 def _numbers(*values: Scalar) -> list[float]:

@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.records.arrays import AnyArray
 from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.linkage import Joint, Link
-from skyarm.vehicle.mobility import joint_mobility
+from skyarm.vehicle.mobility import joint_mobility, of_mirrored
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SOFTEST, USUAL, STIFFEST = 100.0, 200.0, 1500.0
@@ -46,7 +46,8 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     lacking = [_has_limits(joint) and joint.name not in own and not joint.has_stops for joint in vehicle.joints]
     if not any(lacking):
         return vehicle
-    ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
+    own_mobilities = np.diagonal(joint_mobility(vehicle), axis1=1, axis2=2)
+    ease = of_mirrored(own_mobilities.max(axis=0), own_mobilities[0]).tolist()
     links = tuple(
         replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
         for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
@@ -110,13 +111,14 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         rate, shares = _fastest(_slopes(links), mobilities)
         dry = [
             _dry(link.joint) * share if link.joint.name in names else 0.0
-            for link, share in zip(links, shares, strict=True)
+            for link, share in zip(links, of_mirrored(shares, np.diag(mobilities[0])).tolist(), strict=True)
         ]
-        i = dry.index(max(dry))
-        if rate <= limit or dry[i] == 0.0:
+        if rate <= limit or max(dry) == 0.0:
             break
-        softer = replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
-        links[i] = replace(links[i], joint=softer)
+        for i, own in enumerate(dry):
+            if own == max(dry):  # mirrored joints together
+                softer = replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
+                links[i] = replace(links[i], joint=softer)
     notes = Notes()
     for old, new in zip(vehicle.links, links, strict=True):
         if new is not old:
@@ -133,15 +135,13 @@ def _slopes(links: Sequence[Link]) -> list[float]:
     return [float(link.joint.damping) + _dry(link.joint) for link in links]
 
 
-def _fastest(slopes: Sequence[float], mobilities: Sequence[AnyArray]) -> tuple[float, list[float]]:
+def _fastest(slopes: Sequence[float], mobilities: Sequence[AnyArray]) -> tuple[float, AnyArray]:
     """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
     root = np.sqrt(np.array(slopes))
     with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them
         product = root[:, None] * np.array(mobilities) * root[None, :]
     if not np.all(np.isfinite(product)):
-        return 0.0, [0.0] * len(slopes)
+        return 0.0, np.zeros(len(slopes))
     rates, modes = np.linalg.eigh(product)
     worst = int(np.argmax(rates[:, -1]))
-    return float(rates[worst, -1]), [
-        float(m) ** 2 / max(s, 1e-300) for m, s in zip(modes[worst, :, -1], slopes, strict=True)
-    ]
+    return float(rates[worst, -1]), modes[worst, :, -1] ** 2 / np.maximum(slopes, 1e-300)
