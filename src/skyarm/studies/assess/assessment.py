@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import field, replace
+from functools import cache, partial
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
@@ -206,9 +207,10 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         ValueError: as :func:`assess_vehicle`.
     """
     bodies, agents, margins = balances(scenario), dict[str, Assessment](), dict[str, list[Finding]]()
+    once = cache(partial(assess_vehicle, payload=payload, poses=poses))  # of vehicles that are equal
     for name in scenario.agents:
         one, plant = scenario.of(name), scenario.of(name).agent.plant
-        about = assess_vehicle(plant.vehicle, gravity=float(plant.gravity), payload=payload, poses=poses)
+        about = once(plant.vehicle, gravity=float(plant.gravity))
         try:
             carried = carried_loads(scenario, name, bodies)
             along = [*along_reference(one, clearance=True, carried=carried), *push_limits(one)]

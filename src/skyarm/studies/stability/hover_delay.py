@@ -9,12 +9,12 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike
-from skyarm.records.identity import identity
+from skyarm.records.identity import identity, own_files
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import digest
 from skyarm.reference.signals import Constant
 from skyarm.scenario.scenario_file import as_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario, ScenarioError, with_words
 from skyarm.studies.stability.flight_margins import frozen_hover, hovering
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
@@ -93,10 +93,14 @@ def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
 
 
 def hover_digest(scenario: Scenario) -> str:
-    """Digest of all that a vehicle's delay margin in hover depends on; in free air the place is no part of it."""
-    held = hovering(scenario)
-    if not held.forces and held.world is None:
-        reference = dataclasses.replace(held.agent.reference, x=NOWHERE, y=NOWHERE)
+    """Digest of all that a vehicle's delay margin in hover depends on; in free air the place is no part of it.
+
+    There is no ground, wind or other air in a hover, but a force, or code of the user's, may depend on the place.
+    """
+    # the reference is constant, and the loop is linearised without noise
+    held = with_words(hovering(scenario), noise=PERFECT_SENSORS, tracking_start=0)
+    if not held.forces and held.world is None and not own_files(held.agent):
+        reference = dataclasses.replace(held.agent.reference, x=NOWHERE, y=NOWHERE, z=NOWHERE)
         held = with_words(held, reference=reference)
     return digest([identity(each) for each in (held.agent, held.environment, held.rates)])
 
