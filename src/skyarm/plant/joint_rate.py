@@ -182,7 +182,7 @@ def stop_numbers(vehicle: Vehicle) -> StopNumbers:
         with np.errstate(all="ignore"):
             mobility = np.abs(np.linalg.inv(_masses(vehicle))[:, 6:, 6:])
             rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(axis=1)
-            rows = of_mirrored(rows, mobility[0].diagonal())
+            rows = of_mirrored(rows, mobility)
             most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
     except np.linalg.LinAlgError:
         return ()

@@ -131,29 +131,31 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     return "" if smallest > SINGULAR else "base.inertia"
 
 
-def joint_mobility(vehicle: Linkage) -> list[Any]:
-    """Matrices (n, n) of joint acceleration per joint effort, at six configurations within limits; NaN if undefined.
+def joint_mobility(vehicle: Linkage) -> Array:
+    """Matrices (6, n, n) of joint acceleration per joint effort, at six configurations within limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
-    mobilities = []
-    for turn in range(6):
-        M, _ = mass_matrix(vehicle, _joint_values(vehicle, turn))
-        with np.errstate(all="ignore"):
-            try:
-                mobilities.append(np.linalg.inv(M)[6:, 6:])
-            except np.linalg.LinAlgError:
-                mobilities.append(np.full((vehicle.n, vehicle.n), np.nan))
-    return mobilities
+    masses = [mass_matrix(vehicle, _joint_values(vehicle, turn))[0] for turn in range(6)]
+    with np.errstate(all="ignore"):
+        try:
+            return doubles(np.linalg.inv(masses)[:, 6:, 6:])
+        except np.linalg.LinAlgError:
+            return np.full((6, vehicle.n, vehicle.n), np.nan)
 
 
-def of_mirrored(values: AnyArray, still: AnyArray) -> AnyArray:
-    """Largest of the values (..., n) among joints of one mobility (n,) at rest, thus one number for mirrored joints.
+def of_mirrored(values: Array, mobilities: Array) -> Array:
+    """Largest of the values (..., n) among joints of one mobility at rest, thus one number for mirrored joints.
 
-    Sampled postures are no mirror images of each other; the one at rest, zero or the nearest limit, is its own.
+    Sampled configurations are no mirror images of each other; that at rest, zero or the nearest limits, is its own.
+
+    Args:
+        values: one per joint, or rows of them.
+        mobilities: (S, n, n) at the sampled configurations, that at rest first.
     """
+    still = mobilities[0].diagonal()
     alike = np.isclose(still[:, None], still, rtol=ALIKE, atol=0.0)
-    return np.where(alike, values[..., None, :], 0.0).max(axis=-1)
+    return doubles(np.where(alike, values[..., None, :], 0.0).max(axis=-1))
 
 
 def _numbers(*values: Scalar) -> list[float]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.records.arrays import AnyArray
+from skyarm.records.arrays import Array
 from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.linkage import Joint, Link
 from skyarm.vehicle.mobility import joint_mobility, of_mirrored
@@ -46,8 +46,8 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     lacking = [_has_limits(joint) and joint.name not in own and not joint.has_stops for joint in vehicle.joints]
     if not any(lacking):
         return vehicle
-    own_mobilities = np.diagonal(joint_mobility(vehicle), axis1=1, axis2=2)
-    ease = of_mirrored(own_mobilities.max(axis=0), own_mobilities[0]).tolist()
+    mobilities = joint_mobility(vehicle)
+    ease = of_mirrored(np.einsum("sii->si", mobilities).max(axis=0), mobilities).tolist()
     links = tuple(
         replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
         for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
@@ -111,7 +111,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         rate, shares = _fastest(_slopes(links), mobilities)
         dry = [
             _dry(link.joint) * share if link.joint.name in names else 0.0
-            for link, share in zip(links, of_mirrored(shares, np.diag(mobilities[0])).tolist(), strict=True)
+            for link, share in zip(links, of_mirrored(shares, mobilities).tolist(), strict=True)
         ]
         if rate <= limit or max(dry) == 0.0:
             break
@@ -135,11 +135,11 @@ def _slopes(links: Sequence[Link]) -> list[float]:
     return [float(link.joint.damping) + _dry(link.joint) for link in links]
 
 
-def _fastest(slopes: Sequence[float], mobilities: Sequence[AnyArray]) -> tuple[float, AnyArray]:
+def _fastest(slopes: Sequence[float], mobilities: Array) -> tuple[float, Array]:
     """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
-    root = np.sqrt(np.array(slopes))
+    root = np.sqrt(slopes)
     with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them
-        product = root[:, None] * np.array(mobilities) * root[None, :]
+        product = root[:, None] * mobilities * root
     if not np.all(np.isfinite(product)):
         return 0.0, np.zeros(len(slopes))
     rates, modes = np.linalg.eigh(product)
