@@ -155,7 +155,7 @@ def of_mirrored(values: Array, mobilities: Array) -> Array:
     """
     still = mobilities[0].diagonal()
     alike = np.isclose(still[:, None], still, rtol=ALIKE, atol=0.0)
-    return doubles(np.where(alike, values[..., None, :], 0.0).max(axis=-1))
+    return doubles(np.where(alike, values[..., None, :], 0.0).max(axis=-1, initial=0.0))
 
 
 def _numbers(*values: Scalar) -> list[float]:
