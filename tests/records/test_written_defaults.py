@@ -45,12 +45,12 @@ SENSORS: Tables = {
 BOX: Tables = {"name": "box", "size": [0.1, 0.1, 0.1], "mass": 0.1, "position": [1.0, 0.0, 0.05]}
 GUST: Tables = {"start": 0.1, "duration": 0.1}
 DOOR: Tables = {"name": "door", "kind": "door", "size": [0.5, 1.0, 0.05], "mass": 5.0, "position": [5.0, 0.0, 0.0]}
+HOVER: Tables = {"kind": "hover", "position": [0.0, 0.0, 2.0]}
 SERVO: Tables = {"inertia": 1e-3, "stiffness": 2.0}
 
 
 def tables(**own: Any) -> Tables:
     """Tables of a small scenario, with others of its own."""
-    hover = {"kind": "hover", "position": [0.0, 0.0, 2.0]}
     return copy.deepcopy(
         {
             "name": "written",
@@ -58,14 +58,14 @@ def tables(**own: Any) -> Tables:
             "plant": {"vehicle": "hummingbird_arm2_rotors"},
             "controller": {"law": "decoupled_pd"},
             "environment": {"ground": False},
-            "reference": {"base": hover},
+            "reference": {"base": HOVER},
         }
         | own
     )
 
 
-def world(**own: Any) -> Tables:
-    return tables(world={"surfaces": [{"name": "floor"}], **own})
+def world(**more: Any) -> Tables:
+    return tables(world={"surfaces": [{"name": "floor"}], **more})
 
 
 def flown_by(autopilot: str) -> Tables:
@@ -77,7 +77,7 @@ def moved(**base: Any) -> Tables:
 
 
 def governed() -> Tables:
-    return tables(reference={"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}, "governor": {}})
+    return tables(reference={"base": HOVER, "governor": {}})
 
 
 def led() -> Tables:
@@ -93,6 +93,20 @@ def team(law: str) -> Tables:
     """Tables of a plate that three vehicles carry, under a law of a team."""
     document = tomllib.loads((TEAMS / "plate.toml").read_text("utf-8"))
     return document | {"team": {"law": law, "object": "plate"}}
+
+
+def led_on(vehicle: str, **options: Any) -> Tables:
+    """Tables of a law that keeps the tip of a vehicle, by whose arm it computes defaults."""
+    law = {"law": "centroidal", "mode": "tip", **options}
+    return tables(controller=law, plant={"vehicle": vehicle}, reference={"base": HOVER, "load": 0.0})
+
+
+def standing() -> Tables:
+    """Tables of a vehicle that stands on a floor with its skids."""
+    points = [
+        {"name": f"skid{x}{y}", "body": "base", "position": [0.1 * x, 0.1 * y, -0.3]} for x in (-1, 1) for y in (-1, 1)
+    ]
+    return world(points=points) | {"initial": {"standing": True}, "reference": {"base": HOVER, "joints": [1.5, 1.5]}}
 
 
 SAFETY = f"{WORDS} controller.safety -"
@@ -112,7 +126,6 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ("scenario_files", f"{WORDS} sensors", "sensors", tables(sensors={"joints": 0.01})),
     ("scenario_files", f"{WORDS} delays", "delays", tables()),
     ("scenario_files", f"{WORDS} initial", "initial", tables(initial={"position": [0.0, 0.0, 2.0]})),
-    ("scenario_files", f"{WORDS} windows", "windows", tables()),
     ("scenario_files", f"{WORDS} reference +", "reference", tables()),
     ("scenario_files", f"{SAFETY}joint_speed", "controller.safety", safe()),
     (
@@ -151,6 +164,18 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         ("laws", f"<!-- generated: law {law} -", "controller", tables(controller={"law": law}))
         for law in SHIPPED["law"]
     ),
+    *(
+        ("laws", "<!-- generated: law centroidal -", "controller", led_on(vehicle, **options))
+        for vehicle, options in (
+            ("hexarotor_arm6", {}),  # a light tip
+            ("octo_coaxial_two_arms", {}),  # sliding joints
+            ("octo_coaxial_two_arms", {"interaction": [0.3, 0.1]}),
+            ("octo_coaxial_two_arms", {"load": 0.5}),
+            ("tilted_hexarotor", {"mode": "joint"}),  # no arm
+        )
+    ),
+    ("scenario_files", f"{WORDS} controller -->", "controller", tables(controller={"preset": "centroidal_tip"})),
+    ("scenario_files", f"{WORDS} initial", "initial", standing()),
     *(
         ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
@@ -258,7 +283,7 @@ def text(record: Any) -> str:
     return json.dumps(plain(record), sort_keys=True)
 
 
-OTHER_FORM = ("windows.last = 5", "controller.rate_weights = [1.0, 1.0]", "world.grippers.0.closed = 1")
+OTHER_FORM = ("controller.rate_weights = [1.0, 1.0]", "world.grippers.0.closed = 1")
 """Defaults that the record has in another form when they are written; these are flown, to the bit."""
 
 
@@ -311,6 +336,11 @@ def test_a_written_default_of_a_vehicle_file_is_the_one_left_out(kind: str) -> N
     document = tomllib.loads(VEHICLE)
     path = {"joint": "links.0.joint", "rotors": "rotors.0", "body": "base", "drag": "drag", "frames": "frames.0"}
     assert changed("vehicle_files", f"<!-- generated: vehicle {kind} -->", path.get(kind, ""), document, vehicle) == []
+
+
+def test_the_default_window_of_the_end_is_the_one_left_out_of_a_flight_that_is_shorter() -> None:
+    """The page's 5 s, written in a flight of 0.6 s."""
+    assert flown(tables(duration=0.6)) == flown(tables(duration=0.6, windows={"last": 5}))
 
 
 def vehicle(document: Mapping[str, Any]) -> Any:

@@ -291,7 +291,7 @@ def _preset_name(fields: Fields) -> str:
 def _require_only(fields: Fields, word: str, allowed: str) -> None:
     """Raise an error if a [controller] table has other keys than the given one, ``safety`` and ``servos``."""
     for other, value in fields.table.items():
-        if other not in (word, *LAYERS):
+        if other not in (word, *LAYERS) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 

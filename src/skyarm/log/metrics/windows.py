@@ -126,7 +126,7 @@ class Windows:
             steady=after, transient=Window(0.0, settled), gust=after, hover=after, holds=(after,),
             last=min(LAST, duration - settled),
         )  # fmt: skip
-        ranked = (self, Windows() if own is None else own.within(duration), general)
+        ranked = (self.within(duration), (own or self).within(duration), general)
         chosen = {
             name: next(each for one in ranked if (each := getattr(one, name)) is not None)
             for name in (*NAMES, "holds", "last")
@@ -140,11 +140,13 @@ class Windows:
     def require_within(self, duration: float) -> None:
         """Raise an error if a requested time window ends after a flight of given duration (s).
 
+        ``last`` does not: beyond a shorter flight it is the general one.
+
         Raises:
             ValueError: one line.
         """
         for name, (end, words) in self._ends().items():
-            if end > duration:
+            if end > duration and name != "last":
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
