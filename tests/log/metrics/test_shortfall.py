@@ -53,6 +53,16 @@ def test_of_rotors_on_a_battery_no_limit_is_said_to_be_kept(hover):
     assert "no command at a limit" not in found
 
 
+@pytest.mark.parametrize("first", [0, 250])
+def test_a_rotor_at_rest_is_at_a_limit_wherever_the_summary_speaks_of_one(hover, first):
+    """In the settling third, which the share leaves out, and after it."""
+    sent = hover.rotor_commands.copy()
+    sent[first : first + 10, 2] = 0.0
+    found = text(changed(hover, rotor_commands=sent))
+    assert ("a rotor at its limit in 5 % of the periods" in found) == (first > 0)
+    assert "of a rotor's highest\n" in found
+
+
 @pytest.mark.parametrize(("esc", "share"), [("governed", 1.0), ("open", None)])
 def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypatch):
     """At 6.3 of 12.6 V no rotor turns faster than half its highest speed, and hover asks for more."""
