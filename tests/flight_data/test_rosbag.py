@@ -257,15 +257,16 @@ def test_a_damaged_bag_is_one_line(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("variances", "turns", "known"),
     [
-        ([-1.0, -1.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], False),  # REP 145: -1 in the first entry
-        ([0.0, 0.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
-        ([0.02, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
-        ([-1.0, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
-        ([0.02, 0.02], [[0, 0, 0, 0], [0, 0, 0, 0]], False),
+        ([-1.0, -1.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], []),  # REP 145: -1 in the first entry
+        ([0.0, 0.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [0, 1]),
+        ([0.02, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [0, 1]),
+        ([-1.0, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [1]),
+        ([0.02, -1.0, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6], [0, 0, 0, 0]], [0]),
+        ([0.02, 0.02], [[0, 0, 0, 0], [0, 0, 0, 0]], []),
     ],
 )
 def test_an_attitude_of_an_inertial_unit_is_known_by_its_covariance(
-    variances: list[float], turns: list[list[float]], known: bool, tmp_path: Path
+    variances: list[float], turns: list[list[float]], known: list[int], tmp_path: Path
 ) -> None:
     def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
         make, found = Messages(store, kind), []
@@ -280,7 +281,49 @@ def test_an_attitude_of_an_inertial_unit_is_known_by_its_covariance(
     flight = load_flight(write("mcap", tmp_path, messages))
     assert set(flight) == {"gyro", "accelerometer"} | ({"quaternion"} if known else set())
     if known:
-        np.testing.assert_allclose(flight["quaternion"].values, turns)
+        np.testing.assert_allclose(flight["quaternion"].values, np.array(turns)[known])
+        np.testing.assert_allclose(flight["quaternion"].time, 0.01 * np.array(known), atol=1e-9)
+
+
+@pytest.mark.parametrize(("field", "name"), [("angular_velocity", "gyro"), ("linear_acceleration", "accelerometer")])
+def test_a_reading_that_an_inertial_unit_has_not_is_left_out_row_by_row(field: str, name: str, tmp_path: Path) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        for k in range(6):
+            made = make.imu(START + k * 10**7, [0.1 * k, 0.2, 0.3], [0.1 * k, 0.0, 9.8])
+            variance = np.array([-1.0 if k in (1, 4) else 0.01, *8 * [0.0]])
+            made = dataclasses.replace(made, **{f"{field}_covariance": variance})
+            found.append(("/imu", "sensor_msgs/msg/Imu", START + k * 10**7, made))
+        return found
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    np.testing.assert_allclose(flight[name].values[:, 0], [0.0, 0.2, 0.3, 0.5])
+    (other,) = {"gyro", "accelerometer"} - {name}
+    assert flight[other].time.size == 6
+
+
+def test_a_unit_without_attitude_is_no_second_source_of_it(tmp_path: Path) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        for k in range(3):
+            stamp = START + k * 10**7
+            found.append(("/imu", "sensor_msgs/msg/Imu", stamp, make.imu(stamp, [0.1, 0.2, 0.3], [0.0, 0.0, 9.8])))
+            pose = make.make(
+                "geometry_msgs/msg/Pose", position=make.xyz([k, 0, 1], "Point"), orientation=make.turn([1, 0, 0, 0])
+            )
+            found.append(
+                (
+                    "/pose",
+                    "geometry_msgs/msg/PoseStamped",
+                    stamp,
+                    make.make("geometry_msgs/msg/PoseStamped", header=make.header(stamp), pose=pose),
+                )
+            )
+        return found
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    assert flight["quaternion"].source.startswith("/pose")
+    assert not any("fastest" in each for each in flight.notes)
 
 
 def test_a_bag_without_measurements_lists_its_topics(tmp_path: Path) -> None:

@@ -215,6 +215,7 @@ def _table(rows: _Rows, origin: int) -> RawTable:
         at, values = zip(*alike, strict=True)
         table[np.ix_(at, [every[name] for name in names])] = np.array(values)
     columns = {name: table[:, place] for name, place in every.items()}
+    _blank_unknown(columns)
     lists: dict[str, list[str]] = {}
     for name in filter(ENTRY.fullmatch, every):
         lists.setdefault(name[: name.index("[")], []).append(name)
@@ -236,8 +237,12 @@ def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str
     for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
-            if name != "quaternion" or not _is_unknown(table):
-                sources.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
+            held = (
+                each
+                for each in signals
+                if all(np.isfinite(table.numbers(c)).any() for c in each.columns if table.has(c))
+            )
+            sources.setdefault(name, []).extend(replace(each, topic=topic) for each in held)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, f"{place}[")):
@@ -255,11 +260,20 @@ def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
     return tuple(each for each in named if counts[each] == most > 0)
 
 
-def _is_unknown(table: RawTable) -> bool:
-    """True if an inertial unit's topic has no attitude: first variance negative, or quaternion zero throughout."""
-    variance = table.columns.get("orientation_covariance[0]")
-    turns = [each for name, each in table.columns.items() if re.fullmatch(r"orientation\.[wxyz]", name)]
-    return (variance is not None and bool((variance < 0.0).all())) or (bool(turns) and not np.any(turns))
+def _blank_unknown(columns: Mapping[str, Array]) -> None:
+    """Replace by NaN what a row of an inertial unit says it has not: first variance below 0, or a quaternion of zeros.
+
+    Source: sensor_msgs/msg/Imu; REP 145.
+    """
+    for said, variance in columns.items():
+        begin = said.removesuffix("_covariance[0]")
+        parts = [each for name, each in columns.items() if re.fullmatch(rf"{re.escape(begin)}\.[wxyz]", name)]
+        if parts and begin != said:
+            unknown = variance < 0.0
+            if begin == "orientation":
+                unknown |= ~np.any(parts, axis=0)
+            for part in parts:
+                part[unknown] = np.nan
 
 
 BAG = FlightFormat(read_bag, suffixes=("bag",), begins=(b"#ROSBAG V",))
