@@ -149,16 +149,28 @@ def test_positions_go_out_in_the_order_of_the_joints(sdk, tables):
         arm.close()
 
 
-def test_small_servos_count_their_current_in_milliamperes(tables, monkeypatch):
-    """XL330 beside XM430, by the model number that a servo answers to a ping."""
-    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(1200, 1020)))
+@pytest.mark.parametrize(("model", "counts"), [(1200, 500), (1240, 500), (1710, 500), (1040, 373), (1310, 186)])
+def test_servos_count_their_current_in_units_of_their_model(model, counts, tables, monkeypatch):
+    """XL330, XC330, XM335 (1 mA), XH430-V (1.34 mA), XW540 (2.69 mA) beside XM430, of the e-Manual's control tables."""
+    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020)))
     arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0, most=1.0))
     try:
         arm.send((-1.0, 9.0), 0.0)
         settle(lambda: get(tables[2], 102, 2) != 0)
-        assert (get(tables[1], 102, 2), get(tables[2], 102, 2)) == (-500, round(1.0 / 2.69e-3))
+        assert (get(tables[1], 102, 2), get(tables[2], 102, 2)) == (-counts, round(1.0 / 2.69e-3))
     finally:
         arm.close()
+
+
+@pytest.mark.parametrize("model", [1700, 1060, 321])
+def test_a_servo_whose_unit_of_current_is_unknown_takes_no_torque(model, tables, monkeypatch):
+    """XC335, XL430 without a current mode, MX-106: nothing turns, and positions still go."""
+    monkeypatch.setitem(sys.modules, "dynamixel_sdk", stand_in(tables, models=(model, 1020)))
+    with pytest.raises(JointPortError, match=rf"servo 1 on '/dev/x': model {model} counts no known current; without"):
+        DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0))
+    assert tables[1][64] == 0
+    DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2))).close()
+    assert tables[1][64] == 1
 
 
 def test_torques_become_currents_within_their_limit(sdk, tables):

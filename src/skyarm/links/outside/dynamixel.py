@@ -1,7 +1,7 @@
 """Port to an arm of DYNAMIXEL servos (protocol 2.0, X series) on a serial bus, by the maker's SDK.
 
 Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of position (1/4096 turn), velocity
-(0.229 turns a minute) and current (2.69 mA; 1 mA of XL330 and XC330). A thread of its own keeps the bus busy; the
+(0.229 turns a minute) and current (by the model). A thread of its own keeps the bus busy; the
 servos' own watchdog stops them half a second after the bus falls silent. Setpoints that are not renewed are not sent
 on: the servos then hold their places.
 """
@@ -36,11 +36,14 @@ TICK, ZERO = 2.0 * math.pi / 4096.0, 2048
 RATE = 0.229 * 2.0 * math.pi / 60.0
 """Velocity (rad/s) per count."""
 
-CURRENT, FINE_CURRENT = 2.69e-3, 1e-3
-"""Current (A) per count of most servos, and of those of :data:`FINE`."""
-
-FINE = {1190, 1200, 1210, 1220, 1230, 1240}
-"""Model numbers of XL330-M077, XL330-M288, XC330-T181, XC330-T288, XC330-M181, XC330-M288, which count in mA."""
+CURRENTS = {
+    # XH430-W and XD430, XM430, XH540 and XD540, XM540, XW540, XW430
+    **dict.fromkeys((1000, 1001, 1010, 1011, 1020, 1030, 1100, 1101, 1110, 1111, 1120, 1130, 1140, 1150), 2.69e-3),
+    **dict.fromkeys((1170, 1180, 1270, 1280, 1310), 2.69e-3),
+    **dict.fromkeys((1040, 1050), 1.34e-3),  # XH430-V
+    **dict.fromkeys((1190, 1200, 1210, 1220, 1230, 1240, 1710), 1e-3),  # XL330, XC330, XM335
+}
+"""Model number -> current (A) per count. Others, as XL430, cannot be told a current, or count in an unknown unit."""
 
 WATCHDOG = 25
 """Time without a packet after which a servo stops, in units of 20 ms."""
@@ -154,11 +157,14 @@ class DynamixelJoints(JointLink):
         for number in bus.ids:
             done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, mode)
             done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
-            if not (done and self._write(number, TORQUE_ENABLE, 1)):
-                raise JointPortError(f"--joints: servo {number} on {shown(bus.device)} does not answer")
-            self._states.addParam(number)
             model, _, _ = self._packets.ping(self._port, number)
-            self._currents.append(FINE_CURRENT if model in FINE else CURRENT)
+            at = f"--joints: servo {number} on {shown(bus.device)}"
+            if done and bus.torque is not None and model not in CURRENTS:
+                raise JointPortError(f"{at}: model {model} counts no known current; without torque it takes positions")
+            if not (done and self._write(number, TORQUE_ENABLE, 1)):
+                raise JointPortError(f"{at} does not answer")
+            self._states.addParam(number)
+            self._currents.append(CURRENTS.get(model, math.nan))
 
     def _write(self, number: int, address: int, value: int) -> bool:
         result, error = self._packets.write1ByteTxRx(self._port, number, address, value)
