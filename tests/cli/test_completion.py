@@ -51,6 +51,19 @@ def test_names_commands_and_options_are_completed(words, place, expected, monkey
     assert answered(words, place, monkeypatch) == expected
 
 
+def test_a_path_is_completed_in_its_folder(monkeypatch, tmp_path):
+    (tmp_path / "mine").mkdir()
+    for name in ("mine.toml", "mine/inner.toml", "mine/inner.txt"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert answered("skyarm run ./mi", 2, monkeypatch) == {"./mine.toml", "./mine/"}
+    assert answered("skyarm run mine/", 2, monkeypatch) == {"mine/inner.toml"}
+    assert answered(f"skyarm run {tmp_path}/mine.", 2, monkeypatch) == {f"{tmp_path}/mine.toml"}
+    assert answered("skyarm run ~/mine/i", 2, monkeypatch) == {"~/mine/inner.toml"}
+    assert answered("skyarm run ./gone/mi", 2, monkeypatch) == set()
+
+
 def test_files_of_the_folder_are_completed(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for name in ("mine.toml", "mine.urdf", "mine.txt"):

@@ -57,11 +57,16 @@ def test_extras_are_those_of_the_package():
 
 def test_a_missing_extra_names_the_command_that_adds_it(quick):
     quick.setattr(doctor, "installed_versions", lambda names, path=None: {n: "99" for n in names if n != "pyarrow"})
-    done = skyarm("doctor", columns=200)
+    done = skyarm("doctor", columns=80)
     assert done.code == 0
-    (line,) = (each for each in done.out.splitlines() if "extra sweep" in each)
-    assert "pip install" in line
-    assert "[sweep]" in line
+    lines = done.out.splitlines()
+    at = lines.index("missing: extra sweep, pyarrow is missing")
+    assert [each[:27] for each in lines[at + 1 : at + 3]] == [
+        "  python -m pip install -e ",
+        '  python -m pip install "sk',
+    ]
+    assert all("[sweep]" in each for each in lines[at + 1 : at + 3])
+    assert max(map(len, lines)) <= 80
 
 
 def test_an_old_library_and_a_missing_one_are_faults(quick):
@@ -92,7 +97,7 @@ def test_a_trial_that_breaks_is_a_line(quick, program, said):
     assert (done.code, done.err) == (1, "")
     assert "Traceback" not in done.out
     assert said in done.out
-    assert re.search("^broken: machine code, .*: do this$", done.out, re.M)
+    assert re.search("^broken: machine code, .*\\n  do this$", done.out, re.M)
 
 
 def test_no_process_can_be_started(quick):

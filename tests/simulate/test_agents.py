@@ -336,8 +336,15 @@ def test_what_a_session_of_several_vehicles_has_not_is_one_line() -> None:
         session.step(command)
     with pytest.raises(ScenarioError, match=r"^rotors = \{'middle': .*\}: must be a table by agent, of left, right$"):
         session.step(rotors={"middle": (0.0,) * 4})
-    with pytest.raises(ScenarioError, match=r"^command = 3: must be a Command$"):
+    with pytest.raises(ScenarioError, match=r"^left: command = 3: must be a Command$"):
         session.step({"left": 3})
+    least = (400.0, 400.0, -1.0, 400.0)
+    joints = len(session.scenario.agents["right"].vehicle.joints)
+    backwards = skyarm.Command(rotor_speeds=least, efforts=(0.0,) * joints)
+    with pytest.raises(ScenarioError, match=r"^right: command\.rotor_speeds\[2\] = -1\.0: must be from 0 to "):
+        session.step({"right": backwards})
+    with pytest.raises(ScenarioError, match=r"^right: rotors\[2\] = -1\.0: must be from 0 to "):
+        session.step(rotors={"left": (400.0,) * 4, "right": least})
     assert session.tick == 0
 
 

@@ -25,7 +25,7 @@ from skyarm.vehicle.vehicle_files import carried_robots, load_vehicle
 
 REASONS = {
     "equal to Pinocchio's parse": "",
-    "root weighs nothing: it cannot float": r"base\.mass = 0\.0: must be greater than 0; its root",
+    "root weighs nothing: it cannot float": r"base\.mass = 0\.0: must be greater than 0; its root .*\[\[attach\]\]$",
     "an axis without inertia": r"must leave no axis without inertia",
     "a joint moves no mass": r"must move mass outward of it",
     "inertia far beyond the triangle": r"must obey the triangle inequality|principal moments .*: must not be negative",

@@ -95,7 +95,8 @@ def doctor(
     tell(
         table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts if part not in remedied], left=3)
     )
-    tell(*(f"{part.state}: {part.name}, {part.found}: {part.remedy}" for part in remedied))
+    # each command on a line of its own, to be copied
+    tell(*(f"{p.state}: {p.name}, {p.found}\n  " + p.remedy.replace(", python", "\n  python") for p in remedied))
     if not clear:
         tell("all that flights need works" if works(parts) else "something that flights need does not work")
     if not works(parts):

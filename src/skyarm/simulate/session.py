@@ -15,7 +15,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
@@ -275,7 +275,11 @@ class Session:
             return [numbers(given, taken)]
         if not isinstance(given, Mapping) or not given.keys() <= self._taken.keys():
             raise ScenarioError(f"{field} = {shown(given)}: must be a table by agent, of {', '.join(self._taken)}")
-        return [numbers(given[name], taken) if name in given else () for name, taken in self._taken.items()]
+        found = list[tuple[float, ...]]()
+        for name, taken in self._taken.items():
+            with errors_as(ScenarioError, f"{name}: "):
+                found.append(numbers(given[name], taken) if name in given else ())
+        return found
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""

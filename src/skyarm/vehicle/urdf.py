@@ -70,10 +70,8 @@ def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
     """Vehicle without rotors from a URDF file; a frame named 'tip' becomes the end effector."""
     if float(bodies.base.mass) == 0.0:
-        allowed = (
-            f"must be greater than 0; its root '{bodies.root}' weighs nothing, and an airframe can carry it (attach)"
-        )
-        refuse("base.mass", 0.0, allowed)
+        root = f"its root '{bodies.root}' weighs nothing"
+        refuse("base.mass", 0.0, f"must be greater than 0; {root}, and an airframe can carry it by [[attach]]")
     tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
     made = Vehicle(
         name=bodies.name,
