@@ -22,6 +22,7 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import plain
 from skyarm.scenario.scenario_record import ScenarioError
@@ -40,7 +41,7 @@ from support.flights import estimated
 from support.one_vehicle import acceleration, motion_of
 from support.vehicles import HOVER, WIND, random_flyer, tumbling
 
-G = 9.8
+G, STILL = 9.8, Surroundings()
 PERFECT = {"gyro": Channel(), "accelerometer": Channel()}
 
 
@@ -91,6 +92,51 @@ def test_fifty_mounts_read_the_motion_of_their_place_under_swinging_arms(kind):
         turned, read = reading_of(imu_at(place, rpy), state, base_of(kind, seed))
         np.testing.assert_allclose(read, felt, rtol=0.0, atol=1e-12 * max(1.0, np.abs(felt).max()))
         np.testing.assert_allclose(turned, R.T @ rate, rtol=0.0, atol=1e-13 * max(1.0, np.abs(rate).max()))
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_logged_row_reads_the_motion_under_the_command_of_the_row_before(plant):
+    """Row 0 too: the joints hold their links at rest on a level base, as MuJoCo's bias forces say."""
+    place, rpy, joints = (0.1, -0.2, 0.15), (0.3, -0.4, 2.0), (0.7, -0.9)
+    session = skyarm.Session(
+        skyarm.scenario_from(
+            {
+                "name": "rows",
+                "duration": 0.05,
+                "plant": {"vehicle": "hummingbird_arm2_rotors", "kind": plant},
+                "controller": {"law": "decoupled_pd"},
+                "environment": {"ground": False},
+                "sensors": {"imu": {"kind": "imu", "position": [*place], "rpy": [*rpy], "gyro": {}, "accelerometer": {}}},
+                "initial": {"rate": [1.0, -2.0, 0.5], "joints": [*joints], "joint_rates": [3.0, -4.0]},
+                "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}},
+            }
+        )
+    )
+    given = [(0.3, -0.2), (-0.4, 0.1), (0.2, 0.3)]
+    for efforts in given:
+        session.step(Command(rotor_speeds=(420.0, 480.0, 450.0, 430.0), efforts=efforts))
+    log, truth = session.log, session.scenario.plant
+    model = build_spec(truth.vehicle, truth.gravity).compile()
+    data, (q, v) = mujoco.MjData(model), joint_addresses(truth.vehicle, model)
+    data.qpos[q] = joints
+    mujoco.mj_forward(model, data)
+    R = Rotation.from_euler("ZYX", rpy[::-1]).as_matrix()
+    for i, before in enumerate([data.qfrc_bias[v], *given[:-1]]):
+        state = State(
+            position=Vec3(*log.position[i]),
+            quaternion=Quaternion(*log.quaternion[i]),
+            velocity=Vec3(*log.velocity[i]),
+            rate=Vec3(*log.rate[i]),
+            joints=tuple(log.joints[i]),
+            joint_rates=tuple(log.joint_rates[i]),
+            rotor_speeds=tuple(log.rotor_speeds[i]),
+        )
+        orders = Command(rotor_speeds=tuple(log.rotor_speeds[i]), efforts=tuple(before))
+        force, torques = applied_force(motion_of(truth, state, STILL), orders, STILL)
+        base, _ = dynamics.forward_dynamics(truth.vehicle, state.joints, state.rate, state.joint_rates, force, torques)
+        f, alpha, rate = (np.array([*map(float, each)]) for each in (base.linear, base.angular, state.rate))
+        felt = R.T @ (f + np.cross(alpha, place) + np.cross(rate, np.cross(rate, place)))
+        np.testing.assert_allclose(log.readings["imu"]["specific_force"][i], felt, atol=1e-9, err_msg=f"row {i}")
 
 
 @pytest.mark.parametrize("seed", range(5))
