@@ -106,7 +106,9 @@ def test_a_logged_row_reads_the_motion_under_the_command_of_the_row_before(plant
                 "plant": {"vehicle": "hummingbird_arm2_rotors", "kind": plant},
                 "controller": {"law": "decoupled_pd"},
                 "environment": {"ground": False},
-                "sensors": {"imu": {"kind": "imu", "position": [*place], "rpy": [*rpy], "gyro": {}, "accelerometer": {}}},
+                "sensors": {
+                    "imu": {"kind": "imu", "position": [*place], "rpy": [*rpy], "gyro": {}, "accelerometer": {}}
+                },
                 "initial": {"rate": [1.0, -2.0, 0.5], "joints": [*joints], "joint_rates": [3.0, -4.0]},
                 "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}},
             }

@@ -16,8 +16,11 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import load_warnings
 from skyarm.world import HangingPayload, Reach, TimedPayload
+from skyarm.world.contact import Material, Surface
 
 DT = 0.005
+
+GROUND = (Surface(name="ground"),)
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Holder:
     place: Vec3
     speed: Vec3
     gravity: float
-    floor: float = -math.inf
+    solids: tuple[Surface, ...] = ()
 
     def frame(self, _name):
         return Vec3(0.0, 0.0, 0.0), 0
@@ -142,7 +145,7 @@ def test_a_load_lies_down_on_the_floor_and_slides_with_friction():
     for k in range(400):
         height = max(1.0 - 0.5 * k * DT, 0.3)
         sinking = Vec3(0.0, 0.0, -0.5 if height > 0.3 else 0.0)
-        memory = payload.act(memory, k * DT, DT, Holder(Vec3(0.0, 0.0, height), sinking, 9.81, floor=0.0))
+        memory = payload.act(memory, k * DT, DT, Holder(Vec3(0.0, 0.0, height), sinking, 9.81, GROUND))
         assert memory.position.z >= 0.0
     assert memory.position.z == 0.0
     assert tuple(memory.pull) == (0.0, 0.0, 0.0)
@@ -150,15 +153,63 @@ def test_a_load_lies_down_on_the_floor_and_slides_with_friction():
     for _ in range(200):
         # above the load, whose cord stays slack
         over = Vec3(memory.position.x, memory.position.y, 0.2)
-        memory = payload.act(memory, 5.0, DT, Holder(over, Vec3(0.0, 0.0, 0.0), 9.81, floor=0.0))
+        memory = payload.act(memory, 5.0, DT, Holder(over, Vec3(0.0, 0.0, 0.0), 9.81, GROUND))
     way = 1.0 / (2.0 * 0.3 * 9.81)
     assert tuple(memory.position) == pytest.approx((0.6 * way, 0.8 * way, 0.0), rel=2e-3)
     assert math.hypot(memory.velocity.x, memory.velocity.y) < 1e-9
     # and is lifted again
     for k in range(200):
         over = Vec3(memory.position.x, memory.position.y, 0.2 + 0.5 * k * DT)
-        memory = payload.act(memory, 6.0, DT, Holder(over, Vec3(0.0, 0.0, 0.5), 9.81, floor=0.0))
+        memory = payload.act(memory, 6.0, DT, Holder(over, Vec3(0.0, 0.0, 0.5), 9.81, GROUND))
     assert memory.position.z == pytest.approx(0.7 - 0.51, abs=0.02)
+
+
+@pytest.mark.parametrize("angle", [0.25, 0.35])
+def test_on_a_slope_it_lies_or_slides_by_the_friction_of_the_surface(angle):
+    """Closed form, tan(angle) beside 0.3: at rest below it, (sin - mu cos) g t^2 / 2 down the slope above."""
+    slope = (Surface(name="slope", angles=Vec3(0.0, angle, 0.0), material=Material(friction=0.3)),)
+    payload, at = HangingPayload(mass=0.3, cord=0.5), Vec3(0.0, 0.0, 0.2)
+    memory = payload.act(payload.start(DT, ()), 0.0, DT, Holder(at, Vec3(0.0, 0.0, 0.0), 9.81, slope))
+    for k in range(1, 81):
+        over = Vec3(memory.position.x, 0.0, memory.position.z + 0.2)  # the cord is slack
+        memory = payload.act(memory, k * DT, DT, Holder(over, Vec3(0.0, 0.0, 0.0), 9.81, slope))
+    x, z = memory.position.x, memory.position.z
+    assert x * math.sin(angle) + z * math.cos(angle) == pytest.approx(0.0, abs=1e-9), "on the slope"
+    pull = 9.81 * max(math.sin(angle) - 0.3 * math.cos(angle), 0.0)
+    assert x / math.cos(angle) == pytest.approx(0.5 * pull * (81 * DT) ** 2, rel=0.01, abs=1e-9)
+
+
+BOX = {"shape": "box", "size": [2.0, 2.0, 0.1], "position": [0.0, 0.0, -0.05]}
+SHELF = {"shape": "box", "size": [2.0, 2.0, 0.01], "position": [0.0, 0.0, 0.395]}
+BALL = {"shape": "sphere", "size": [0.5], "position": [0.0, 0.0, -0.5]}
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize(
+    ("ground", "surface", "top"),
+    [(True, {}, 0.0), (False, {}, 0.0), (False, BOX, 0.0), (True, BOX, 0.0), (False, SHELF, 0.4), (False, BALL, None)],
+)
+def test_a_flown_load_meets_the_surfaces_of_the_world(ground, surface, top, plant):
+    """It hangs 0.6 m below a tip at 0.45 m: on a floor, on a thin shelf that the cord would pass, on a ball."""
+    document = {
+        "schema": 1, "name": "on", "duration": 0.8, "plant": {"vehicle": "hummingbird_arm2_rotors", "kind": plant},
+        "controller": {"preset": "centroidal_joint"}, "environment": {"ground": ground},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.84]}, "joints": [0.0, 0.0]},
+        "payloads": [{"kind": "hanging", "mass": 0.1, "pick": 0.1, "cord": 0.6}],
+        "world": {"surfaces": [{"name": "floor", **surface}]},
+    }  # fmt: skip
+    scenario = scenario_from(document)
+    log = skyarm.run(scenario)
+    held = log.component("payload_mass")[:, 0] > 0.0
+    place = log.component("payload_position")[held]
+    assert log.status == "completed"
+    assert held.sum() > 100
+    heights = place[:, 2] if top is not None else np.linalg.norm(place - [0.0, 0.0, -0.5], axis=1) - 0.5
+    np.testing.assert_allclose(heights, top or 0.0, atol=1e-9)
+    tip = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    low = 0.84 + float(frame_pose(tip, tip.frame(), (0.0, 0.0)).p.z) - 0.6 * 1.02
+    line = f"payloads[0].cord: lets the load hang {(top or 0.0) - low:.3g} m below surface 'floor' along the reference"
+    assert any(each.startswith(line) for each in load_warnings(scenario))
 
 
 def test_check_warns_of_a_cord_that_reaches_below_the_ground(monkeypatch):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add
@@ -26,12 +26,12 @@ class PointMotion:
     Attributes:
         agents: motions of all vehicles by name, that of this one among them.
         task_time: time (s) of the events of its task, at a control instant.
-        floor: height of the ground (m) at a control instant; minus infinity without one.
+        solids: surfaces at rest on which a load on a cord lies down, at a control instant.
         rotor_shares: share of each rotor's forces that faults leave.
     """
 
     task_time: Scalar = 0.0
-    floor: float = -math.inf
+    solids: tuple[Any, ...] = ()
 
     def __init__(
         self,

@@ -46,6 +46,7 @@ from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 if TYPE_CHECKING:
     from skyarm.world.battery_drain import BatteryDrain
     from skyarm.world.contact.contact import Contact
+    from skyarm.world.contact.surface import Surface
     from skyarm.world.team.team import Team
 
     AnyComponent = Component[Any]  # of any internal state, which it alone knows
@@ -760,6 +761,16 @@ class Scenario:
         """Height (m) of the ground: 0, or minus infinity without one, or where planes of the world take its place."""
         planes = any(surface.shape == "plane" for each in self.worlds for surface in each.surfaces)
         return 0.0 if self.ground and not planes else -math.inf
+
+    @property
+    def solids(self) -> tuple[Surface, ...]:
+        """Surfaces at rest: the ground, if there is one, and those of the world."""
+        still = tuple(surface for each in self.worlds for surface in each.still)
+        if self.floor == -math.inf:
+            return still
+        from skyarm.world.contact.surface import Surface
+
+        return (Surface(name="ground", position=Vec3(0.0, 0.0, self.floor)), *still)
 
     @property
     def ground(self) -> bool:

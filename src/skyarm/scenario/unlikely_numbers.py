@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra import E_Z, axis_rotation
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.kinematics import frame_pose
@@ -87,18 +88,25 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
 
 
 def load_warnings(scenario: Scenario) -> Iterator[str]:
-    """Warnings about loads on cords that would reach below the ground along the reference, of a level vehicle."""
+    """Warnings about loads on cords that would reach below the ground or a surface along the reference, when level."""
     vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
     for i, payload in enumerate(scenario.agent.payloads):
+        if not payload.hangs > 0:
+            continue
+        from skyarm.world.hanging_payload import let_down
+
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
-        height = looks.position.z + frame_pose(vehicle, frame, looks.joints).p.z - float(payload.hangs)
+        top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        lowest = float(np.min(np.where(held, np.asarray(height), np.inf)))
-        if payload.hangs > 0 and lowest < scenario.floor:
-            yield (
-                f"payloads[{i}].cord: lets the load hang {scenario.floor - lowest:.3g} m below the ground along the "
-                "reference; a shorter cord, or a higher reference?"
-            )
+        for solid in scenario.solids:
+            below = top - E_Z * float(payload.hangs)
+            deepest = float(np.max(np.where(held, let_down(top, below, solid).z - below.z, 0.0)))
+            if deepest > 0.0:
+                where = "the ground" if solid.name == "ground" else f"surface {solid.name!r}"
+                yield (
+                    f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below {where} along the reference; "
+                    "a shorter cord, or a higher reference?"
+                )
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:

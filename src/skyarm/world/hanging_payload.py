@@ -6,19 +6,19 @@ velocity that it had at the beginning; the mean tension of these steps pulls the
 vehicle gets exactly the momentum that the load loses, and the coupling is of first order in the period. It holds while
 the cord's own swing sqrt(k / m) is slow against the control rate (``FASTEST``): a cord is not stiffer than that here.
 
-Where the ground ends a flight the load lies down on it: it does not bounce, and slides with friction.
+On the ground and on the surfaces of a world that stand still the load lies down: it does not bounce, and slides with
+the friction of the surface.
 
 Source: spherical pendulum on an elastic cord; staggered coupling as in Felippa, Park, Farhat 2001.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import divide, logical_and, maximum, minimum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
@@ -32,12 +32,11 @@ from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 SUBSTEPS = 20
 """Number of integration steps of the load per control period."""
 
+STEPS, TOUCHES = 16, 1e-3
+"""Number of steps in which a load is let down onto a surface; distance (m) from it, and slope, at which it lies."""
+
 FASTEST = 0.5
 """Largest product of the loaded cord's angular frequency and the control period."""
-
-
-FRICTION = 0.3
-"""Coefficient of friction of a load on the floor: that of a contact's material by default."""
 
 
 @immutable
@@ -131,16 +130,15 @@ class HangingPayload(TimedPayload):
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         grasped, caught, gone, place = self.next_status(memory, t, holder)
-        below = holder + Vec3(0.0, 0.0, -1.0) * self.hangs
+        below, solids = holder + Vec3(0.0, 0.0, -1.0) * self.hangs, motion.solids
+        for solid in solids:
+            below = let_down(holder, below, solid)
         nothing = ZERO3_DATA
         first = select(caught > 0.5, below, memory.position)
-        floor = motion.floor
-        if floor > -math.inf:
-            first = Vec3(first.x, first.y, maximum(first.z, floor))
         still = select(caught > 0.5, nothing, memory.velocity)
         swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
         step = dt / SUBSTEPS
-        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step, floor), swing)
+        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step, solids), swing)
         return HangingMemory(
             held=grasped, caught=caught, gone=gone, place=place, begun=first,
             position=select(grasped > 0.5, swing.position, memory.position),
@@ -161,10 +159,10 @@ class HangingPayload(TimedPayload):
         """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.begun)
 
-    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar, floor: float) -> Swing:
+    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar, solids: Sequence[Any]) -> Swing:
         """Advance the load by one substep under cord tension and gravity, independent of its mass.
 
-        On a floor at a height (m) it comes to rest, and friction takes ``FRICTION`` times what it loses of its fall.
+        On a surface it comes to rest, and friction takes its coefficient times what the load loses of its fall.
         Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics (impulses of a time step).
         """
         to_tip = now.holder - now.position
@@ -176,11 +174,14 @@ class HangingPayload(TimedPayload):
         tension = where(length > self.cord, maximum(tension, 0.0), 0.0)
         velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * gravity) * dt
         position = now.position + velocity * dt
-        if floor > -math.inf:
-            lands, along_floor = position.z < floor, sqrt(velocity.x * velocity.x + velocity.y * velocity.y + 1e-24)
-            left = maximum(1.0 + FRICTION * divide(velocity.z, along_floor), 0.0)
-            velocity = select(lands, Vec3(velocity.x * left, velocity.y * left, 0.0), velocity)
-            position = select(lands, Vec3(position.x, position.y, floor), position)
+        for solid in solids:
+            depth, normal = solid.depth(position, 0, 0.0)
+            into = minimum(normal.dot(velocity), 0.0)
+            beside = velocity - normal * into
+            left = maximum(1.0 + solid.material.friction * divide(into, sqrt(beside.dot(beside) + 1e-24)), 0.0)
+            slower = beside * left
+            velocity = select(depth > 0.0, slower, velocity)
+            position = select(depth > 0.0, position + normal * depth + (slower - beside) * dt, position)
         return Swing(
             position=position, velocity=velocity, holder=now.holder + speed * dt,
             pull=now.pull - along * mul(tension, self.mass),
@@ -192,3 +193,14 @@ class HangingPayload(TimedPayload):
         """Wrench of the cord's tension on the frame."""
         point, body = motion.frame(self.frame or None)
         return (Wrench(force_W=memory.pull, point=point, body=body),)
+
+
+def let_down(holder: Vec3, below: Vec3, solid: Any) -> Vec3:
+    """Place (m) of a load that is let down from ``holder`` to ``below``: there, or where it comes to lie on a surface.
+
+    Each step is as long as the surface is far; a wall beside the load stops nothing. Source: Hart 1996, Sphere tracing.
+    """
+    place = repeat(STEPS, lambda at: at - Vec3(0.0, 0.0, 1.0) * maximum(-solid.depth(at, 0, 0.0)[0], 0.0), holder)
+    depth, normal = solid.depth(place, 0, 0.0)
+    lies = logical_and(logical_and(depth > -TOUCHES, normal.z > TOUCHES), place.z > below.z)
+    return select(lies, place + normal * depth, below)
