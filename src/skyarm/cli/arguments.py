@@ -60,19 +60,13 @@ def shipped_names(kind: str) -> Iterable[str]:
 
 
 def name_completion(*kinds: str) -> Callable[[str], list[str]]:
-    """Make a shell completion function for names that ship, and files and folders at the path begun."""
+    """Make a shell completion function for names that ship and files at the path begun."""
 
     def complete(incomplete: str) -> list[str]:
         before, comma, begun = incomplete.rpartition(",")
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
-        folder = "".join(begun.rpartition("/")[:2])
-        place = Path(os.path.expanduser(folder))
-        entries = sorted(place.iterdir()) if place.is_dir() else ()
-        here = [
-            folder + entry.name + "/" * entry.is_dir()
-            for entry in entries
-            if entry.suffix in suffixes or (begun and entry.is_dir())
-        ]
+        folder = begun[: begun.rfind("/") + 1]
+        here = sorted(folder + entry.name for entry in Path(folder).glob("*") if entry.suffix in suffixes)
         names = dict.fromkeys([*(name for kind in kinds for name in shipped_names(kind)), *here])
         return [f"{before}{comma}{name}" for name in names if name.startswith(begun)]
 

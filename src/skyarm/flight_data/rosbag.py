@@ -215,7 +215,11 @@ def _table(rows: _Rows, origin: int) -> RawTable:
         at, values = zip(*alike, strict=True)
         table[np.ix_(at, [every[name] for name in names])] = np.array(values)
     columns = {name: table[:, place] for name, place in every.items()}
-    _blank_unknown(columns)
+    for name, column in columns.items():
+        # a first variance below 0: what this message has not (sensor_msgs/msg/Imu)
+        variance = columns.get(f"{name.partition('.')[0]}_covariance[0]")
+        if variance is not None:
+            column[variance < 0.0] = np.nan
     lists: dict[str, list[str]] = {}
     for name in filter(ENTRY.fullmatch, every):
         lists.setdefault(name[: name.index("[")], []).append(name)
@@ -237,12 +241,8 @@ def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str
     for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
-            held = (
-                each
-                for each in signals
-                if all(np.isfinite(table.numbers(c)).any() for c in each.columns if table.has(c))
-            )
-            sources.setdefault(name, []).extend(replace(each, topic=topic) for each in held)
+            held = (replace(each, topic=topic) for each in signals if _holds(table, each, name))
+            sources.setdefault(name, []).extend(held)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, f"{place}[")):
@@ -260,20 +260,10 @@ def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
     return tuple(each for each in named if counts[each] == most > 0)
 
 
-def _blank_unknown(columns: Mapping[str, Array]) -> None:
-    """Replace by NaN what a row of an inertial unit says it has not: first variance below 0, or a quaternion of zeros.
-
-    Source: sensor_msgs/msg/Imu; REP 145.
-    """
-    for said, variance in columns.items():
-        begin = said.removesuffix("_covariance[0]")
-        parts = [each for name, each in columns.items() if re.fullmatch(rf"{re.escape(begin)}\.[wxyz]", name)]
-        if parts and begin != said:
-            unknown = variance < 0.0
-            if begin == "orientation":
-                unknown |= ~np.any(parts, axis=0)
-            for part in parts:
-                part[unknown] = np.nan
+def _holds(table: RawTable, source: QuantitySource, name: str) -> bool:
+    """True if a topic has numbers of a quantity; zeros alone are no attitude."""
+    values = [table.numbers(each) for each in source.columns if table.has(each)]
+    return bool((np.nan_to_num(values) if name == "quaternion" else np.isfinite(values)).any())
 
 
 BAG = FlightFormat(read_bag, suffixes=("bag",), begins=(b"#ROSBAG V",))

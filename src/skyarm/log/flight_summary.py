@@ -206,9 +206,10 @@ def summary(log: Log, values: Facts) -> list[Line]:
         lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
     if values["peak_thrust"] is not None:
         # rest is no cut command, and still the least speed of most rotors
-        silent = values["saturation"] or not log.rotor_commands.all() or _has_battery(log)
-        cut = "" if silent else "; no command at a limit"
-        lines.append(f"peak thrust: {values['peak_thrust']:.0%} of a rotor's highest{cut}")
+        cut = values["saturation"] or _has_battery(log) or not log.rotor_commands.all()
+        lines.append(
+            f"peak thrust: {values['peak_thrust']:.0%} of a rotor's highest{'' if cut else '; no command at a limit'}"
+        )
     return [*lines, *log.shortfall.lines, *sentences(values)]
 
 

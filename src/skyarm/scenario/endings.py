@@ -178,7 +178,7 @@ class Ground(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Height of the vehicle's lowest point above the ground, if there is one."""
-        return [(lowest_point(scenario.agent.vehicle, state),)] if scenario.floor == 0.0 else []
+        return [(lowest_point(scenario.agent.vehicle, state),)] if scenario.ground else []
 
 
 @immutable

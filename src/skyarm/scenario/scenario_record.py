@@ -757,25 +757,20 @@ class Scenario:
         return self.environment.forces
 
     @property
-    def floor(self) -> float:
-        """Height (m) of the ground: 0, or minus infinity without one, or where planes of the world take its place."""
-        planes = any(surface.shape == "plane" for each in self.worlds for surface in each.surfaces)
-        return 0.0 if self.ground and not planes else -math.inf
-
-    @property
     def solids(self) -> tuple[Surface, ...]:
         """Surfaces at rest: the ground, if there is one, and those of the world."""
         still = tuple(surface for each in self.worlds for surface in each.still)
-        if self.floor == -math.inf:
+        if not self.ground:
             return still
         from skyarm.world.contact.surface import Surface
 
-        return (Surface(name="ground", position=Vec3(0.0, 0.0, self.floor)), *still)
+        return (Surface(name="ground"), *still)
 
     @property
     def ground(self) -> bool:
-        """True if the episode ends when the vehicle reaches the ground at z = 0."""
-        return self.environment.ground
+        """True if the episode ends when the vehicle reaches the ground at z = 0; planes of the world take its place."""
+        planes = any(surface.shape == "plane" for each in self.worlds for surface in each.surfaces)
+        return self.environment.ground and not planes
 
     @property
     def world(self) -> Contact | None:

@@ -91,21 +91,16 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
     """Warnings about loads on cords that would reach below the ground or a surface along the reference, when level."""
     vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
     for i, payload in enumerate(scenario.agent.payloads):
-        if not payload.hangs > 0:
-            continue
-        from skyarm.world.hanging_payload import let_down
-
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
         top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        for solid in scenario.solids:
-            below = top - E_Z * float(payload.hangs)
-            deepest = float(np.max(np.where(held, let_down(top, below, solid).z - below.z, 0.0)))
+        for solid in scenario.solids if payload.hangs > 0 else ():
+            below = top.z - float(payload.hangs)
+            deepest = float(np.max(np.where(held, payload.let_down(top, (solid,)).z - below, 0.0)))
             if deepest > 0.0:
-                where = "the ground" if solid.name == "ground" else f"surface {solid.name!r}"
                 yield (
-                    f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below {where} along the reference; "
-                    "a shorter cord, or a higher reference?"
+                    f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below surface {solid.name!r} along the "
+                    "reference; a shorter cord, or a higher reference?"
                 )
 
 

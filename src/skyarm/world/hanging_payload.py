@@ -17,13 +17,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, logical_and, maximum, minimum, mul, sqrt, where
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import blend, parts
 from skyarm.records.units import nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Wrench, require_frame, select
@@ -32,7 +33,7 @@ from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 SUBSTEPS = 20
 """Number of integration steps of the load per control period."""
 
-STEPS, TOUCHES = 16, 1e-3
+STEPS, TOUCHES = 8, 1e-3
 """Number of steps in which a load is let down onto a surface; distance (m) from it, and slope, at which it lies."""
 
 FASTEST = 0.5
@@ -117,11 +118,8 @@ class HangingPayload(TimedPayload):
     def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
-        still = ZERO3_DATA
-        return HangingMemory(
-            held=rest.held, caught=rest.caught, gone=rest.gone, place=rest.place, begun=rest.place, position=rest.place,
-            velocity=still, pull=still,
-        )  # fmt: skip
+        begun, still = rest.place, ZERO3_DATA
+        return HangingMemory(**parts(rest), begun=begun, position=begun, velocity=still, pull=still)
 
     def act(  # type: ignore[override]
         self, memory: HangingMemory, t: Scalar, dt: float, motion: PointMotion
@@ -130,15 +128,11 @@ class HangingPayload(TimedPayload):
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         grasped, caught, gone, place = self.next_status(memory, t, holder)
-        below, solids = holder + Vec3(0.0, 0.0, -1.0) * self.hangs, motion.solids
-        for solid in solids:
-            below = let_down(holder, below, solid)
         nothing = ZERO3_DATA
-        first = select(caught > 0.5, below, memory.position)
+        first = select(caught > 0.5, self.let_down(holder, motion.solids), memory.position)
         still = select(caught > 0.5, nothing, memory.velocity)
         swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
-        step = dt / SUBSTEPS
-        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step, solids), swing)
+        swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion, dt / SUBSTEPS), swing)
         return HangingMemory(
             held=grasped, caught=caught, gone=gone, place=place, begun=first,
             position=select(grasped > 0.5, swing.position, memory.position),
@@ -159,7 +153,23 @@ class HangingPayload(TimedPayload):
         """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.begun)
 
-    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar, solids: Sequence[Any]) -> Swing:
+    def let_down(self, holder: Vec3, solids: Sequence[Any]) -> Vec3:
+        """Place (m) of the load when it is let down from its holder: straight below, or where it comes to lie before.
+
+        Each step is as long as a surface is far. A wall beside the load stops nothing. Source: Hart 1996, Sphere
+        tracing.
+        """
+        below = holder - E_Z * self.hangs
+        for solid in solids:
+            place = holder
+            for _ in range(STEPS):
+                place = place - E_Z * maximum(-solid.depth(place, 0, 0.0)[0], 0.0)
+            depth, normal = solid.depth(place, 0, 0.0)
+            lies = logical_and(logical_and(depth > -TOUCHES, normal.z > TOUCHES), place.z > below.z)
+            below = select(lies, place + normal * depth, below)
+        return below
+
+    def _advance_swing(self, now: Swing, speed: Vec3, motion: PointMotion, dt: Scalar) -> Swing:
         """Advance the load by one substep under cord tension and gravity, independent of its mass.
 
         On a surface it comes to rest, and friction takes its coefficient times what the load loses of its fall.
@@ -168,20 +178,20 @@ class HangingPayload(TimedPayload):
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
-        square = gravity / (self.stretch * self.cord)  # k / m
+        square = motion.gravity / (self.stretch * self.cord)  # k / m
         damping = 2.0 * self.damping_ratio * sqrt(square)
         tension = square * (length - self.cord) + damping * along.dot(speed - now.velocity)
         tension = where(length > self.cord, maximum(tension, 0.0), 0.0)
-        velocity = now.velocity + (along * tension + Vec3(0, 0, -1) * gravity) * dt
+        velocity = now.velocity + (along * tension - E_Z * motion.gravity) * dt
         position = now.position + velocity * dt
-        for solid in solids:
+        for solid in motion.solids:
             depth, normal = solid.depth(position, 0, 0.0)
             into = minimum(normal.dot(velocity), 0.0)
             beside = velocity - normal * into
             left = maximum(1.0 + solid.material.friction * divide(into, sqrt(beside.dot(beside) + 1e-24)), 0.0)
             slower = beside * left
-            velocity = select(depth > 0.0, slower, velocity)
-            position = select(depth > 0.0, position + normal * depth + (slower - beside) * dt, position)
+            out = position + normal * depth + (slower - beside) * dt
+            velocity, position = blend(depth > 0.0, (slower, out), (velocity, position))
         return Swing(
             position=position, velocity=velocity, holder=now.holder + speed * dt,
             pull=now.pull - along * mul(tension, self.mass),
@@ -193,14 +203,3 @@ class HangingPayload(TimedPayload):
         """Wrench of the cord's tension on the frame."""
         point, body = motion.frame(self.frame or None)
         return (Wrench(force_W=memory.pull, point=point, body=body),)
-
-
-def let_down(holder: Vec3, below: Vec3, solid: Any) -> Vec3:
-    """Place (m) of a load that is let down from ``holder`` to ``below``: there, or where it comes to lie on a surface.
-
-    Each step is as long as the surface is far; a wall beside the load stops nothing. Source: Hart 1996, Sphere tracing.
-    """
-    place = repeat(STEPS, lambda at: at - Vec3(0.0, 0.0, 1.0) * maximum(-solid.depth(at, 0, 0.0)[0], 0.0), holder)
-    depth, normal = solid.depth(place, 0, 0.0)
-    lies = logical_and(logical_and(depth > -TOUCHES, normal.z > TOUCHES), place.z > below.z)
-    return select(lies, place + normal * depth, below)

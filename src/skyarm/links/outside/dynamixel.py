@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 from skyarm.links.joint_port import FRESH, JointLink, JointPortError, JointReading
 from skyarm.records.field_rules import checked
-from skyarm.records.files import needs_extra, shown
+from skyarm.records.files import needs_extra, shipped_tables, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, positive
 
@@ -36,13 +36,7 @@ TICK, ZERO = 2.0 * math.pi / 4096.0, 2048
 RATE = 0.229 * 2.0 * math.pi / 60.0
 """Velocity (rad/s) per count."""
 
-CURRENTS = {
-    # XH430-W and XD430, XM430, XH540 and XD540, XM540, XW540, XW430
-    **dict.fromkeys((1000, 1001, 1010, 1011, 1020, 1030, 1100, 1101, 1110, 1111, 1120, 1130, 1140, 1150), 2.69e-3),
-    **dict.fromkeys((1170, 1180, 1270, 1280, 1310), 2.69e-3),
-    **dict.fromkeys((1040, 1050), 1.34e-3),  # XH430-V
-    **dict.fromkeys((1190, 1200, 1210, 1220, 1230, 1240, 1710), 1e-3),  # XL330, XC330, XM335
-}
+CURRENTS = shipped_tables(__file__)["currents"]
 """Model number -> current (A) per count. Others, as XL430, cannot be told a current, or count in an unknown unit."""
 
 WATCHDOG = 25
@@ -134,11 +128,10 @@ class DynamixelJoints(JointLink):
             if not (self._port.openPort() and self._port.setBaudRate(bus.baud)):
                 raise JointPortError(f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud} bits a second")
             self._prepare()
-        except OSError as error:
+        except BaseException as error:
             self._shut()
-            raise JointPortError(f"--joints: {shown(bus.device)}: {error.strerror or error}") from None
-        except BaseException:
-            self._shut()
+            if isinstance(error, OSError):
+                raise JointPortError(f"--joints: {shown(bus.device)}: {error.strerror or error}") from None
             raise
 
     def _shut(self) -> None:
@@ -159,12 +152,13 @@ class DynamixelJoints(JointLink):
             done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
             model, _, _ = self._packets.ping(self._port, number)
             at = f"--joints: servo {number} on {shown(bus.device)}"
-            if done and bus.torque is not None and model not in CURRENTS:
+            count = CURRENTS.get(str(model))
+            if done and bus.torque and not count:
                 raise JointPortError(f"{at}: model {model} counts no known current; without torque it takes positions")
             if not (done and self._write(number, TORQUE_ENABLE, 1)):
                 raise JointPortError(f"{at} does not answer")
             self._states.addParam(number)
-            self._currents.append(CURRENTS.get(model, math.nan))
+            self._currents.append(count)
 
     def _write(self, number: int, address: int, value: int) -> bool:
         result, error = self._packets.write1ByteTxRx(self._port, number, address, value)

@@ -11,6 +11,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable, positional
+from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_from
 from skyarm.records.units import positive
 
@@ -126,10 +127,10 @@ class Windows:
             steady=after, transient=Window(0.0, settled), gust=after, hover=after, holds=(after,),
             last=min(LAST, duration - settled),
         )  # fmt: skip
-        ranked = (self.within(duration), (own or self).within(duration), general)
+        # the last that states a window has it
+        ranked = (general, own or self, self)
         chosen = {
-            name: next(each for one in ranked if (each := getattr(one, name)) is not None)
-            for name in (*NAMES, "holds", "last")
+            name: each for one in ranked for name, each in parts(one.within(duration)).items() if each is not None
         }
         return FlightWindows(duration=duration, **chosen)
 
