@@ -338,7 +338,7 @@ def test_a_written_default_of_a_vehicle_file_is_the_one_left_out(kind: str) -> N
     assert changed("vehicle_files", f"<!-- generated: vehicle {kind} -->", path.get(kind, ""), document, vehicle) == []
 
 
-def test_the_default_window_of_the_end_is_the_one_left_out_of_a_flight_that_is_shorter() -> None:
+def test_the_default_window_of_the_end_is_that_of_a_shorter_flight() -> None:
     """The page's 5 s, written in a flight of 0.6 s."""
     assert flown(tables(duration=0.6)) == flown(tables(duration=0.6, windows={"last": 5}))
 

@@ -26,6 +26,7 @@ from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.check import TURN
 from skyarm.vehicle.vehicle_records import undriven_joints
+from skyarm.world import HangingPayload
 
 OTHER = {
     "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",
@@ -94,7 +95,7 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
         top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        for solid in scenario.solids if payload.hangs > 0 else ():
+        for solid in scenario.solids if isinstance(payload, HangingPayload) else ():
             below = top.z - float(payload.hangs)
             deepest = float(np.max(np.where(held, payload.let_down(top, (solid,)).z - below, 0.0)))
             if deepest > 0.0:
