@@ -71,11 +71,12 @@ def test_runge_kutta_is_of_fourth_order_while_rotors_lag(tumbled):
     assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
 
 
-def test_semi_implicit_euler_is_of_first_order(tumbled):
-    world, x, command, end = tumbled
+@pytest.mark.parametrize("made", [RigidBodyPlant, MujocoPlant])
+def test_semi_implicit_euler_is_of_first_order(tumbled_rough, made):
+    world, x, command, end = tumbled_rough
     errors = []
     for dt in (0.002, 0.001, 0.0005, 0.00025):
-        plant = RigidBodyPlant(world, WIND, "euler", physics_step=dt)
+        plant = made(world, WIND, "euler", physics_step=dt)
         errors.append(np.abs(np.array(plant.advance(x, command, leaves(WIND), 0.16)) - end).max())
     assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
 

@@ -8,7 +8,7 @@ from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
 from skyarm.algebra.scalars import add, data, mul, where
-from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
+from skyarm.dynamics.actuators import Command, friction_per_rate, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import felt_in, has_short_lag, lag_of, short_lag, spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after
 from skyarm.dynamics.body_drag import body_drag
@@ -49,15 +49,7 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     """Vehicle including the payloads that it holds and its stuck joints."""
     for load, memory in rigid_loads(around):
         vehicle = vehicle.with_body(*load.body(vehicle, memory.held))
-    stuck = stuck_of(around)
-    if not stuck:
-        return vehicle
-    links = list(vehicle.links)
-    for i, share in enumerate(stuck):
-        if type(share) is not int:
-            joint = replace(links[i].joint, armature=add(links[i].joint.armature, mul(LOCKED, share)))
-            links[i] = replace(links[i], joint=joint)
-    return replace(vehicle, links=tuple(links))
+    return with_armature(vehicle, [mul(LOCKED, share) for share in stuck_of(around)])
 
 
 def applied_force(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Force, Scalars]:
@@ -193,6 +185,27 @@ def felt_in_step(
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
         felt.append([replace(s[i], rotor_speeds=row) for s, row in zip(moved, rows, strict=True)])
     return made, [*zip(*felt, strict=True)]
+
+
+def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
+    """Armature (kg m^2 or kg) by which a semi-implicit Euler step of ``dt`` (s) takes each joint's friction at its end.
+
+    With r the friction per rate at the begin, (M + dt r) (v' - v) = dt (F - r v) is M (v' - v) = dt (F - r v'): no
+    friction turns a joint round within a step, however stiff, and it rests where it would.
+    Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.15.
+    """
+    pairs = zip(vehicle.joints, state.joint_rates, strict=True)
+    return tuple(mul(dt, friction_per_rate(joint, rate)) for joint, rate in pairs)
+
+
+def with_armature(vehicle: Vehicle, added: Sequence[Scalar]) -> Vehicle:
+    """Vehicle with more armature (kg m^2 or kg) at its joints: an int 0 adds nothing, () none at any."""
+    links = list(vehicle.links)
+    for i, more in enumerate(added):
+        if type(more) is not int:
+            joint = replace(links[i].joint, armature=add(links[i].joint.armature, more))
+            links[i] = replace(links[i], joint=joint)
+    return vehicle.with_checked(links=tuple(links))
 
 
 def before_euler_step(worlds: Sequence[Truth], states: Sequence[State], around: Together, dt: Scalar) -> Together:

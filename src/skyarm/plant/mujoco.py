@@ -10,7 +10,7 @@ import math
 import threading
 import warnings
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, chain, pairwise
 
 import mujoco
 import numpy as np
@@ -30,7 +30,14 @@ from skyarm.plant.largest_step import (
     divisions,
     largest_step,
 )
-from skyarm.plant.loads import before_euler_step, changes_inertia, felt_in_step, follow_commands, rigid_loads
+from skyarm.plant.loads import (
+    before_euler_step,
+    changes_inertia,
+    felt_in_step,
+    follow_commands,
+    held_frictions,
+    rigid_loads,
+)
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
@@ -164,9 +171,9 @@ class MujocoPlant:
         self._loads = Quick(self._forces_and_speeds, zeros, commands, around, physics_step)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
-        ends = (0, len(self._force), len(self._force) + layout.driven, len(self._loads.outputs))
-        self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*coupled_places(around)]
+        ends = [*accumulate((len(self._force), layout.driven, len(self._coupled)), initial=0), len(self._loads.outputs)]
+        self._pushed, self._turned, self._remembered, self._held = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         commanded = len(leaves(commands))
         self._around = self._loads.inputs[layout.end + commanded : -1]
         self._commanded = self._loads.inputs[layout.end :][:commanded]
@@ -204,7 +211,11 @@ class MujocoPlant:
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [number for each in after for number in (*each.rotor_speeds, *each.tilts)]
-        return tuple(map(data, (*forces, *driven, *leaves(around.after_euler_step(slopes, dt)))))
+        frictions: list[Scalar] = []
+        if self._euler:
+            for world, state in zip(worlds, states, strict=True):
+                frictions += held_frictions(world.vehicle, state, dt)
+        return tuple(map(data, (*forces, *driven, *leaves(around.after_euler_step(slopes, dt)), *frictions)))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.
@@ -224,10 +235,13 @@ class MujocoPlant:
         qpos, qvel, speeds = self._parts
         force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
         given, coupled, remembered = self._around, self._coupled, self._remembered
+        armature, own, joints = model.dof_armature, model.dof_armature.copy(), [*chain(*self._layout.joints)]
         with QUIET:
             for _ in range(count):
                 step()
                 force[:] = forces
+                if not rk4:
+                    armature[joints] = own[joints] + self._held
                 # mj_step without its checks: the monitor of the episode says what went wrong
                 forward(model, data)
                 if rk4:
@@ -237,6 +251,7 @@ class MujocoPlant:
                 qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
                 if coupled:
                     given[coupled] = remembered
+        armature[:] = own
         ours = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
         return (*ours, *given[coupled].tolist()) if coupled else ours
 

@@ -39,6 +39,7 @@ class Layout:
         end: count of all numbers.
         driven: count of rotor speeds and tilt angles together.
         bases: address of each vehicle's first velocity. dofs: addresses of its links' and followers' velocities.
+        joints: those of its links alone.
         to_mujoco, to_ours: reordering of the states' numbers, as tuples.
     """
 
@@ -65,6 +66,7 @@ class Layout:
             self.bases.append(base)
             self.dofs.append(v)
             first += count
+        self.joints = [v[: vehicle.n] for vehicle, v in zip(self.vehicles, self.dofs, strict=True)]
         self._theirs: Reordering = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
         followed = any(each.followers for each in self.vehicles)
         self.to_mujoco: Reordering = self._with_followers if followed else self._theirs
@@ -85,10 +87,9 @@ class Layout:
 
     def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, Scalars]]:
         """Accelerations of each base (world axes) and of its joints, from MuJoCo's generalised accelerations."""
-        rows = zip(self.vehicles, self.bases, self.dofs, strict=True)
         return [
-            (Vec3(*qacc[at : at + 3]), Vec3(*qacc[at + 3 : at + 6]), tuple(qacc[i] for i in dofs[: vehicle.n]))
-            for vehicle, at, dofs in rows
+            (Vec3(*qacc[at : at + 3]), Vec3(*qacc[at + 3 : at + 6]), tuple(qacc[i] for i in dofs))
+            for at, dofs in zip(self.bases, self.joints, strict=True)
         ]
 
     def generalized_forces(

@@ -95,10 +95,9 @@ class Loads:
             for i in range(len(rigid_loads(own)))
         ]
         self._bodies = [model.body(name).id for name in names]
-        joints = [dofs[: vehicle.n] for vehicle, dofs in zip(layout.vehicles, layout.dofs, strict=True)]
-        stuck = [dofs for dofs, own in zip(joints, beside, strict=True) if stuck_of(own)]
+        stuck = [dofs for dofs, own in zip(layout.joints, beside, strict=True) if stuck_of(own)]
         self._dofs = np.array([dof for dofs in stuck for dof in dofs], dtype=int)
-        own_dofs = [(*range(base, base + 6), *dofs) for base, dofs in zip(layout.bases, joints, strict=True)]
+        own_dofs = [(*range(base, base + 6), *dofs) for base, dofs in zip(layout.bases, layout.joints, strict=True)]
         self._own = np.array([dof for dofs in own_dofs for dof in dofs], dtype=int)
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)

@@ -26,9 +26,11 @@ from skyarm.plant.loads import (
     changes_inertia,
     felt_in_step,
     follow_commands,
+    held_frictions,
     loaded_vehicle,
     rigid_loads,
     stuck_of,
+    with_armature,
 )
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
@@ -158,11 +160,15 @@ def coupled_euler(
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
     move by their rates before the step, bodies among them as the vehicle; bristles move before forces are taken, so
-    that they follow the new velocities, too. First order.
+    that they follow the new velocities, too. Joint friction is implicit. First order.
     """
     around = before_euler_step(worlds, states, around, dt)
     turning, (felt,) = felt_in_step(worlds, (states,), commands, around, dt, held=True)
-    rates, slopes = derivative(turning, felt, commands, around)
+    held = [
+        replace(world, vehicle=with_armature(world.vehicle, held_frictions(world.vehicle, state, dt)))
+        for world, state in zip(turning, states, strict=True)
+    ]
+    rates, slopes = derivative(held, felt, commands, around)
     after = []
     for before, rate, state in zip(states, rates, follow_commands(worlds, states, commands, around, dt), strict=True):
         velocity = before.velocity + rate.velocity * dt

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import add, clip, divide, exp, maximum, mul, sub, tanh
+from skyarm.algebra.scalars import absolute, add, clip, divide, exp, maximum, mul, sub, tanh, where
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
@@ -35,6 +35,14 @@ def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Scalar:
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
     """
     return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))
+
+
+def friction_per_rate(joint: Joint, rate: Scalar) -> Scalar:
+    """Friction of a joint divided by its rate, N m s/rad or N s/m: Coulomb's part is c / v0 at rest, less beyond."""
+    relative = divide(rate, joint.coulomb_rate)
+    slow = absolute(relative) < 1e-4  # tanh(x) / x is 1 there but for 3e-9
+    share = where(slow, 1.0, divide(tanh(relative), where(slow, 1.0, relative)))
+    return add(joint.damping, mul(divide(joint.coulomb, joint.coulomb_rate), share))
 
 
 def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
