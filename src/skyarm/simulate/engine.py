@@ -54,10 +54,6 @@ from skyarm.simulate.stages import Stages
 from skyarm.simulate.stored_programs import FlightProgram, load_program, program_name, store_program
 from skyarm.simulate.user_code import require_shapes
 
-SHORT = 500_000_000
-"""Number of operations up to which an episode ends sooner in code compiled without full optimisation: 150 000
-periods of a quadrotor with a two-joint arm, where the compilation time saved equals the flight time lost."""
-
 PIECE = 0.1
 """Duration (s) of flight between two checks for Ctrl-C."""
 
@@ -141,10 +137,9 @@ class EpisodeCode:
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
         loop = self._trace(self._step)
-        written = Assembly.of(loop, Lanes(1), logging=True)
+        written = Assembly.of(loop, Lanes(1), logging=True, effort=2 if effort is None else effort)
         if effort is None:
-            effort = 0 if self.scenario.steps * written.size < SHORT else 2
-        written = replace(written, effort=min(effort, written.effort))
+            written = written.for_steps(self.scenario.steps)
         program = FlightProgram(loop, written, tuple(self.substeps.traced.items()))
         store_program(name, program)
         return program

@@ -215,12 +215,16 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     return arranged
 
 
+EARLY = 4
+"""Rounds that are counted of a loop which may end early, as that of the substeps in contact: its most are hundreds."""
+
+
 def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
-    """Count the operations in one evaluation of a program; loop bodies count once per iteration.
+    """Count the operations that one evaluation of a program executes.
 
     Args:
         nodes: operations of the program.
-        written: count code that is compiled once once, not as often as it is called.
+        written: count what is compiled: code once, however often it is called or repeated.
     """
     quiet, sizes, count = ("input", "const", "item", "result"), dict[int, int](), 0
 
@@ -232,7 +236,9 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
 
     for node, body in arrange(nodes):
         if node.op == "repeat":
-            count += (len(body) + sum(of(each) for each in body if each.op == "apply")) * node.value[0]
+            most, _, until = node.value
+            rounds = 1 if written else most if until is None else min(most, EARLY)
+            count += (len(body) + sum(of(each) for each in body if each.op == "apply")) * rounds
         elif node.op not in quiet:
             count += of(node) + 1 if node.op == "apply" else 1
     return count + (sum(sizes.values()) if written else 0)
