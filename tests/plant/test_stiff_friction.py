@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Sym3, Vec3
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
-from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.rigid_body import coupled_rk4
+from skyarm.plant.surroundings import Together
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import BASE, Body, Joint, Link, Vehicle
-from support.vehicles import steady_wind
+from support.vehicles import HOVER, hummingbird_arm, steady_wind, tumbling
 
 INERTIA, STEP, SPUN = 2e-4, 1e-3, 10.0
 AIR = steady_wind()
@@ -65,3 +69,32 @@ def test_steps_that_halve_halve_the_error():
         found = rates(RigidBodyPlant, STEP / halved, steps=4 * halved, damping=0.05)
         errors.append(abs(found[-1] - SPUN * math.exp(-0.05 * 4 * STEP / INERTIA)))
     assert np.log2(errors[-2] / errors[-1]) == pytest.approx(1.0, abs=0.1)
+
+
+def arm(damping):
+    return hummingbird_arm().with_joints(damping=damping)
+
+
+@pytest.mark.parametrize("damping", [1e-4, 8e-3, 0.05])
+def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(damping):
+    """A program made for the stiffest flight of a sweep: each takes as many steps as alone, at most twice as many."""
+    around, command, period = Together((AIR,)), Command(rotor_speeds=(HOVER,) * 4, efforts=(0.01, -0.02)), 0.005
+    plants = [RigidBodyPlant(Truth(vehicle=arm(each), gravity=9.8), AIR) for each in (damping, 0.05)]
+    own, count = (each.substeps(period) for each in plants)
+    start, world = tumbling(arm(damping)), Truth(vehicle=arm(damping), gravity=9.8)
+
+    def interval(_, __, given, ___):
+        worlds = (Truth(vehicle=arm(given), gravity=9.8),)
+        return (), hold(worlds, "rk4", count, ((start,), ()), (command,), around, period)
+
+    together = np.array(trace_loop(interval, (), (), damping, loops=True).stepper()((damping,)))
+    found = []
+    for steps in range(1, count.near + 1):
+        states = (start,)
+        for _ in range(steps):
+            states, _ = coupled_rk4((world,), states, (command,), around, period / steps)
+        found += [steps] if np.abs(together - leaves(states)).max() < 1e-13 else []
+    assert len(found) == 1, "another number of steps is seen"
+    assert own.near <= found[0] <= 2 * own.near
+    assert count.near > 4
+    assert (found[0] == count.near) is (damping == 0.05)

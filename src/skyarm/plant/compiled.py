@@ -17,7 +17,16 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Flat, Truth, example_command, whole_steps
-from skyarm.plant.joint_rate import HELD_TOUCH_STEP, TOUCH_STEP, StopNumbers, joint_rate, stop_numbers, touch_steps
+from skyarm.plant.joint_rate import (
+    HELD_TOUCH_STEP,
+    TOUCH_STEP,
+    JointNumbers,
+    friction_bound,
+    joint_numbers,
+    joint_rate,
+    stop_numbers,
+    touch_steps,
+)
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
@@ -30,6 +39,7 @@ from skyarm.plant.largest_step import (
 )
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impacts, far_step
 from skyarm.plant.surroundings import Surroundings, Together, several
+from skyarm.records.coerce import concrete
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world.component import MOST_STEPS
@@ -45,6 +55,8 @@ class Steps(NamedTuple):
         most: times ``near``, of the steps in an interval in which something hits.
         calm: least number of steps while grasps act and no contact does; 0 if these are always ``near``.
         stops: of each vehicle, what more steps follow from where a joint may meet a stop; empty without stops.
+        slack: least number of steps of a flight whose joint friction is slower; 0 if friction asks for no steps.
+        mobile: of each vehicle, what the friction of a flight's own numbers is judged by; empty without ``slack``.
     """
 
     near: int
@@ -53,7 +65,9 @@ class Steps(NamedTuple):
     verlet: bool = False
     most: int = 1
     calm: int = 0
-    stops: tuple[StopNumbers, ...] = ()
+    stops: tuple[JointNumbers, ...] = ()
+    slack: int = 0
+    mobile: tuple[JointNumbers, ...] = ()
 
 
 def hold(
@@ -80,9 +94,14 @@ def hold(
         fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
         finer = where(there.calm(motions, seconds), fewer, finer)
     touch: Scalar = 0.0
+    vehicles = [each.vehicle for each in worlds]
+    if count.slack:
+        rate = friction_bound(vehicles, count.mobile)
+        if not concrete(rate):
+            largest = HELD_FRICTION_STEP if count.verlet else FRICTION_STEP
+            finer = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), finer)
     if count.stops:
         held = count.verlet or integrator == "euler"
-        vehicles = [each.vehicle for each in worlds]
         touch = touch_steps(vehicles, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)
         finer = maximum(finer, touch)
 
@@ -90,7 +109,7 @@ def hold(
         return COUPLED_STEP[near](worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer)
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)
-    if far is False and count.most == 1 and not count.calm and not count.stops:
+    if far is False and finer is steps and not count.stops:
         return repeat(count.near, step, now)
     if far is not False:
         far = logical_and(far, touch <= float(count.far))
@@ -172,7 +191,11 @@ class RigidBodyPlant:
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""
-        return self.steps_at_rest(seconds)._replace(stops=self._stops)
+        count = self.steps_at_rest(seconds)._replace(stops=self._stops)
+        slack = divisions(seconds, self._verlet if count.verlet else self._largest)
+        if self._integrator == "euler" or slack >= count.near:
+            return count
+        return count._replace(slack=slack, mobile=tuple(joint_numbers(each.vehicle) for each in self._worlds))
 
     def steps_at_rest(self, seconds: float) -> Steps:
         """Number of integration steps in an interval of ``seconds``, of which joints' speeds at stops ask no more."""

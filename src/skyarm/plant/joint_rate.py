@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import absolute, floor, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import absolute, divide, floor, maximum, minimum, sqrt, where
 from skyarm.dynamics import State
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.workspace import nearest_to_zero
@@ -163,20 +163,24 @@ drawn impacts were then within 1.7 % of the approach (measured); at ``STOP_STEP`
 HELD_TOUCH_STEP = 0.07
 """The same product of methods of first order in damping."""
 
-StopNumbers = tuple[tuple[float, float], ...]
+JointNumbers = tuple[tuple[float, float], ...]
 """Largest mobility, 1/(kg m^2) or 1/kg, and largest acceleration by drives, rad/s^2 or m/s^2, of each joint."""
 
 
-def stop_numbers(vehicle: Vehicle) -> StopNumbers:
-    """Largest mobility and acceleration of each joint, rounded up to powers of two; () without stops.
+def stop_numbers(vehicle: Vehicle) -> JointNumbers:
+    """:func:`joint_numbers`; () without stops."""
+    return joint_numbers(vehicle) if any(joint.has_stops for joint in vehicle.joints) else ()
+
+
+def joint_numbers(vehicle: Vehicle) -> JointNumbers:
+    """Largest mobility and acceleration of each joint, rounded up to powers of two.
 
     Rounded, vehicles of nearly equal masses share a program. The acceleration is that by the largest efforts of all
-    drives. () also where the numbers are not concrete, or masses too far apart.
+    drives. () where the numbers are not concrete, or masses too far apart.
     """
-    joints = vehicle.joints
-    if not any(joint.has_stops for joint in joints) or not concrete(*leaves((vehicle.base, vehicle.links))):
+    if not concrete(*leaves((vehicle.base, vehicle.links))):
         return ()
-    efforts = float_array(joint.effort_limit for joint in joints)
+    efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     efforts[np.isinf(efforts)] = 0.0
     try:
         with np.errstate(all="ignore"):
@@ -189,7 +193,7 @@ def stop_numbers(vehicle: Vehicle) -> StopNumbers:
     return tuple((each, driven) for each, driven in most) if np.all(np.isfinite(most)) else ()
 
 
-def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Scalar) -> Scalar:
+def stop_rate(vehicle: Vehicle, numbers: JointNumbers, state: State, seconds: Scalar) -> Scalar:
     """Fastest rate (1/s) at the stops that joints may meet within ``seconds``; 0 if none can be met.
 
     At a stop k d (1 + c v) the spring has the frequency sqrt(k / m (1 + c v)). Without a spring m v dv = -k c d v dd:
@@ -209,8 +213,19 @@ def stop_rate(vehicle: Vehicle, numbers: StopNumbers, state: State, seconds: Sca
     return sqrt(square)
 
 
+def friction_bound(vehicles: Sequence[Vehicle], numbers: Sequence[JointNumbers]) -> Scalar:
+    """Bound (1/s) of the vehicles' :func:`friction_rate`: largest trace of inverse inertia times joint damping."""
+    largest: Scalar = 0.0
+    for vehicle, own in zip(vehicles, numbers, strict=True):
+        rate: Scalar = 0.0
+        for joint, (mobility, _) in zip(vehicle.joints, own, strict=False):
+            rate = rate + mobility * (joint.damping + divide(joint.coulomb, joint.coulomb_rate))
+        largest = maximum(largest, rate)
+    return largest
+
+
 def touch_steps(
-    vehicles: Sequence[Vehicle], stops: Sequence[StopNumbers], states: Sequence[State], seconds: Scalar, largest: float
+    vehicles: Sequence[Vehicle], stops: Sequence[JointNumbers], states: Sequence[State], seconds: Scalar, largest: float
 ) -> Scalar:
     """Number of integration steps that joints need at the stops that they may meet within ``seconds``, or 0.
 
