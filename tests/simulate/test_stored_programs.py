@@ -105,7 +105,8 @@ def test_a_flight_with_code_of_the_users_is_not_stored():
     assert object_cache.contents().entries == 1, "its machine code alone"
 
 
-def test_the_digest_is_of_all_source_files_unless_one_changed_since_the_start(monkeypatch, tmp_path):
+@pytest.mark.parametrize("of", ["sources_digest", "sources_stamp"])
+def test_the_digest_is_of_all_source_files_unless_one_changed_since_the_start(monkeypatch, tmp_path, of):
     package = tmp_path / "package"
     (package / "inner" / "__pycache__").mkdir(parents=True)
     (package / "a.py").write_text("A = 1")
@@ -115,7 +116,7 @@ def test_the_digest_is_of_all_source_files_unless_one_changed_since_the_start(mo
 
     def digest():
         monkeypatch.setattr(own_sources, "_begun", [time.time() + next(begins)])
-        return own_sources.sources_digest()
+        return getattr(own_sources, of)()
 
     seen = [digest()]
     (package / "inner" / "__pycache__" / "a.pyc").write_bytes(b"made by Python")
@@ -127,14 +128,16 @@ def test_the_digest_is_of_all_source_files_unless_one_changed_since_the_start(mo
     seen.append(digest())
     assert len({*seen}) == len(seen)
     assert all(len(each) == 64 for each in seen)
+    os.utime(package / "c.py", (1.0, 1.0))
+    assert (digest() == seen[-1]) is (of == "sources_digest"), "the same content at another time"
     monkeypatch.setattr(own_sources, "_begun", [time.time() - 60.0])
-    assert own_sources.sources_digest() == ""
+    assert own_sources.sources_stamp() == ""
 
 
 def test_a_process_that_loaded_the_library_before_the_command_is_none_of_a_command(monkeypatch):
     monkeypatch.setattr(own_sources, "_begun", [])
     own_sources.begin_command()
-    assert own_sources.sources_digest() == ""
+    assert own_sources.sources_stamp() == ""
 
 
 def test_the_command_stores_a_program_that_another_process_finds(monkeypatch, tmp_path):

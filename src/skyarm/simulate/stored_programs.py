@@ -20,7 +20,7 @@ from skyarm.compile.llvm.shared_steps import cores
 from skyarm.compile.tracing.program import Loop
 from skyarm.compile.tracing.tracer import Lowered
 from skyarm.plant.compiled import Steps
-from skyarm.records.files.own_sources import sources_digest
+from skyarm.records.files.own_sources import sources_digest, sources_stamp
 from skyarm.records.identity import all_files
 from skyarm.records.immutable import positional
 from skyarm.records.plain import plain
@@ -53,14 +53,17 @@ def program_name(scenario: Scenario, *details: object) -> str:
         scenario: scenario with concrete numbers.
         *details: whatever else the program depends on.
     """
-    sources = sources_digest()
-    if not sources or all_files(scenario):
+    stamp = sources_stamp()
+    if not stamp or all_files(scenario):
         return ""
+    if (sources := object_cache.load(stamp)) is None:  # its files are read once
+        sources = sources_digest().encode()
+        object_cache.store(stamp, sources)
     content = json.dumps([plain(scenario), details])
     if "<lambda>" in content:  # two of one place have one name
         return ""
     variables = sorted(each for each in os.environ.items() if each[0].startswith(ALGEBRA))
-    return "\n".join((sources, content, sys.version, np.__version__, processor(), f"{cores()} {variables}"))
+    return "\n".join((sources.decode(), content, sys.version, np.__version__, processor(), f"{cores()} {variables}"))
 
 
 def load_program(name: str) -> FlightProgram | None:

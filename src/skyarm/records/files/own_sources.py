@@ -6,6 +6,7 @@ import hashlib
 import os
 import sys
 import time
+from collections.abc import Iterator
 from functools import cache
 
 from skyarm.records.files.user_code import PACKAGE
@@ -29,25 +30,36 @@ def begin_command() -> None:
         _begun[:] = [time.time()]
 
 
-def sources_digest() -> str:
-    """SHA-256 of all files of the library, which is that of the code in this process.
+def sources_stamp() -> str:
+    """SHA-256 of size, time stamp and inode of all files of the library; one of other content has another.
 
-    Empty where it may be of other code: outside a command, where functions can be replaced, and where a file has
-    changed since the command began.
+    Empty where the code in this process may be other: outside a command, where functions can be replaced, and where a
+    file has changed since the command began.
     """
-    return _digest(_begun[0]) if _begun else ""
+    return _stamp(_begun[0]) if _begun else ""
+
+
+def sources_digest() -> str:
+    """SHA-256 of the content of all files of the library."""
+    digest = hashlib.sha256()
+    for path in _files():
+        with open(path, "rb") as file:
+            content = file.read()
+        digest.update(f"{path.removeprefix(PACKAGE)}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
 
 
 @cache
-def _digest(begun: float) -> str:
-    digest = hashlib.sha256()
+def _stamp(begun: float) -> str:
+    states = [(path.removeprefix(PACKAGE), os.stat(path)) for path in _files()]
+    if any(state.st_mtime > begun - MARGIN for _, state in states):
+        return ""
+    rows = [f"{name}\0{state.st_size}\0{state.st_mtime_ns}\0{state.st_ino}" for name, state in states]
+    return hashlib.sha256("\n".join(rows).encode()).hexdigest()
+
+
+def _files() -> Iterator[str]:
+    """Paths of all files of the library."""
     for folder, folders, names in os.walk(PACKAGE):
         folders[:] = sorted(each for each in folders if each != "__pycache__")
-        for name in sorted(names):
-            path = os.path.join(folder, name)
-            with open(path, "rb") as file:
-                if os.fstat(file.fileno()).st_mtime > begun - MARGIN:
-                    return ""
-                content = file.read()
-            digest.update(f"{path.removeprefix(PACKAGE)}\0{len(content)}\0".encode() + content)
-    return digest.hexdigest()
+        yield from (os.path.join(folder, name) for name in sorted(names))
