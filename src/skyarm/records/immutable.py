@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+import dataclasses
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import Field, FrozenInstanceError, dataclass, field, fields, is_dataclass
 from functools import cache
 from operator import attrgetter
-from typing import TypeVar, cast, dataclass_transform, overload
+from types import FunctionType
+from typing import Any, TypeVar, cast, dataclass_transform, overload
 
 T = TypeVar("T")
 
@@ -78,6 +80,45 @@ def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
         kind.__hash__ = number  # type: ignore[method-assign,assignment]
 
 
+def _frozen_methods(kind: type, compared: Collection[Field[object]], *_: object) -> tuple[Callable[..., None], ...]:
+    """Methods of a frozen dataclass as Python makes them, but of code that all classes share."""
+    names = {each.name for each in compared}
+
+    def set_one(self: object, name: str, value: object) -> None:
+        if type(self) is kind or name in names:
+            raise FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(kind, self).__setattr__(name, value)  # type: ignore[misc]
+
+    def delete_one(self: object, name: str) -> None:
+        if type(self) is kind or name in names:
+            raise FrozenInstanceError(f"cannot delete field {name!r}")
+        super(kind, self).__delattr__(name)  # type: ignore[misc]
+
+    set_one.__name__, delete_one.__name__ = "__setattr__", "__delattr__"
+    return set_one, delete_one
+
+
+def _quick_dataclass(replaced: str = "_frozen_get_del_attr") -> Callable[..., Callable[[type[T]], type[T]]]:
+    """``dataclass`` whose frozen methods are :func:`_frozen_methods`, or itself if this Python makes them otherwise.
+
+    Two functions a class to compile are 5 % of a short command. A copy of the module's functions is made, so that
+    nobody else's dataclasses change.
+    """
+    own: dict[str, Any] = dict(vars(dataclasses))
+    process = own.get("_process_class")
+    if replaced not in own or replaced not in getattr(getattr(process, "__code__", None), "co_names", ()):
+        return dataclass
+    own[replaced] = _frozen_methods
+    for name in ("_process_class", "dataclass"):
+        theirs = own[name]
+        own[name] = FunctionType(theirs.__code__, own, name, theirs.__defaults__)
+        own[name].__kwdefaults__ = theirs.__kwdefaults__
+    return cast("Callable[..., Callable[[type[T]], type[T]]]", own["dataclass"])
+
+
+_dataclass = _quick_dataclass()
+
+
 @overload
 def immutable(kind: type[T], /) -> type[T]: ...
 
@@ -101,7 +142,7 @@ def immutable(
 
     def make(kind: type[T]) -> type[T]:
         usual = {"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options}
-        made = dataclass(**usual | {"eq": False})(kind)
+        made = _dataclass(**usual | {"eq": False})(kind)
         if made.__repr__ is object.__repr__:
             made.__repr__ = short_repr  # type: ignore[method-assign]
         if usual.get("eq", True):
