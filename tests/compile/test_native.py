@@ -20,6 +20,7 @@ from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.lower import repeat
 from skyarm.compile.tracing.program import trace_loop
 from support.cases import sampled
 
@@ -244,7 +245,7 @@ def test_code_made_in_a_hurry_has_the_bits_of_the_other_and_an_entry_of_its_own(
     loop, rng = spring(), np.random.default_rng(5)
     carry, parameters, rows = (rng.normal(size=s) for s in ((loop.carry, 3), (loop.parameters, 3), (50, loop.row)))
     flights = [
-        Kernel(loop, Lanes(2), logging=True, effort=effort).run(carry, parameters, rows, seed=3) for effort in (2, 0)
+        Kernel(loop, Lanes(2), logging=True, effort=effort).run(carry, parameters, rows, seed=3) for effort in (0, 2)
     ]
     assert all(same_bits(a, b) for a, b in zip(*flights, strict=True))
     assert len(list(tmp_path.glob("*.o"))) == 2
@@ -402,8 +403,64 @@ def test_a_large_program_is_made_with_the_least_effort(tmp_path, monkeypatch):
     monkeypatch.delenv(native.EFFORT, raising=False)
     monkeypatch.setattr(native, "build", lambda text, effort: made.append(effort) or build(text, effort))
     loop = spring()
-    size = native.operations(loop.program.nodes)
-    for largest in (size, size - 1):
+    size = native.operations(loop.program.nodes, written=True)
+    for largest in (size - 1, size):
         monkeypatch.setattr(native, "LARGE", largest)
         Kernel(loop, Lanes(1))
-    assert made == [2, 0]
+    assert made == [0, 2]
+
+
+def count(program, **which):
+    return native.operations(program.program.nodes, **which)
+
+
+@pytest.mark.parametrize(("most", "until"), [(3000, None), (300, 0), (3, 0)])
+def test_a_loop_body_is_compiled_once_however_often_it_is_executed(most, until):
+    def body(both):
+        return both[0] - 1.0, both[1] * 1.5 + both[0]
+
+    loop = trace_loop(lambda c, *_: (repeat(most, body, c, until), ()), (7.0, 1.0), (), (), loops=True)
+    written = count(loop, written=True)
+    assert written < 12
+    rounds = most if until is None else min(most, 4)
+    assert count(loop) - written == pytest.approx((rounds - 1) * 3, abs=2)
+
+
+def test_full_effort_pays_for_long_flights_and_short_programs_alone():
+    once = native.Assembly("", written=1000, size=1000, effort=2)
+    looped = native.Assembly("", written=1000, size=4000, effort=2)
+    assert not once.pays(149_000)
+    assert once.pays(151_000)
+    assert looped.pays(38_000)
+    assert once.pays(15_100, times=10)
+    assert not native.Assembly("", written=native.LARGE + 1, size=10**9, effort=2).pays(10**9)
+
+
+def test_what_is_compiled_behind_a_command_serves_the_next_one_with_the_same_bits(monkeypatch):
+    loop = spring()
+    plain, _ = fly(Kernel(loop, Lanes(1), effort=0))
+    text = native.Assembly.of(loop, Lanes(1)).text
+    native.compile_behind(text)
+    made = []
+    monkeypatch.setattr(native.subprocess, "Popen", lambda *_, **__: made.append("again"))
+    native.compile_behind(text)
+    full = native._identity(text, 2)
+    assert native._behind.pop().wait(60.0) == 0
+    assert native.object_cache.load(full) is not None
+    monkeypatch.setattr(native, "build", lambda *_: made.append("compiled"))
+    assert same_bits(fly(Kernel(loop, Lanes(1), effort=0))[0], plain)
+    native.compile_behind(text)
+    assert made == []
+    monkeypatch.setattr(native, "ANEW", 0.0)
+    native.object_cache.clear()
+    native.compile_behind(text)
+    native.compile_behind(text)
+    assert made == ["again", "again"]
+
+
+def test_a_limit_of_effort_starts_no_compilation_behind(monkeypatch):
+    monkeypatch.setenv("SKYARM_EFFORT", "0")
+    text = native.Assembly.of(spring(), Lanes(1)).text
+    Kernel(spring(), Lanes(1))
+    monkeypatch.setattr(native.subprocess, "Popen", None)
+    native.compile_behind(text)

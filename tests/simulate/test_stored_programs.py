@@ -13,7 +13,7 @@ import skyarm
 from skyarm.compile.llvm import object_cache
 from skyarm.records.files import own_sources
 from skyarm.scenario.numbers import with_numbers
-from skyarm.simulate import engine
+from skyarm.simulate import engine, stored_programs
 from skyarm.simulate.engine import EpisodeCode
 from skyarm.simulate.stored_programs import load_program, program_name
 from skyarm.world.wind import ForceWind
@@ -48,6 +48,21 @@ def test_a_second_flight_traces_nothing_and_has_the_same_bits(monkeypatch, name)
     first = skyarm.run(flight(name))
     refuse_tracing(monkeypatch)
     require_same_bits(first, skyarm.run(flight(name)))
+
+
+def test_a_program_flown_again_is_compiled_at_full_effort_behind_the_command(monkeypatch):
+    texts, passed = [], []
+    monkeypatch.setattr(stored_programs, "_repeated", texts)
+    monkeypatch.setattr(stored_programs, "compile_behind", passed.append)
+    monkeypatch.setattr(stored_programs, "REPEATS", 10**6)
+    skyarm.run(flight())
+    assert texts == []
+    skyarm.run(flight())
+    monkeypatch.setattr(stored_programs, "REPEATS", 1)
+    skyarm.run(flight())
+    stored_programs.optimise_repeated()
+    assert passed == texts
+    assert len(texts) == 1
 
 
 def test_a_flight_in_which_a_number_changes_has_the_same_bits_and_its_scheduled_end(monkeypatch):

@@ -63,6 +63,9 @@ def main() -> None:
         from skyarm.cli.lines import say_ended
 
         code = say_ended(WORDS[came[0].name], 128 + came[0])
+    flights = sys.modules.get("skyarm.simulate.stored_programs")
+    if code == 0 and flights is not None:
+        flights.optimise_repeated()
     gc.freeze()  # Python would look through a million objects for circles before it ends
     sys.exit(code)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.compile.llvm.kernel import Assembly, Kernel
+from skyarm.compile.llvm.kernel import FULL, Assembly, Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
@@ -51,7 +51,7 @@ from skyarm.simulate.plant_steps import (
 )
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
-from skyarm.simulate.stored_programs import FlightProgram, load_program, program_name, store_program
+from skyarm.simulate.stored_programs import FlightProgram, load_program, note_repeat, program_name, store_program
 from skyarm.simulate.user_code import require_shapes
 
 PIECE = 0.1
@@ -121,7 +121,11 @@ class EpisodeCode:
         if machine_code:
             # of a program with numbers the scenario that it is traced from is not the one that flies
             name = "" if any(key or ()) else program_name(scenario, commands, effort)
-            program = load_program(name) or self._write_program(name, effort)
+            program = load_program(name)
+            if program is None:
+                program = self._write_program(name, effort)
+            elif effort is None:
+                note_repeat(program, scenario.steps)
             self.loop = program.loop
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
@@ -137,9 +141,9 @@ class EpisodeCode:
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
         loop = self._trace(self._step)
-        written = Assembly.of(loop, Lanes(1), logging=True, effort=2 if effort is None else effort)
-        if effort is None:
-            written = written.for_steps(self.scenario.steps)
+        written = Assembly.of(loop, Lanes(1), logging=True, effort=FULL if effort is None else effort)
+        if effort is None and not written.pays(self.scenario.steps):
+            written = replace(written, effort=0)
         program = FlightProgram(loop, written, tuple(self.substeps.traced.items()))
         store_program(name, program)
         return program

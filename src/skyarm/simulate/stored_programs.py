@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.compile.llvm import object_cache
-from skyarm.compile.llvm.kernel import Assembly, processor
+from skyarm.compile.llvm.kernel import Assembly, compile_behind, processor
 from skyarm.compile.llvm.shared_steps import cores
 from skyarm.compile.tracing.program import Loop
 from skyarm.compile.tracing.tracer import Lowered
@@ -71,6 +71,24 @@ def load_program(name: str) -> FlightProgram | None:
     content = object_cache.load(name) if name else None
     program: FlightProgram | None = None if content is None else restore(json.loads(zlib.decompress(content)))
     return program
+
+
+REPEATS = 10
+"""Number of repetitions in which a command may save what full optimisation of its program takes."""
+
+_repeated = list[str]()
+
+
+def note_repeat(program: FlightProgram, steps: int) -> None:
+    """Note a stored program that is flown again for ``steps`` periods, if full optimisation would pay in the end."""
+    if program.assembly.effort == 0 and program.assembly.pays(steps, REPEATS):
+        _repeated.append(program.assembly.text)
+
+
+def optimise_repeated() -> None:
+    """Start to compile the programs that this command flew again at full effort, for the next time; returns at once."""
+    for text in _repeated:
+        compile_behind(text)
 
 
 def store_program(name: str, program: FlightProgram) -> None:

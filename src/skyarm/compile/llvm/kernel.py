@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import ctypes
 import os
-from dataclasses import replace
+import subprocess
+import sys
+import tempfile
+import time
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +40,9 @@ handling signals. A law with a nominal delay of half a second has 300 000."""
 PAYS = 150_000
 """Number of times that each written operation is executed, on average, from which full optimisation pays: it takes
 0.2 ms of compilation for an operation, and saves 1.3 ns each time."""
+
+FULL, ANEW = 2, 600.0
+"""Full effort of the compiler; time (s) after which a compilation behind a command that kept nothing is repeated."""
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step
@@ -94,9 +100,9 @@ class Assembly:
         effort = effort if written <= LARGE else 0
         return Assembly(assembly(loop, lanes, logging=logging), written, size, effort)
 
-    def for_steps(self, steps: int) -> Assembly:
-        """The same program with the effort that computes ``steps`` steps soonest, compilation included."""
-        return self if steps * self.size > PAYS * self.written else replace(self, effort=0)
+    def pays(self, steps: int, times: int = 1) -> bool:
+        """True if full optimisation saves more time than it takes in ``steps`` steps, made ``times`` times."""
+        return self.written <= LARGE and times * steps * self.size > PAYS * self.written
 
 
 class Kernel:
@@ -207,14 +213,46 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 def _make_engine(text: str, effort: int) -> llvm.ExecutionEngine:
     """Make an LLVM engine from an assembly text, with its object code from the cache if possible."""
-    effort = min(effort, int(os.environ.get(EFFORT) or effort))
+    effort = _limited(effort)
     # the cache has errors of its own, which say nothing of LLVM
-    identity = _identity(text, effort)
-    content = object_cache.load(identity)
+    content = object_cache.load(_identity(text, _limited(FULL)))
+    if content is None and effort < FULL:
+        content = object_cache.load(_identity(text, effort))
     if content is None:
         content = build(text, effort)
-        object_cache.store(identity, content)
+        object_cache.store(_identity(text, effort), content)
     return _load_engine(content)
+
+
+_behind = list["subprocess.Popen[bytes]"]()
+"""Processes that were started and not waited for, which Python would complain of."""
+
+
+def compile_behind(text: str) -> None:
+    """Start a process that compiles a program at full effort for the cache; within ten minutes none is started anew."""
+    full = _identity(text, _limited(FULL))
+    begun = object_cache.load(f"begun\n{full}")
+    if object_cache.load(full) is not None or (begun is not None and time.time() < float(begun) + ANEW):
+        return
+    object_cache.store(f"begun\n{full}", str(time.time()).encode())
+    command = [sys.executable, "-P", "-c", f"from {__name__} import keep; keep()"]
+    with tempfile.TemporaryFile() as file:
+        file.write(text.encode())
+        file.seek(0)
+        quiet = subprocess.DEVNULL
+        _behind.append(subprocess.Popen(command, stdin=file, stdout=quiet, stderr=quiet, start_new_session=True))
+
+
+def keep() -> None:
+    """Compile the assembly on standard input at full effort into the cache, at the lowest priority."""
+    if hasattr(os, "nice"):
+        os.nice(19)
+    text = sys.stdin.read()
+    object_cache.store(_identity(text, FULL), build(text, FULL))
+
+
+def _limited(effort: int) -> int:
+    return min(effort, int(os.environ.get(EFFORT) or effort))
 
 
 def _identity(text: str, effort: int) -> str:
