@@ -14,8 +14,9 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
 from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Truth, flat
+from skyarm.plant.largest_step import VERLET_FRICTION_STEP
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import coupled_rk4
+from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Together
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import BASE, Body, Joint, Link, Vehicle
@@ -25,13 +26,18 @@ INERTIA, STEP, SPUN = 2e-4, 1e-3, 10.0
 AIR = steady_wind()
 
 
-def rates(made, step=STEP, effort=0.0, steps=50, **friction):
-    """Rates (rad/s) of the wheel after each step, from 10 rad/s, its base so heavy that it stays."""
+def wheel(**friction):
+    """A wheel about its own axis on a base so heavy that it stays."""
     body = Body(mass=0.2, inertia=Sym3(INERTIA, INERTIA, INERTIA))
     joint = Joint(name="j", axis=Vec3(0, 0, 1), effort_limit=1.0, **friction)
     heavy = Body(mass=1e6, inertia=Sym3(1e6, 1e6, 1e6))
     vehicle = Vehicle(name="wheel", base=heavy, links=(Link(name="l", parent=BASE, body=body, joint=joint),))
-    plant = made(Truth(vehicle=vehicle, gravity=0.0), AIR, "euler", physics_step=step)
+    return Truth(vehicle=vehicle, gravity=0.0)
+
+
+def rates(made, step=STEP, effort=0.0, steps=50, **friction):
+    """Rates (rad/s) of the wheel after each step, from 10 rad/s."""
+    plant = made(wheel(**friction), AIR, "euler", physics_step=step)
     x = flat(replace(example_state(1, 0), joint_rates=(SPUN,)))
     found = []
     for _ in range(steps):
@@ -61,6 +67,21 @@ def test_dry_friction_stops_a_wheel_and_never_turns_it_round(made):
 def test_a_drive_below_dry_friction_creeps_as_the_law_says(made):
     found = rates(made, effort=0.025, steps=200, coulomb=0.05, coulomb_rate=0.03)
     assert found[-1] == pytest.approx(0.03 * math.atanh(0.5), rel=1e-5)
+
+
+def test_friction_of_a_verlet_step_is_of_second_order_and_within_a_hundredth_at_its_bound():
+    world, start = wheel(damping=250.0 * INERTIA), replace(example_state(1, 0), joint_rates=(SPUN,))
+    errors = []
+    for steps in (1, 2, 4):
+        states = (start,)
+        for _ in range(steps):
+            step = VERLET_FRICTION_STEP / 250.0 / steps
+            states, _ = coupled_verlet(
+                (world,), states, (Command(rotor_speeds=(), efforts=(0.0,)),), Together((AIR,)), step
+            )
+        errors.append(abs(states[0].joint_rates[0] / SPUN - math.exp(-VERLET_FRICTION_STEP)))
+    assert 0.005 < errors[0] < 0.01
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.15)
 
 
 def test_steps_that_halve_halve_the_error():

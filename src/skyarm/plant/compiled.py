@@ -29,10 +29,10 @@ from skyarm.plant.joint_rate import (
 )
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
-    HELD_FRICTION_STEP,
     INTEGRATORS,
     STAGES,
     VERLET,
+    VERLET_FRICTION_STEP,
     divisions,
     largest_step,
     verlet_step,
@@ -98,7 +98,7 @@ def hold(
     if count.slack:
         rate = friction_bound(vehicles, count.mobile)
         if not concrete(rate):
-            largest = HELD_FRICTION_STEP if count.verlet else FRICTION_STEP
+            largest = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
             finer = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), finer)
     if count.stops:
         held = count.verlet or integrator == "euler"
@@ -207,7 +207,7 @@ class RigidBodyPlant:
             return Steps(near, most=most)
         rounds = math.ceil(near / far)
         if self._verlet is not None:
-            verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
+            verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / VERLET_FRICTION_STEP))
             if verlet_steps < near * STAGES:
                 return Steps(
                     verlet_steps, far, rounds, True, most, self._calm(seconds, verlet_steps, STAGES * far, verlet=True)
@@ -219,7 +219,7 @@ class RigidBodyPlant:
         largest = None if self._integrator == "euler" else self.around.largest_calm_step(verlet=verlet)
         if largest is None:
             return 0
-        held = self._rate / (HELD_FRICTION_STEP if verlet else FRICTION_STEP)
+        held = self._rate / (VERLET_FRICTION_STEP if verlet else FRICTION_STEP)
         fewest = max(math.ceil(seconds * held), divisions(seconds, self._largest_far), least)
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 

@@ -192,10 +192,10 @@ def coupled_verlet(
 ) -> Moved:
     """Vehicle and contact states after a Stoermer-Verlet step: positions half-way, velocities, positions to the end.
 
-    Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
-    a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
-    the middle of the push, by one iteration of the implicit midpoint rule. Rotors lag exactly. Bristles are where the
-    last push found them, and go on to this one first.
+    Forces are taken in the middle of the step, with velocities half-way through the push: of second order for springs,
+    without a drift of the energy, and for joint friction; the damping of contacts is of first order. The gyroscopic and
+    centrifugal terms are those of the middle of the push, by one iteration of the implicit midpoint rule. Rotors lag
+    exactly. Bristles are where the last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half, lags = 0.5 * dt, [follow_commands(worlds, states, commands, around, part) for part in (0.5 * dt, dt)]
