@@ -13,7 +13,7 @@ from skyarm.dynamics.actuators import stop_force
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import STOP_STEP, joint_rate, stop_frequency
-from skyarm.plant.largest_step import INTEGRATORS
+from skyarm.plant.largest_step import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_record import trimmed_state
@@ -193,7 +193,7 @@ def test_the_step_follows_the_stiffest_stop_as_mujocos_mass_matrix_has_it():
     period = 2.0 * STOP_STEP / found * 0.999
     plant = RigidBodyPlant(Truth(vehicle=vehicle), STILL, "rk4", 0.001)
     assert [plant.substeps(share * period).near for share in (0.5, 1.0, 2.0, 2.01)] == [1, 2, 4, 5]
-    assert joint_rate(vehicle) == pytest.approx(0.6 / STOP_STEP * found)
+    assert joint_rate(vehicle) == pytest.approx(FRICTION_STEP / STOP_STEP * found)
     assert stop_frequency(TRUTH) == 0.0
 
 
