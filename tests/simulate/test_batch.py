@@ -7,10 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.tracing.lower import operations
 from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.simulate import Window, run
+from skyarm.simulate import Window, batch_leg, run
 from skyarm.simulate.batch import Batch
 from support.flights import document
 
@@ -167,3 +169,23 @@ def test_a_log_of_lanes_is_alive_to_the_end_and_has_no_estimate_without_an_estim
     assert log.alive.shape == (2, len(log.time))
     assert log.alive.all()
     assert log.estimate is None
+
+
+MODES = {"exact": {"bit_exact": True}, "f64": {}, "f32": {"single": True}}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_depends_on_time_alone_is_evaluated_once_a_period(mode, monkeypatch):
+    """A path whose size is the lane's own, in flights of which some end early: fewer operations, the same bits."""
+    scenario, radius = load_scenario("case3", duration=2.0), "reference.base.radius"
+    values = {MASS: np.linspace(0.7, 3.0, 21), radius: np.linspace(0.2, 1.5, 21)}
+    batches = [Batch(scenario, (MASS, radius), **MODES[mode])]
+    monkeypatch.setattr(batch_leg, "Kernel", lambda *given, **options: Kernel(*given, **options | {"ahead": False}))
+    batches.append(Batch(scenario, (MASS, radius), **MODES[mode]))
+    split, whole = (batch.fly(values) for batch in batches)
+    assert flat(split).tobytes() == flat(whole).tobytes()
+    assert 0 < np.sum(split.completed) < 21
+    ended = np.round(split.end_time * scenario.rates.control)[~split.completed]
+    assert len(set(ended)) > 1, "each keeps the tick at which it ended"
+    sizes = [operations(batch._legs[0].code.kernel.loop.program.nodes) for batch in batches]
+    assert sizes[0] < 0.92 * sizes[1]

@@ -58,8 +58,9 @@ Tallies = tuple[Totals, ...]
 Goals = tuple[MetricGoal, ...]
 """Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
 
-FeedRow = tuple[GivenRows, Scalars, tuple[Goals, ...]]
-"""Inputs of one control period of a batch: of the loop, open metric windows, desired positions of each vehicle."""
+FeedRow = tuple[Scalar, GivenRows, Scalars, tuple[Goals, ...]]
+"""Inputs of one control period of a batch: its number, inputs of the loop, open metric windows, desired positions of
+each vehicle."""
 
 
 class Feed:
@@ -79,16 +80,18 @@ class Feed:
         self._each = tuple(AgentFeed(scenario.of(name), _paths_of(paths, name)) for name in scenario.agents)
         flags = [doubles(masks[name])[:, None] for name in self._flags]
         self.example: FeedRow = (
+            0.0,
             tuple(each.row for each in self._each),
             (0.0,) * len(flags),
             tuple(tuple(map(structure_of, each.goals)) for each in self._each),
         )
         goals = [table_of(goal, scenario.steps) for each in self._each for goal in each.goals]
-        self.rows = np.hstack([*(each.table for each in self._each), *flags, *goals])
+        ticks = np.arange(scenario.steps)[:, None]
+        self.rows = np.hstack([ticks, *(each.table for each in self._each), *flags, *goals])
 
-    def read(self, varied: Scenario, fed: FeedRow, ticks: Scalar) -> tuple[GivenRows, list[Goals], dict[str, Scalar]]:
+    def read(self, varied: Scenario, fed: FeedRow) -> tuple[GivenRows, list[Goals], dict[str, Scalar]]:
         """Decode the closed-loop inputs of a period: references, desired positions, flags of the metrics' windows."""
-        rows, flags, goals = fed
+        ticks, rows, flags, goals = fed
         inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
         each = zip(self._each, varied.agents, rows, goals, strict=True)
@@ -298,11 +301,14 @@ class Leg:
             both: tuple[LoopState, Tallies], values: Scalars, fed: FeedRow, uniforms: Uniforms
         ) -> tuple[tuple[LoopState, Tallies], tuple[Logged, ...]]:
             varied = self._lane_scenario(values)
-            stages, (loop, tallies) = Stages(varied), both
-            given, goals, inside = self._feed.read(varied, fed, loop.ticks)
+            stages, (before, tallies) = Stages(varied), both
+            # the number of the period is that of the row, one for all lanes; those that ended keep their own
+            loop = replace(before, ticks=fed[0])
+            given, goals, inside = self._feed.read(varied, fed)
             rows = stages.lead(loop, given)
             period = make_period(stages, RigidBodySteps(stages, substeps))
             following, flown = period(loop, rows, uniforms)
+            following = replace(following, ticks=before.ticks + flown.alive)
             alive = flown.alive > 0.5
             each = zip(stages.agents, loop.agents, rows, flown.agents, goals, strict=True)
             instants = [_instant(agent, own, loop.ticks, row, sample, goal) for agent, own, row, sample, goal in each]
@@ -312,7 +318,7 @@ class Leg:
             return (following, tallies), self._log_entries(varied, rows, flown) if options.every else ()
 
         program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
-        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort)
+        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort, ahead=True)
         return LegCode(kernel, program.result[1], key, substeps)
 
     def _log_entries(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyarm.compile.llvm import object_cache
-from skyarm.compile.llvm.llvm_loop import CALL, assembly
+from skyarm.compile.llvm.llvm_loop import CALL, assembly, split_by_row
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps, Workers
 from skyarm.compile.machine_code import llvm_needed, require_floor
@@ -113,6 +113,7 @@ class Kernel:
         logging: compile in the writing of the log.
         effort: 1 and above, or 0 for code that is made four times as fast and runs a third as fast; the same numbers.
             0 for programs of more than ``LARGE`` operations.
+        ahead: compute what depends on a row of inputs alone once for all lanes, but at effort 0.
         written: the program in LLVM's language, if it is written already.
     """
 
@@ -123,8 +124,13 @@ class Kernel:
         *,
         logging: bool = False,
         effort: int = 2,
+        ahead: bool = False,
         written: Assembly | None = None,
     ) -> None:
+        self._ahead: Kernel | None = None
+        if ahead and effort:
+            first, loop = split_by_row(loop)
+            self._ahead = Kernel(first, lanes, logging=True, effort=effort)
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
@@ -173,6 +179,8 @@ class Kernel:
         padded = -(-lanes // width) * width
         c = self._pad("carry", carry, (self.loop.carry, lanes), padded)
         p = self._pad("parameters", parameters, (self.loop.parameters, lanes), padded)
+        if self._ahead is not None:
+            rows = np.hstack([rows, self._ahead.run(rows.T, rows.T[:0], rows[:1, :0])[1][0].T])
         with np.errstate(over="ignore"):
             r = np.ascontiguousarray(rows, dtype=self.dtype)
         if r.ndim != 2 or r.shape[1] != self.loop.row:

@@ -11,12 +11,14 @@ parameters alone is computed once per block, before the loop.
 from __future__ import annotations
 
 import platform
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.llvm.llvm_text import Lanes, Writer
 from skyarm.compile.tracing.program import Loop
-from skyarm.compile.tracing.tracer import Node
+from skyarm.compile.tracing.tracer import Lowered, Node, is_condition
 
 LOW = 0xFFFFFFFF
 
@@ -241,6 +243,35 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
         else:
             varying.append(node)
     return invariant, varying
+
+
+def split_by_row(loop: Loop) -> tuple[Loop, Loop]:
+    """Take what depends on a step's row of inputs alone out of the step, which then reads it from a longer row.
+
+    Bits stay, also where a product and its only sum are rounded once, as they stay together.
+
+    Returns:
+        Program whose carry is the row and whose log are the numbers that follow it; the step.
+    """
+    nodes, inputs, outputs = loop.program.nodes, loop.program.inputs, loop.program.outputs
+    end = loop.carry + loop.parameters + loop.row
+    row = inputs[end - loop.row : end]
+    known, rest = _split(nodes, row)
+    uses = Counter(node.index for node in (*outputs, *(arg for each in nodes for arg in each.args)))
+    read, added = {node.index for node in (*outputs, *(arg for each in rest for arg in each.args))}, list[Node]()
+    for node in reversed(known):
+        if node.index not in read:
+            continue
+        # a condition is no number; a product with one use may be rounded with that
+        if node.op == "const" or is_condition(node) or (node.op == "mul" and uses[node.index] == 1):
+            rest.append(node)
+            read.update(arg.index for arg in node.args)
+        else:
+            added.append(node)
+    rest.sort(key=lambda node: node.index)
+    ahead = Loop(Lowered(row, tuple(known), (*row, *added)), loop.row, 0, 0, (), len(added), ())
+    program = Lowered((*inputs[:end], *added, *inputs[end:]), tuple(rest), outputs)
+    return ahead, replace(loop, program=program, row=loop.row + len(added))
 
 
 def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[str]:
