@@ -39,7 +39,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import FlightInputs
 from skyarm.simulate.loop_state import GivenRows, LoopState, Sample, carry_over, structure_of
-from skyarm.simulate.period import PlantSteps, Uniforms, make_period, measure
+from skyarm.simulate.period import PlantSteps, Uniforms, make_fleet_period, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -111,6 +111,7 @@ class EpisodeCode:
             self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
         self._example = structure_of(self.carry)
         self.draws = draws_needed(scenario)
+        self._once = machine_code and effort is None and not (commands or numbers)
         self._plant: PlantSteps[State] | None = None
         if scenario.kind == "rigid_body":
             self.substeps = Substeps(rigid_body_plant(scenario, self.first))
@@ -168,7 +169,8 @@ class EpisodeCode:
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
         stages, plant, rows = self._begin(numbers, fed)
-        return make_period(stages, plant)(now, rows, uniforms)
+        fleet = make_fleet_period(stages, self.substeps) if self._once else None
+        return (fleet or make_period(stages, plant))(now, rows, uniforms)
 
     def _measure(
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms

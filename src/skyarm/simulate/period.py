@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
+from math import prod
 from typing import NamedTuple, Protocol, TypeVar
 
 from skyarm.algebra import Motion, Scalar, Scalars
+from skyarm.compile.llvm.kernel import SHARES
+from skyarm.compile.tracing.lower import compiled_once
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Memories, Together
+from skyarm.records.identity import all_files
 from skyarm.records.leaves import Tree, blend
+from skyarm.records.plain import digest, plain
 from skyarm.reference import Reference
 from skyarm.simulate.loop_state import AgentLoop, AgentSample, Clock, GivenRows, InputRow, LoopState, Sample
+from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.stages import Readings, Stages
 from skyarm.world import WindSample
 
@@ -156,6 +163,46 @@ def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
         ended = replace(before, alive=0.0, agents=tuple(replace(own, memory=law.memory) for own, law in over))
         sample = _sample(stages, before, measured, decided, following.alive)
         return blend(following.alive > 0.5, following, ended), sample
+
+    return period
+
+
+def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
+    """Make the function that advances equal vehicles, whose period is compiled once, with the bits of any team's.
+
+    Where one ends, others go on to the end of that period: a flight is flown again up to its end.
+
+    Args:
+        whole: stages of the scenario, whose numbers are concrete.
+        substeps: counts of integration steps in an interval (s).
+
+    Returns:
+        None if vehicles differ in more than paths and first states, if one acts on another, where it does not pay, and
+        for code of the user's, which may tell vehicles by their names.
+    """
+    scenario, agents = whole.scenario, [*whole.scenario.agents.values()]
+    if (
+        scenario.steps > SHARES * (len(agents) - 3)
+        or whole.shared
+        or any(model.coupled for model in whole.own[0])
+        or any(each.tracking_start or each.reference.guards or each.reference.load for each in agents)
+        or len({digest(plain(replace(each, reference=agents[0].reference, initial=None))) for each in agents}) > 1
+        or all_files(scenario)
+    ):
+        return None
+    stages = Stages(replace(scenario, agents={next(iter(scenario.agents)): agents[0]}, changes=()))
+    one = make_period(stages, RigidBodySteps(stages, substeps))
+
+    def period(before: LoopState, given: GivenRows, uniforms: Uniforms) -> tuple[LoopState, Sample]:
+        flown, draws = list[tuple[LoopState, Sample]](), whole.draws.shares(uniforms)
+        for i, own in enumerate(before.agents):
+            numbers = tuple(chain(*draws.sensors[i], *draws.components[i]))
+            record = replace(before, agents=(own,)), given[i : i + 1], numbers
+            flown.append(compiled_once("period", lambda each: one(*each), record))
+        alive = prod(after.alive for after, _ in flown)
+        agents, samples = (tuple(each.agent for each in column) for column in zip(*flown, strict=True))
+        following = replace(before, alive=alive, ticks=before.ticks + alive, agents=agents)
+        return following, Sample(alive=alive, agents=samples)
 
     return period
 
