@@ -318,7 +318,8 @@ class Leg:
             return (following, tallies), self._log_entries(varied, rows, flown) if options.every else ()
 
         program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
-        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort, ahead=True)
+        ahead = any("reference." in path for path in options.paths)
+        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort, ahead=ahead)
         return LegCode(kernel, program.result[1], key, substeps)
 
     def _log_entries(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:
