@@ -226,9 +226,9 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 def _make_engine(text: str, effort: int) -> llvm.ExecutionEngine:
     """Make an LLVM engine from an assembly text, with its object code from the cache if possible."""
-    effort = _limited(effort)
+    effort = _allowed_effort(effort)
     # the cache has errors of its own, which say nothing of LLVM
-    content = object_cache.load(_identity(text, _limited(FULL)))
+    content = object_cache.load(_identity(text, _allowed_effort(FULL)))
     if content is None and effort < FULL:
         content = object_cache.load(_identity(text, effort))
     if content is None:
@@ -243,7 +243,7 @@ _behind = list["subprocess.Popen[bytes]"]()
 
 def compile_behind(text: str) -> None:
     """Start a process that compiles a program at full effort for the cache; within ten minutes none is started anew."""
-    full = _identity(text, _limited(FULL))
+    full = _identity(text, _allowed_effort(FULL))
     begun = object_cache.load(f"begun\n{full}")
     if object_cache.load(full) is not None or (begun is not None and time.time() < float(begun) + ANEW):
         return
@@ -264,7 +264,7 @@ def keep() -> None:
     object_cache.store(_identity(text, FULL), build(text, FULL))
 
 
-def _limited(effort: int) -> int:
+def _allowed_effort(effort: int) -> int:
     return min(effort, int(os.environ.get(EFFORT) or effort))
 
 
