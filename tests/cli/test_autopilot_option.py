@@ -125,7 +125,7 @@ def flown_for(seconds: float) -> Callable[..., tuple[Log, BaseException | None]]
     """Flight of the paper's law in the autopilot's place, which a Ctrl-C ends after a time."""
 
     def fly(
-        planned: Scenario, progress: Callable[[int, int], None], preparing: Callable[[float, float], None]
+        planned: Scenario, progress: Callable[[int, int], None], preparing: Callable[[float, float], None], _: Path
     ) -> tuple[Log, BaseException | None]:
         preparing(12.0, 120.0)
         preparing(19.0, 19.0)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from skyarm.log.formats import load_log
 from support.cases import sampled
 
 if sys.platform == "win32":
@@ -81,7 +82,15 @@ def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(tmp_path: Path, argumen
     assert process.returncode == 130
     goes_on = "" if arguments[0] == "run" else "; the same command goes on"
     assert said(errors) == INTERRUPTED.replace("\n", f"{goes_on}\n")
-    assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    files = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    if arguments[0] != "run":
+        assert not files
+        return
+    # a flight keeps what has been flown
+    assert sorted(path.name for path in files) == ["case3.csv", "case3.npz"]
+    log = load_log(tmp_path / "out" / "run" / "case3.npz")
+    assert (log.status, log.time.size) == ("running", round(200 * log.info["end_time"]))
+    assert 0 < log.time.size < 400_000
 
 
 @pytest.mark.parametrize("number", sampled([signal.SIGTERM, signal.SIGHUP], 2))

@@ -329,7 +329,7 @@ def test_machine_code_runs_for_a_tenth_of_a_second_at_a_stretch(
     engine = native.Engine(native.EpisodeCode(scenario))
     monkeypatch.setattr(native, "perf_counter", lambda: clock[0])
 
-    def pretend(begin: int, end: int) -> None:
+    def pretend(begin: int, end: int, _: int) -> None:
         clock[0] += seconds * (end - begin)
         flown.append(end - begin)
 

@@ -47,7 +47,6 @@ from skyarm.records.registry.registrations import function_of_option
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate import run as fly
 from skyarm.simulate.loop import run_until_interrupted
 from skyarm.view.pages import Facts
 
@@ -169,7 +168,7 @@ def _fly_one(
         require_replaceable(*files, renames=not force)
         say_suspicious(planned)
         with bar(planned.name) as advance:
-            log, interrupted, lines, topics = _fly(planned, ros, pace, advance, hint)
+            log, interrupted, lines, topics = _fly(planned, ros, pace, advance, hint, files[0].parent)
         written, earlier = save_logs(log, files, replace=force)
     values = facts(log)
     if planned.worlds:
@@ -191,12 +190,16 @@ def _fly_one(
 
 
 def _fly(
-    planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str
+    planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str, folder: Path
 ) -> tuple[Log, BaseException | None, Sequence[str], Facts]:
     """Fly a scenario; returns log, interrupting exception or None, and lines and facts about ROS.
 
-    A flight that cannot be repeated, under an autopilot or ROS, keeps its log at Ctrl-C.
+    Ctrl-C keeps the log up to then. The rows of a long flight are in a file of the folder meanwhile.
     """
+    rate = planned.rates.control
+
+    def progress(done: int, total: int) -> None:
+        advance(done, total, f"{done / rate:.0f} s flown, {(total - done) / rate:.0f} s left")
 
     def preparing(seconds: float, most: float) -> None:
         if seconds < most:
@@ -207,9 +210,7 @@ def _fly(
     if ros is not None:
         live = function_of_option("run --ros")(planned, ros, pace=pace, advance=advance, preparing=preparing)
         return live.log, live.interrupted, live.lines, live.facts
-    if planned.autopilot is None:
-        return fly(planned, advance), None, (), {}
-    return (*run_until_interrupted(planned, advance, preparing), (), {})
+    return (*run_until_interrupted(planned, progress, preparing, folder), (), {})
 
 
 def log_files(names: Sequence[str]) -> list[Path]:

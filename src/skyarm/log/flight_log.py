@@ -18,6 +18,7 @@ from skyarm.log.log_columns import columns
 from skyarm.log.log_tables import ArrowTable, DataFrame, log_frame, log_table
 from skyarm.log.periods import ContactPeriod, GraspPeriod, contact_periods, grasp_periods
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
+from skyarm.log.stored_arrays import ArraysByName
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import LONGEST, immutable
@@ -144,6 +145,10 @@ class Log:
     def __getattr__(self, name: str) -> Array:
         """Arrays logged by wind, force and contact models as attributes, such as ``log.contact_force``."""
         received: Mapping[str, Array] = self.__dict__.get("received", {})
+        if name in self.__dict__.get("_stored", ()):
+            return self._stored[name]
+        if name in IF_ANY:
+            return np.zeros((0, 0))
         if f"{COMPONENTS}.{name}" not in received:
             raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
         return received[f"{COMPONENTS}.{name}"]
@@ -248,8 +253,10 @@ class Log:
         """
         return import_module(PICTURES).plot(self, file, **options)
 
-    def arrays(self) -> dict[str, Array]:
-        """All arrays of the log by name."""
+    def arrays(self) -> Mapping[str, Array]:
+        """All arrays of the log by name; those in a file are read when they are accessed."""
+        if "_stored" in self.__dict__:
+            return self._stored
         absent = [name for name in IF_ANY if not getattr(self, name).size]
         own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
         return own | dict(self.received)
@@ -260,7 +267,9 @@ class Log:
         return written
 
     def _rows(self, chosen: slice) -> Log:
-        return log_of_arrays({name: array[chosen] for name, array in self.arrays().items()}, self.info)
+        arrays = self.arrays()
+        read = arrays.read if isinstance(arrays, ArraysByName) else lambda name, rows: arrays[name][rows]
+        return log_of_arrays({name: read(name, chosen) for name in arrays}, self.info)
 
     @property
     def units(self) -> Mapping[str, Unit]:
@@ -322,7 +331,18 @@ def rows_of(log: Log, chosen: slice) -> Log:
     return log._rows(chosen)
 
 
+PIECE = 5_000
+"""Number of control instants that are written or counted at a time."""
+
+
 def log_of_arrays(arrays: Mapping[str, Array], info: Info) -> Log:
     """Make a log from its arrays by name, as :meth:`Log.arrays` returns them."""
-    own = {name: array for name, array in arrays.items() if "." not in name}
-    return Log(**own, received={name: arrays[name] for name in arrays if name not in own}, info=info)
+    others = [name for name in arrays if "." in name]
+    if not isinstance(arrays, ArraysByName):
+        own = {name: array for name, array in arrays.items() if name not in others}
+        return Log(**own, received={name: arrays[name] for name in others}, info=info)
+    log = object.__new__(Log)
+    named = [name for name in units(Log) if name in arrays and (name not in IF_ANY or arrays[name].size)]
+    stored, received = (ArraysByName(names, arrays.read) for names in ([*named, *others], others))
+    log.__dict__.update(received=received, info=info, _stored=stored)
+    return log

@@ -114,12 +114,12 @@ def _took_off(values: Facts) -> bool:
 
 def error_norms(log: Log) -> dict[str, Array]:
     """Norms (N,) of the errors in position, joints and tip against the continuous reference, by name."""
-    pairs = {"position": (log.position, log.position_reference)}
+    arrays = {"position": "position"}
     if log.joints.shape[1]:
-        pairs["joints"] = log.joints, log.joints_reference
+        arrays["joints"] = "joints"
     if not np.array_equal(log.tool, log.position):
-        pairs["tip"] = log.tool, log.tool_reference
-    return {what: lengths(flown - desired) for what, (flown, desired) in pairs.items()}
+        arrays["tip"] = "tool"
+    return {what: lengths(log[name] - log[f"{name}_reference"]) for what, name in arrays.items()}
 
 
 def _peak_thrust(log: Log) -> float | None:

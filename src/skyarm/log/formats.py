@@ -10,18 +10,19 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import IO
 
 import numpy as np
 import orjson
 
 from skyarm.log.contents import log_info, log_of
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import PIECE, Log, rows_of
 from skyarm.log.log_columns import columns
-from skyarm.records.files import PathLike, must_be_one_of, require_file, shown, taken_back, unreadable, write_atomically
+from skyarm.records.files import PathLike, must_be_one_of, require_file, shown, taken_back, unreadable
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import require_result
+from skyarm.records.files.writing import writing_atomically
 from skyarm.records.immutable import positional
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake, refuse_mistake
@@ -47,19 +48,27 @@ def _ros_files() -> ModuleType:
 
 def write_npz(log: Log, path: PathLike) -> Path:
     """Write the complete arrays and the metadata of a log as an npz file."""
-    return write_atomically(path, npz_content(log))
+    with writing_atomically(path) as stream:
+        write_npz_into(stream, log)
+    return Path(path)
 
 
 def npz_content(log: Log) -> bytes:
     """Content of a log's npz file as bytes."""
     buffer = io.BytesIO()
-    arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(log_info(log)))}
-    # as np.savez_compressed, in half its time: of noise and flight a higher level makes files one percent smaller
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, array in arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+    write_npz_into(buffer, log)
     return buffer.getvalue()
+
+
+def write_npz_into(stream: IO[bytes], log: Log) -> None:
+    """Write the content of a log's npz file into a stream, an array at a time."""
+    # as np.savez_compressed, in half its time: of noise and flight a higher level makes files one percent smaller
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        info = np.array(json.dumps(log_info(log)))
+        for name in (*log.arrays(), "info"):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                array = info if name == "info" else np.asanyarray(log[name])
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_npz(path: PathLike) -> Log:
@@ -94,13 +103,19 @@ def write_csv(log: Log, path: PathLike) -> Path:
     """Write a log as CSV: a column for each number, in the shortest text that is read back exactly."""
     every = columns(log)
     heads = ",".join(f"{each.name} [{each.unit}]" if each.unit else each.name for each in every)
-    table = np.column_stack([each.of(log) for each in every])
-    if np.isfinite(table).all():
-        # a tenth of the time of repr, which was a fifth of a first command
-        rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2].replace(b"],[", b"\n")
-    else:  # JSON has neither infinity nor "not a number"
-        rows = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
-    return write_atomically(path, b"\n".join((*filter(None, (heads.encode(), rows)), b"")))
+    finite = all(np.isfinite(log[name]).all() for name in {each.array for each in every})
+    with writing_atomically(path) as stream:
+        stream.write(f"{heads}\n".encode())
+        for begin in range(0, log.time.size, PIECE):
+            piece = rows_of(log, slice(begin, begin + PIECE))
+            table = np.column_stack([each.of(piece) for each in every])
+            if finite:
+                # a tenth of the time of repr, which was a fifth of a first command
+                rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2].replace(b"],[", b"\n")
+            else:  # JSON has neither infinity nor "not a number"
+                rows = "\n".join(",".join(map(repr, row)) for row in table.tolist()).encode()
+            stream.write(rows + b"\n")
+    return Path(path)
 
 
 NPZ = LogFormat(write_npz, read_npz)

@@ -77,7 +77,7 @@ class FlightArrays(Arrays, Protocol):
     def agents(self) -> Mapping[str, FlightArrays]:
         """Log of each vehicle by name."""
 
-    def arrays(self) -> dict[str, Array]:
+    def arrays(self) -> Mapping[str, Array]:
         """All arrays of a log by name."""
 
     def component(self, name: str) -> Array:

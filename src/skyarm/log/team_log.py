@@ -9,6 +9,7 @@ import numpy as np
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import Info
 from skyarm.log.sensor_data import COMPONENTS
+from skyarm.log.stored_arrays import ArraysByName
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import LONGEST
 from skyarm.records.members import Members
@@ -80,13 +81,9 @@ class TeamLog(Log):
     def _rows(self, chosen: slice) -> TeamLog:
         return TeamLog({name: rows_of(log, chosen) for name, log in self.agents.items()}, self.info)
 
-    def arrays(self) -> dict[str, Array]:
+    def arrays(self) -> Mapping[str, Array]:
         """All arrays by name: ``left/position`` of one vehicle, those of what all share without a vehicle's name."""
         shared = ["time", *(f"{COMPONENTS}.{name}" for name in self.common)]
-        own = {
-            f"{name}{WITHIN}{array}": values
-            for name, log in self.agents.items()
-            for array, values in log.arrays().items()
-            if array not in shared
-        }
-        return own | {name: self[name] for name in shared}
+        own = (f"{name}{WITHIN}{array}" for name, log in self.agents.items() for array in log.arrays())
+        names = [name for name in own if name.partition(WITHIN)[2] not in shared]
+        return ArraysByName([*names, *shared], self.__getitem__)

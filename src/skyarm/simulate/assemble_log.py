@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Scalar
 from skyarm.control.law_estimates import found_by_law
-from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
+from skyarm.log.flight_log import Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
+from skyarm.log.stored_arrays import ArrayFile, ArraysByName, join
 from skyarm.log.team_log import SHARED, TeamLog
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array, doubles
@@ -54,6 +55,14 @@ class LoggedSamples:
     led: Array
 
 
+LogPart = tuple[Mapping[str, Array], dict[str, Any]]
+"""Arrays of the log of one vehicle in some periods, and a description of the sources of received data."""
+
+
+StoredPiece = Mapping[str, LogPart]
+"""Piece of a flight whose arrays are in a file: the part of the log of each vehicle by name."""
+
+
 @positional
 class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
@@ -66,6 +75,15 @@ class Piece:
     inputs: FlightInputs
     start: int
     flown: tuple[LoggedSamples, ...]
+
+    def in_file(self, file: ArrayFile) -> StoredPiece:
+        """Piece with its arrays in a file instead of memory.
+
+        Raises:
+            OSError: as of :meth:`ArrayFile.store`.
+        """
+        parts = {name: _part_of(self.of(name)) for name in self.scenario.agents}
+        return {name: (file.store(arrays), sources) for name, (arrays, sources) in parts.items()}
 
     def of(self, name: str) -> AgentPiece:
         """Periods of one vehicle, by its name."""
@@ -88,7 +106,11 @@ class AgentPiece:
 
 
 def join_pieces(
-    scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
+    scenario: Scenario,
+    pieces: Sequence[Piece | StoredPiece],
+    ending: Ended | None,
+    *,
+    info: dict[str, Any] | None = None,
 ) -> Log:
     """Concatenate the parts of a flight before and after each scheduled change into one log.
 
@@ -98,7 +120,10 @@ def join_pieces(
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
     """
-    flown = {name: [piece.of(name) for piece in pieces] for name in scenario.agents}
+    flown = {
+        name: [piece.of(name) if isinstance(piece, Piece) else piece[name] for piece in pieces]
+        for name in scenario.agents
+    }
     logs = {name: log_of_agent(scenario.of(name), each, ending, info=info) for name, each in flown.items()}
     return next(iter(logs.values())) if len(logs) == 1 else _of_team(logs, scenario, ending)
 
@@ -110,40 +135,36 @@ def _of_team(logs: dict[str, Log], scenario: Scenario, ending: Ended | None) -> 
 
 
 def log_of_agent(
-    scenario: Scenario, pieces: Sequence[AgentPiece], ending: Ended | None, *, info: dict[str, Any] | None = None
+    scenario: Scenario,
+    pieces: Sequence[AgentPiece | LogPart],
+    ending: Ended | None,
+    *,
+    info: dict[str, Any] | None = None,
 ) -> Log:
     """Concatenate the parts of one vehicle's flight before and after each scheduled change into one log.
 
     Args:
         scenario: scenario of the vehicle's flight, as the log records it.
-        pieces: at least one.
+        pieces: at least one; arrays in a file stay there.
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
     """
-    tables = [_tables(piece) for piece in pieces]
-    sources: dict[str, Any] = {}
-    for i, piece in enumerate(pieces):
-        received, descriptions = sensor_data(piece)
-        tables[i] |= received
+    parts = [each if isinstance(each, tuple) else _part_of(each) for each in pieces]
+    tables, sources = [arrays for arrays, _ in parts], dict[str, Any]()
+    for _, descriptions in parts:
         for name, source in descriptions.items():
             sources.setdefault(name, source)["fields"] |= source["fields"]
-    if any("path_time" in each for each in tables):
-        tables = [{"path_time": each["time"], **each} for each in tables]
-    if len(tables) > 1:
-        _fill_missing(tables)
-        tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
+    arrays: Mapping[str, Array] = join(tables) if len(tables) > 1 else tables[0]
+    if not isinstance(tables[0], ArraysByName):
+        arrays = dict(arrays)
     described = describe(scenario, ending) if info is None else info
-    return log_of_arrays(tables[0], described | ({DESCRIPTION: sources} if sources else {}))
+    return log_of_arrays(arrays, described | ({DESCRIPTION: sources} if sources else {}))
 
 
-def _fill_missing(tables: Sequence[dict[str, Array]]) -> None:
-    """Add log arrays that only some parts of a flight have: NaN for sensor readings and measurements, else zeros."""
-    widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
-    for table in tables:
-        for name, width in widths.items():
-            readings = "." in name and not name.startswith(f"{COMPONENTS}.")
-            none = np.nan if readings or name.startswith("measured_") else 0.0
-            table.setdefault(name, np.full((len(table["time"]), *width), none))
+def _part_of(piece: AgentPiece) -> LogPart:
+    """Part of the log of one vehicle, from its logged samples."""
+    received, described = sensor_data(piece)
+    return _tables(piece) | received, described
 
 
 def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str, Array]:
@@ -177,7 +198,8 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle, count = scenario.agent.vehicle, len(flown.states)
     wind = flown.wind
-    start, stop = piece.start, piece.start + count
+    start = piece.start - inputs.ticks.start
+    stop = start + count
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
         columns = [doubles(c) for c in record]

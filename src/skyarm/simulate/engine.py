@@ -80,6 +80,7 @@ class EpisodeCode:
         commands: a command from outside may take the law's place.
         effort: effort of the compiler; None chooses by the length of the episode.
         key: key of all programs that differ in the values of their numbers alone.
+        window: number of control periods whose inputs and logged samples are in memory; all if left out.
 
     Raises:
         NoMachineCodeError: there is no compiler; evaluate it in Python.
@@ -95,8 +96,10 @@ class EpisodeCode:
         commands: bool = True,
         effort: int | None = None,
         key: ProgramKey | None = None,
+        window: int | None = None,
     ) -> None:
         require_shapes(scenario)
+        self.window = window or scenario.steps
         self.scenario, self.commands, self.key = scenario, commands, key
         self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
         laws = [each.controller for each in scenario.agents.values()]
@@ -136,8 +139,8 @@ class EpisodeCode:
 
     @cached_property
     def inputs(self) -> FlightInputs:
-        """Times and references of the scenario that the program was traced from."""
-        return FlightInputs(self.scenario)
+        """Times and references of the scenario that the program was traced from, from the first period on."""
+        return FlightInputs(self.scenario, window=self.window)
 
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
@@ -266,9 +269,10 @@ class Engine:
         parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
+        self._first = 0  # period of the tables' first row
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
-        self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
+        self._write_to(np.empty((len(self._rows), code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch, self.commanded = 1, False
@@ -295,10 +299,22 @@ class Engine:
 
     @property
     def inputs(self) -> FlightInputs:
-        """Times and references of all control periods under the scenario in force."""
+        """Times and references of the control periods in memory under the scenario in force."""
         if self._inputs.scenario is not self.scenario:
-            self._inputs = FlightInputs(self.scenario)
+            self._inputs = FlightInputs(self.scenario, self._first, self.code.window)
         return self._inputs
+
+    @property
+    def full(self) -> bool:
+        """True once the next period overwrites the logged samples, which are still to be stored."""
+        return self.tick >= self._first + self.code.window
+
+    def _move_window(self) -> None:
+        """Let the tables of inputs and of logged samples begin at the next period."""
+        self._first = self.tick
+        self._inputs = FlightInputs(self.scenario, self._first, self.code.window, self.inputs)
+        self._rows = self._input_rows()
+        self._write_to(self._log)
 
     def step(self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False) -> bool:
         """Fly one control period; False once the episode has ended or reached its duration.
@@ -327,7 +343,9 @@ class Engine:
         """Fly for about 0.1 s of computing time, at most up to period ``stop``; False once the episode is over."""
         if self.tick >= self._steps or self.ended is not None:
             return False
-        stop = min(stop, self.tick + self._stretch, self._steps)
+        if self.full:
+            self._move_window()
+        stop = min(stop, self.tick + self._stretch, self._first + self.code.window, self._steps)
         begun, before = perf_counter(), self.tick
         if self.commanded:
             self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
@@ -343,15 +361,15 @@ class Engine:
 
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
-        carry = self._stepper.carry
+        carry, first = self._stepper.carry, self._first
         self._before[:] = carry
-        self._stepper.fly(self.tick, stop)
+        self._stepper.fly(self.tick - first, stop - first, first)
         over = carry[ALIVE] < 0.5
         end = round(carry[TICKS]) if over else stop
         if over and self.code.kernel is not None:
             # machine code moves the law's memory on to the end of the stretch, whose length the clock on the wall sets
             carry[:] = self._before
-            self._stepper.fly(self.tick, end)
+            self._stepper.fly(self.tick - first, end - first, first)
             carry[ALIVE], carry[TICKS] = 0.0, end
         self.tick = end
         if over or stop >= self._steps:
@@ -374,7 +392,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
+            sample = rebuild(self.code.sample, iter(self.row(self.tick).tolist()))
             commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
@@ -394,7 +412,7 @@ class Engine:
 
     def samples(self, start: int, stop: int) -> tuple[LoggedSamples, ...]:
         """Logged samples of each vehicle in control periods ``start`` to ``stop`` as array views."""
-        rows, samples = self._log[start:stop], list[LoggedSamples]()
+        rows, samples = self._log[start - self._first : stop - self._first], list[LoggedSamples]()
         columns = rebuild(self.code.sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
             samples.append(
@@ -430,7 +448,7 @@ class Engine:
 
     def row(self, tick: int) -> Array:
         """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
-        row: Array = self._log[tick]
+        row: Array = self._log[tick - self._first]
         return row
 
     def states_and_commands(self, start: int, stop: int) -> list[tuple[Array, Array]]:

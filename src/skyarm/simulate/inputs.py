@@ -24,45 +24,44 @@ from skyarm.simulate.reference_clock import Waits
 
 @dataclass(frozen=True)
 class EpisodeInputs:
-    """Times and references of a flight at all control instants, as tables computed on first use.
+    """Times and references at consecutive control instants of a flight, as tables computed on first use.
 
     Attributes:
         scenario: scenario of the inputs.
-        times: control instants, s.
+        ticks: numbers of the control instants. times: s.
         held_reference: the reference as published and held, as a record of arrays.
+        program: traced program from a time (s) to the reference.
     """
 
     scenario: Scenario
+    ticks: range
     times: Array
     held_reference: Reference
+    program: Program
 
     @property
     def reference(self) -> Reference:
         """Continuous reference at all control instants, as a Reference of arrays."""
-        return self.reference_between(0, self.scenario.steps)
+        return _sample(self.program, self.times)
 
     def reference_between(self, start: int, stop: int) -> Reference:
-        """Continuous reference at control instants ``start`` to ``stop``, as a Reference of arrays."""
-        return _sample(self._program, self.times[start:stop])
-
-    @cached_property
-    def _program(self) -> Program:
-        return _motion(self.scenario)
+        """Continuous reference in rows ``start`` to ``stop``, as a Reference of arrays."""
+        return _sample(self.program, self.times[start:stop])
 
     @cached_property
     def held_leaves(self) -> Array:
         """Sampled-and-held reference as a table: one row per control instant, one column per scalar."""
-        return table_of(self.held_reference, self.scenario.steps)
+        return table_of(self.held_reference, len(self.ticks))
 
     @cached_property
     def rows(self) -> Array:
         """Table of closed-loop inputs, one row per control instant: time, held reference, time-scaled reference."""
         if self.waits.guards:
-            return table_of((self.times,), self.scenario.steps)
+            return table_of((self.times,), len(self.ticks))
         fed = InputRow(
             time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time
         )
-        return table_of(fed, self.scenario.steps)
+        return table_of(fed, len(self.ticks))
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
@@ -72,17 +71,17 @@ class EpisodeInputs:
             return ()
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
-        times = publisher.held_time(np.arange(self.scenario.steps))
+        times = publisher.held_time(np.arange(self.ticks.start, self.ticks.stop))
 
         def at(lead: Scalar) -> Reference:
             s = path.derivatives(times + lead)
-            return by_flight_time(_sample(self._program, s[0]), s)
+            return by_flight_time(_sample(self.program, s[0]), s)
 
         return with_preview(at(0.0), preview_leads(self.scenario.agent.controller.par), at)
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
-        """Time along the reference (s) at each control instant, shape (steps,); empty without time scaling."""
+        """Time along the reference (s) at each control instant, (N,); empty without time scaling."""
         path = self.scenario.agent.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
@@ -115,7 +114,7 @@ class EpisodeInputs:
         return self._at(np.asarray(sampled), its_offset), self._at(times, offset), times
 
     def _at(self, times: Array, offset: Sequence[Scalar]) -> Reference:
-        return _sample(self._shifted_motion if offset else self._program, times, *offset)
+        return _sample(self._shifted_motion if offset else self.program, times, *offset)
 
     @cached_property
     def _shifted_motion(self) -> Program:
@@ -133,7 +132,7 @@ class EpisodeInputs:
 
     def row_at(self, tick: int, own: AgentLoop, ticks: Scalar) -> InputRow[Reference]:
         """Closed-loop inputs of the control period that begins with a given state of the vehicle and its control."""
-        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), own.clock
+        numbers, clock = iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist()), own.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
             return InputRow(time=next(numbers), reference=self.held_now(clock, ticks), path_time=path_time)
@@ -146,15 +145,27 @@ class EpisodeInputs:
 
 
 class FlightInputs:
-    """Times and references of all vehicles of a flight at all control instants.
+    """Times and references of all vehicles of a flight at consecutive control instants.
+
+    Args:
+        scenario: scenario of the flight.
+        first: number of the first instant.
+        window: number of instants with one less; all if left out.
+        before: inputs of the same scenario at other instants, whose traced programs serve again.
 
     Attributes:
         scenario: scenario of the flight. each: inputs of each vehicle.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(
+        self, scenario: Scenario, first: int = 0, window: int | None = None, before: FlightInputs | None = None
+    ) -> None:
         self.scenario = scenario
-        self.each = tuple(episode_inputs(scenario.of(name)) for name in scenario.agents)
+        ticks = range(first, min(first + (window or scenario.steps) + 1, scenario.steps))
+        self.each = tuple(
+            episode_inputs(scenario.of(name), ticks, before and before.each[i].program)
+            for i, name in enumerate(scenario.agents)
+        )
 
     @property
     def times(self) -> Array:
@@ -177,25 +188,28 @@ class FlightInputs:
         return tuple(each.row_at(tick, own, now.ticks) for each, own in zip(self.each, now.agents, strict=True))
 
 
-def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Compute times and references of a flight at all control instants, rounded exactly as Python floats are."""
-    ticks, rates = np.arange(scenario.steps), scenario.rates
+def episode_inputs(scenario: Scenario, ticks: range | None = None, program: Program | None = None) -> EpisodeInputs:
+    """Compute times and references of a flight at control instants, rounded exactly as Python floats are.
+
+    Args:
+        scenario: scenario of one vehicle.
+        ticks: numbers of the instants; all if left out.
+        program: traced reference of the scenario, if there is one already.
+    """
+    ticks, rates = range(scenario.steps) if ticks is None else ticks, scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
-    times = ticks / rates.control
-    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
-    program = _motion(scenario)
-    samples = evaluate(program, [times], scenario.steps)
-    instants = publisher.held_tick(ticks)
-    published: Reference = program.record(list(samples[:, instants]))
+    instants = np.arange(ticks.start, ticks.stop)
+    times = instants / rates.control
+    held = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(instants)
+    program = program or _motion(scenario)
 
     def at(lead: Scalar) -> Reference:
-        return _sample(program, np.asarray(times[instants] + lead))
+        return _sample(program, held + lead)
 
-    published = with_preview(published, preview_leads(scenario.agent.controller.par), at)
+    published = with_preview(_sample(program, held), preview_leads(scenario.agent.controller.par), at)
     if published.load:  # no sample of a motion: the hand's command goes out in each control period
-        now: Reference = program.record(list(samples))
-        published = replace(published, load=now.load)
-    return EpisodeInputs(scenario, times, published)
+        published = replace(published, load=_sample(program, times).load)
+    return EpisodeInputs(scenario, ticks, times, published, program)
 
 
 def _motion(scenario: Scenario) -> Program:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from skyarm.compile.machine_code import SlowFlightWarning
 from skyarm.control.controller import Controller
 from skyarm.log.flight_log import Log
-from skyarm.log.formats import as_log
-from skyarm.records.files import PathLike, errors_as, shown
+from skyarm.log.formats import as_log, require_format, save_log
+from skyarm.log.stored_arrays import ArrayFile
+from skyarm.records.files import PathLike, errors_as, output_file, shown
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.assemble_log import Piece
+from skyarm.simulate.check_endings import RUNNING, Ended
 from skyarm.simulate.session import Session, open_session
 
 Progress = Callable[[int, int], None]
@@ -23,13 +31,42 @@ SLOWER = "about 150 times slower per step, the same numbers"
 times as long."""
 
 
+WINDOW = 10_000
+"""Number of control periods in memory of a flight whose log may read its arrays from a file."""
+
+
 class _Episode(Session):
-    """Simulation of a flight without user commands, which compiles to a shorter program."""
+    """Simulation of a flight without user commands, which compiles to a shorter program.
+
+    Args:
+        scenario, paths, machine_code: as of :class:`skyarm.Session`.
+        file: file with the arrays of all but the last periods; None for all in memory.
+    """
 
     _commands = False
 
+    def __init__(
+        self, scenario: Scenario, paths: Sequence[str] = (), *, file: ArrayFile | None = None, **options: bool
+    ) -> None:
+        self._file, self._window = file, file and WINDOW
+        super().__init__(scenario, paths, **options)
 
-def run(scenario: Scenario | PathLike, progress: Progress | None = None) -> Log:
+    def fly(self, stop: int) -> bool:
+        """Simulate several control periods, as :meth:`skyarm.Session.fly`; store what would be overwritten next."""
+        going, engine, file = super().fly(stop), self._engine, self._file
+        if going and file is not None and engine.full:
+            flown = (*self._course.flown, engine.piece)
+            try:
+                flown = tuple(each.in_file(file) if isinstance(each, Piece) else each for each in flown)
+            except OSError as error:
+                engine.ended = Ended(RUNNING, f"log: must be writable ({error.strerror})", self.time)
+                return False
+            # no signal comes between the two: a piece is in memory or in the file
+            self._course, engine.begun = replace(self._course, flown=flown), engine.tick
+        return going
+
+
+def run(scenario: Scenario | PathLike, progress: Progress | None = None, *, to: PathLike | None = None) -> Log:
     """Simulate the flight of a scenario, given as an object, a file path or a shipped name, and return its log.
 
     A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
@@ -43,8 +80,23 @@ def run(scenario: Scenario | PathLike, progress: Progress | None = None) -> Log:
     Args:
         scenario: a scenario, the path of its file or of a log, or a shipped name.
         progress: called with (periods flown, periods in all).
+        to: file of the log, in the format of its suffix (:func:`skyarm.save_log`). A long flight then needs little more
+            memory than a short one: its arrays go to disk, and the returned log reads them from there at each access.
+            An interruption (Ctrl-C) leaves the log up to then in the file.
+
+    Raises:
+        OSError: the file cannot be written.
     """
-    return _fly(as_scenario(scenario), progress)
+    scenario = as_scenario(scenario)
+    if to is None:
+        return _fly(scenario, progress)
+    require_format(to, "to")
+    file = output_file(os.fspath(to), "to")
+    log, interrupted = run_until_interrupted(scenario, progress, folder=file.parent)
+    save_log(log, file)
+    if interrupted is not None:
+        raise interrupted
+    return log
 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
@@ -53,14 +105,24 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
 
 
 def run_until_interrupted(
-    scenario: Scenario, progress: Progress | None = None, preparing: Callable[[float, float], object] | None = None
+    scenario: Scenario,
+    progress: Progress | None = None,
+    preparing: Callable[[float, float], object] | None = None,
+    folder: Path | None = None,
 ) -> tuple[Log, BaseException | None]:
     """Simulate a flight to its end or to an interruption (Ctrl-C or a signal), and return the log up to then.
+
+    Args:
+        scenario: scenario of the flight.
+        progress: called with (periods flown, periods in all).
+        preparing: as of :func:`skyarm.simulate.session.open_session`.
+        folder: folder of the file from which the log of a long flight reads its arrays; None: they are in memory.
 
     Returns:
         The log, and what ended the flight from outside, to be raised again once the log is written; else None.
     """
-    with closing(_new_session(scenario, preparing=preparing)) as session:
+    make = partial(_Episode, file=folder and ArrayFile(folder))
+    with closing(_new_session(scenario, make, preparing=preparing)) as session:
         interrupted: BaseException | None = None
         try:
             _advance(session, progress)
@@ -73,17 +135,13 @@ def run_until_interrupted(
 
 def _fly(scenario: Scenario, progress: Progress | None, *, machine_code: bool = True) -> Log:
     """Simulate a new session to the end of its flight and return the log."""
-    if progress is not None and not callable(progress):
-        raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
     with closing(_new_session(scenario, machine_code=machine_code)) as session:
         _advance(session, progress)
         return session.log
 
 
-def _new_session(
-    scenario: Scenario, *, machine_code: bool = True, preparing: Callable[[float, float], object] | None = None
-) -> Session:
-    session = open_session(scenario, machine_code=machine_code, make=_Episode, preparing=preparing)
+def _new_session(scenario: Scenario, make: Callable[..., Session] = _Episode, **options: Any) -> Session:
+    session = open_session(scenario, make=make, **options)
     if session.slow:
         warnings.warn(f"{session.slow}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=4)
     return session
@@ -91,6 +149,8 @@ def _new_session(
 
 def _advance(session: Session, progress: Progress | None) -> None:
     """Simulate a session to the end of its flight."""
+    if progress is not None and not callable(progress):
+        raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
     total, due = session.scenario.steps, 0
     every = max(1, total // 100)
     while True:

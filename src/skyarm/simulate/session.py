@@ -25,7 +25,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
+from skyarm.simulate.assemble_log import Piece, StoredPiece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_delay import CommandRange, numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
@@ -55,7 +55,7 @@ class Course:
     made: tuple[Change, ...] = ()
     coming: tuple[Change, ...] = ()
     overrides: Overrides = NONE
-    flown: tuple[Piece, ...] = ()
+    flown: tuple[Piece | StoredPiece, ...] = ()
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
@@ -150,6 +150,9 @@ class Session:
 
     returns = True
     """True if :meth:`snapshot` and :meth:`restore` work; an external program that flies along cannot go back."""
+
+    _window: int | None = None
+    """Number of control periods in memory; None for all."""
 
     _commands = True
     """True if :meth:`step` accepts commands; without them the program is shorter."""
@@ -386,7 +389,7 @@ class Session:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
                 self.slow = str(error)
-        return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
+        return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands, window=self._window))
 
     def _compile(self, course: Course, scenario: Scenario) -> Engine:
         """Make the simulator in machine code; reuses an earlier program that fits the scenario."""
@@ -401,7 +404,9 @@ class Session:
             def vary(values: Sequence[Scalar]) -> Scenario:
                 return with_numbers(shape, dict(zip(numbers, values, strict=True)))
 
-            code = EpisodeCode(scenario, vary, numbers, commands=self._commands, effort=effort, key=key)
+            code = EpisodeCode(
+                scenario, vary, numbers, commands=self._commands, effort=effort, key=key, window=self._window
+            )
             self._codes.append(code)
         return Engine(code, scenario, numbers)
 

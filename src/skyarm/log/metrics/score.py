@@ -17,7 +17,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import PIECE, Log, rows_of
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
@@ -74,15 +74,19 @@ def _score_of_agent(log: Log, names: Mapping[str, str], windows: Windows | None)
     masks = at.masks(log.time)
     used = tuple(dict.fromkeys(window for _, window, _ in counted))
     totals = first_totals(counted)
-    instants = _instants(log, whole=True)
-    columns = [doubles(leaf) for leaf in leaves(instants)]
-    columns += [masks[name].astype(float) for name in used]
-    example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     # the user's own metric may have changed since a program was made with it
     own = any(kind == ADDED and name not in TOTALS for kind, _, name in counted)
     make = _make_counter if own else _kept_counter
-    count_on = make(tuple(counted), used, totals, example)
-    memory = count_on([float(each) for each in leaves(totals)], np.stack(columns, axis=1))
+    memory: Sequence[float] = [float(each) for each in leaves(totals)]
+    for begin in range(0, max(log.time.size, 1), PIECE):
+        # with the instant before the piece, whose commands are the ones before
+        rows = slice(max(begin - 1, 0), begin + PIECE)
+        instants = _instants(rows_of(log, rows), whole=True)
+        columns = [doubles(leaf) for leaf in leaves(instants)]
+        columns += [masks[name][rows].astype(float) for name in used]
+        example = rebuild(instants, iter([0.0] * len(leaves(instants))))
+        count_on = make(tuple(counted), used, totals, example)
+        memory = count_on(memory, np.stack(columns, axis=1)[begin - rows.start :])
     last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])

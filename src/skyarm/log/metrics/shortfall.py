@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import ROUNDING
@@ -23,9 +23,6 @@ from skyarm.log.periods import contact_pairs, points_at_tip, runs_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import lengths
 from skyarm.records.immutable import immutable
-
-if TYPE_CHECKING:
-    from skyarm.log.flight_log import Log
 
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not tracked its reference."""
@@ -178,21 +175,22 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
     """
     duration, end = float(log.info["duration"]), float(log.time[-1])
     start = min(duration - Windows().of_flight(duration, windows_of(log)).last, end)
-    last = log.time >= start
-    at_end = last & ~pushing
-    pairs = {"position": ("base", log.position, log.position_reference)}
+    first = int(np.searchsorted(log.time, start))
+    tail, free = rows_of(log, slice(first, None)), ~pushing[first:]
+    arrays = {"position": ("base", "position")}
     if not np.array_equal(log.tip, log.position):
-        pairs["tip"] = "tip", log.tip, log.tip_reference
+        arrays["tip"] = "tip", "tool"
     missed = dict[str, str]()
-    for what, (body, flown, desired) in pairs.items():
+    for what, (body, name) in arrays.items():
+        flown, desired = tail[name][free], f"{name}_reference"
         if log.path_time.size and not log.phase.size:
-            errors = path_distance(flown[at_end], desired)
+            errors = path_distance(flown, log[desired])
         else:
-            errors = lengths(flown[at_end] - desired[at_end])
+            errors = lengths(flown - tail[desired][free])
         error = float(errors.mean()) if errors.size else 0.0
         if not error <= LARGEST_ERROR:
             missed[what] = f"reference of the {body}, {error:.3g} m"
-    off = log.euler[last, 2] - log.yaw_held[last]
+    off = tail.euler[:, 2] - tail.yaw_held
     turn = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
     if not turn <= LARGEST_TURN:
         missed["heading"] = f"heading of the base, {math.degrees(turn):.3g} degrees"
