@@ -144,9 +144,10 @@ class Log:
 
     def __getattr__(self, name: str) -> Array:
         """Arrays logged by wind, force and contact models as attributes, such as ``log.contact_force``."""
+        stored: Mapping[str, Array] = self.__dict__.get("_stored", {})
         received: Mapping[str, Array] = self.__dict__.get("received", {})
-        if name in self.__dict__.get("_stored", ()):
-            return self._stored[name]
+        if name in stored:
+            return stored[name]
         if name in IF_ANY:
             return np.zeros((0, 0))
         if f"{COMPONENTS}.{name}" not in received:
@@ -255,8 +256,9 @@ class Log:
 
     def arrays(self) -> Mapping[str, Array]:
         """All arrays of the log by name; those in a file are read when they are accessed."""
-        if "_stored" in self.__dict__:
-            return self._stored
+        stored: Mapping[str, Array] | None = self.__dict__.get("_stored")
+        if stored is not None:
+            return stored
         absent = [name for name in IF_ANY if not getattr(self, name).size]
         own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
         return own | dict(self.received)

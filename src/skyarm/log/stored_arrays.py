@@ -72,7 +72,7 @@ class ArrayFile:
             place, shape = places[name]
             array = np.empty(shape)
             self._file.seek(place)
-            self._file.readinto(array)
+            self._file.readinto(array.data)
             return array
 
         return ArraysByName(arrays, read)

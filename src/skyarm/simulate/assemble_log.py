@@ -55,7 +55,7 @@ class LoggedSamples:
     led: Array
 
 
-LogPart = tuple[Mapping[str, Array], dict[str, Any]]
+LogPart = tuple[Mapping[str, Array], dict[str, dict[str, Any]]]
 """Arrays of the log of one vehicle in some periods, and a description of the sources of received data."""
 
 
@@ -149,8 +149,9 @@ def log_of_agent(
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
     """
-    parts = [each if isinstance(each, tuple) else _part_of(each) for each in pieces]
-    tables, sources = [arrays for arrays, _ in parts], dict[str, Any]()
+    parts: list[LogPart] = [each if isinstance(each, tuple) else _part_of(each) for each in pieces]
+    tables = [arrays for arrays, _ in parts]
+    sources: dict[str, dict[str, Any]] = {}
     for _, descriptions in parts:
         for name, source in descriptions.items():
             sources.setdefault(name, source)["fields"] |= source["fields"]

@@ -162,8 +162,8 @@ class FlightInputs:
     ) -> None:
         self.scenario = scenario
         ticks = range(first, min(first + (window or scenario.steps) + 1, scenario.steps))
-        self.each = tuple(
-            episode_inputs(scenario.of(name), ticks, before and before.each[i].program)
+        self.each: tuple[EpisodeInputs, ...] = tuple(
+            episode_inputs(scenario.of(name), ticks, None if before is None else before.each[i].program)
             for i, name in enumerate(scenario.agents)
         )
 

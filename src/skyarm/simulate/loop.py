@@ -48,7 +48,7 @@ class _Episode(Session):
     def __init__(
         self, scenario: Scenario, paths: Sequence[str] = (), *, file: ArrayFile | None = None, **options: bool
     ) -> None:
-        self._file, self._window = file, file and WINDOW
+        self._file, self._window = file, None if file is None else WINDOW
         super().__init__(scenario, paths, **options)
 
     def fly(self, stop: int) -> bool:
@@ -121,7 +121,7 @@ def run_until_interrupted(
     Returns:
         The log, and what ended the flight from outside, to be raised again once the log is written; else None.
     """
-    make = partial(_Episode, file=folder and ArrayFile(folder))
+    make = partial(_Episode, file=None if folder is None else ArrayFile(folder))
     with closing(_new_session(scenario, make, preparing=preparing)) as session:
         interrupted: BaseException | None = None
         try:
