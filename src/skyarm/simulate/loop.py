@@ -87,13 +87,13 @@ def run(scenario: Scenario | PathLike, progress: Progress | None = None, *, to: 
     Raises:
         OSError: the file cannot be written.
     """
-    scenario = as_scenario(scenario)
-    if to is None:
-        return _fly(scenario, progress)
-    require_format(to, "to")
-    file = output_file(os.fspath(to), "to")
-    log, interrupted = run_until_interrupted(scenario, progress, folder=file.parent)
-    save_log(log, file)
+    scenario, folder = as_scenario(scenario), None
+    if to is not None:
+        require_format(to, "to")
+        folder = output_file(os.fspath(to), "to").parent
+    log, interrupted = run_until_interrupted(scenario, progress, folder=folder)
+    if to is not None:
+        save_log(log, to)
     if interrupted is not None:
         raise interrupted
     return log
@@ -101,7 +101,9 @@ def run(scenario: Scenario | PathLike, progress: Progress | None = None, *, to: 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
     """Simulate a flight in Python floats instead of machine code; works with any plant and any control law."""
-    return _fly(scenario, progress, machine_code=False)
+    with closing(_new_session(scenario, machine_code=False)) as session:
+        _advance(session, progress)
+        return session.log
 
 
 def run_until_interrupted(
@@ -131,13 +133,6 @@ def run_until_interrupted(
         except BaseException as error:
             interrupted = error
         return session.log, interrupted
-
-
-def _fly(scenario: Scenario, progress: Progress | None, *, machine_code: bool = True) -> Log:
-    """Simulate a new session to the end of its flight and return the log."""
-    with closing(_new_session(scenario, machine_code=machine_code)) as session:
-        _advance(session, progress)
-        return session.log
 
 
 def _new_session(scenario: Scenario, make: Callable[..., Session] = _Episode, **options: Any) -> Session:
