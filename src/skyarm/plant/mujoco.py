@@ -172,8 +172,9 @@ class MujocoPlant:
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*coupled_places(around)]
-        ends = [*accumulate((len(self._force), layout.driven, len(self._coupled)), initial=0), len(self._loads.outputs)]
-        self._pushed, self._turned, self._remembered, self._held = (self._loads.outputs[a:b] for a, b in pairwise(ends))
+        outputs, sizes = self._loads.outputs, (len(self._force), layout.driven, len(self._coupled))
+        parts = pairwise((*accumulate(sizes, initial=0), len(outputs)))
+        self._pushed, self._turned, self._remembered, self._held = (outputs[a:b] for a, b in parts)
         commanded = len(leaves(commands))
         self._around = self._loads.inputs[layout.end + commanded : -1]
         self._commanded = self._loads.inputs[layout.end :][:commanded]

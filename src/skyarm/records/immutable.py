@@ -87,12 +87,12 @@ def _frozen_methods(kind: type, compared: Collection[Field[object]], *_: object)
     def set_one(self: object, name: str, value: object) -> None:
         if type(self) is kind or name in names:
             raise FrozenInstanceError(f"cannot assign to field {name!r}")
-        super(kind, self).__setattr__(name, value)  # type: ignore[misc]
+        super(kind, self).__setattr__(name, value)  # type: ignore[misc,arg-type]
 
     def delete_one(self: object, name: str) -> None:
         if type(self) is kind or name in names:
             raise FrozenInstanceError(f"cannot delete field {name!r}")
-        super(kind, self).__delattr__(name)  # type: ignore[misc]
+        super(kind, self).__delattr__(name)  # type: ignore[arg-type]
 
     set_one.__name__, delete_one.__name__ = "__setattr__", "__delattr__"
     return set_one, delete_one

@@ -91,11 +91,12 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
 def load_warnings(scenario: Scenario) -> Iterator[str]:
     """Warnings about loads on cords that would reach below the ground or a surface along the reference, when level."""
     vehicle, times = scenario.agent.plant.vehicle, np.linspace(0.0, scenario.duration, LOOKS + 1)
-    for i, payload in enumerate(scenario.agent.payloads):
+    loads = ((i, each) for i, each in enumerate(scenario.agent.payloads) if isinstance(each, HangingPayload))
+    for i, payload in loads:
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
         top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        for solid in scenario.solids if isinstance(payload, HangingPayload) else ():
+        for solid in scenario.solids:
             below = top.z - float(payload.hangs)
             deepest = float(np.max(np.where(held, payload.let_down(top, (solid,)).z - below, 0.0)))
             if deepest > 0.0:
