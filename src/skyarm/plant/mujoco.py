@@ -169,13 +169,12 @@ class MujocoPlant:
         ]
         zeros, commands = (0.0,) * layout.end, tuple(example_command(*each.sizes) for each in vehicles)
         self._loads = Quick(self._forces_and_speeds, zeros, commands, around, physics_step)
-        ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
-        self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
+        pieces = pairwise((0, layout.nq, layout.nq + layout.nv, layout.end))
+        self._parts = tuple(self._loads.inputs[a:b] for a, b in pieces)
         self._coupled = [*coupled_places(around)]
-        outputs, sizes = self._loads.outputs, (len(self._force), layout.driven, len(self._coupled))
-        parts = pairwise((*accumulate(sizes, initial=0), len(outputs)))
-        self._pushed, self._turned, self._remembered, self._held = (outputs[a:b] for a, b in parts)
-        commanded = len(leaves(commands))
+        commanded, outputs = len(leaves(commands)), self._loads.outputs
+        ends = (0, *accumulate((len(self._force), layout.driven, len(self._coupled))), len(outputs))
+        self._pushed, self._turned, self._remembered, self._held = (outputs[a:b] for a, b in pairwise(ends))
         self._around = self._loads.inputs[layout.end + commanded : -1]
         self._commanded = self._loads.inputs[layout.end :][:commanded]
         self._written = NOTHING

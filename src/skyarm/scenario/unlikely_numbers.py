@@ -98,7 +98,7 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
         for solid in scenario.solids:
             below = top.z - float(payload.hangs)
-            deepest = float(np.max(np.where(held, payload.let_down(top, (solid,)).z - below, 0.0)))
+            deepest = float(np.max(np.where(held, np.asarray(payload.let_down(top, (solid,)).z - below), 0.0)))
             if deepest > 0.0:
                 yield (
                     f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below surface {solid.name!r} along the "

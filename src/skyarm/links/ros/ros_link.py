@@ -85,7 +85,7 @@ class LiveInstant:
             name = agent or next(iter(self._log.agents))
             piece = self._session.latest.of(name)
             if "." in own and not own.startswith(COMPONENTS):
-                arrays = sensor_data(piece)[0]
+                arrays: Mapping[str, Array] = sensor_data(piece)[0]
             else:
                 info = dict(self._log.agents[name].info)
                 arrays = log_of_agent(piece.scenario, [piece], None, info=info).arrays()
