@@ -87,7 +87,7 @@ def _frozen_methods(kind: type, compared: Collection[Field[object]], *_: object)
     def set_one(self: object, name: str, value: object) -> None:
         if type(self) is kind or name in names:
             raise FrozenInstanceError(f"cannot assign to field {name!r}")
-        super(kind, self).__setattr__(name, value)  # type: ignore[misc,arg-type]
+        super(kind, self).__setattr__(name, value)  # type: ignore[arg-type]
 
     def delete_one(self: object, name: str) -> None:
         if type(self) is kind or name in names:
