@@ -106,10 +106,10 @@ def test_of_a_log_of_skyarm_the_word_decides_what_is_identified():
 def test_the_help_of_a_word_has_its_options_and_the_command_takes_them_without_it(word):
     text = skyarm("identify", word, "--help", columns=100).out
     assert text.startswith(f"Usage: skyarm identify {word} [OPTIONS] ")
-    assert len(text.splitlines()) <= 25
-    shown = set(re.findall(r"^  (?:-o, )?--([\w-]+)", text, re.MULTILINE)) - {"json", "plugin"}
+    assert len(text.splitlines()) <= 26
+    shown = set(re.findall(r"^  (?:-o, )?--([\w-]+)", text, re.MULTILINE)) - {"json", "plugin", "debug"}
     assert shown == {each.replace("_", "-") for each in OPTIONS[word]} - {"gravity"}
-    for option in shown - {"curve", "despite-faults", "drag-height"}:
+    for option in shown - {"curve", "despite-faults", "drag-height", "force"}:
         refused(skyarm("identify", f"--{option}"), f"Option '--{option}' requires an argument; see 'skyarm identify -")
         refused(skyarm("identify", word, f"--{option}"), f"requires an argument; see 'skyarm identify {word} --help'")
 
