@@ -200,6 +200,8 @@ def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
 
 def with_armature(vehicle: Vehicle, added: Sequence[Scalar]) -> Vehicle:
     """Vehicle with more armature (kg m^2 or kg) at its joints: an int 0 adds nothing, () none at any."""
+    if all(type(more) is int for more in added):
+        return vehicle
     links = list(vehicle.links)
     for i, more in enumerate(added):
         if type(more) is not int:
