@@ -458,9 +458,16 @@ def test_what_is_compiled_behind_a_command_serves_the_next_one_with_the_same_bit
     assert made == ["again", "again"]
 
 
-def test_a_limit_of_effort_starts_no_compilation_behind(monkeypatch):
-    monkeypatch.setenv("SKYARM_EFFORT", "0")
-    text = native.Assembly.of(spring(), Lanes(1)).text
-    Kernel(spring(), Lanes(1))
+@pytest.mark.parametrize("limit", ["0", "1"])
+def test_a_limit_of_effort_starts_no_compilation_behind(monkeypatch, limit):
+    monkeypatch.setenv("SKYARM_EFFORT", limit)
     monkeypatch.setattr(native.subprocess, "Popen", None)
-    native.compile_behind(text)
+    native.compile_behind(native.Assembly.of(spring(), Lanes(1)).text)
+
+
+def test_a_command_ends_well_where_no_process_can_be_started(monkeypatch):
+    def refused(*_, **__):
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    monkeypatch.setattr(native.subprocess, "Popen", refused)
+    native.compile_behind(native.Assembly.of(spring(), Lanes(1)).text)

@@ -343,6 +343,18 @@ def test_the_default_window_of_the_end_is_that_of_a_shorter_flight() -> None:
     assert flown(tables(duration=0.6)) == flown(tables(duration=0.6, windows={"last": 5}))
 
 
+def test_a_start_that_is_standing_may_be_said_to_be_level_and_at_rest_and_nothing_else() -> None:
+    def started(**own: Any) -> Any:
+        document = standing()
+        document["initial"] |= own
+        return skyarm.scenario_from(document).agent.initial
+
+    assert text(started(quaternion_wxyz=[1.0, 0.0, 0.0, 0.0], velocity=[0.0, 0.0, 0.0])) == text(started())
+    for wrong in ({"quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}, {"velocity": [0.1, 0.0, 0.0]}):
+        with pytest.raises(ValueError, match="must be left out of a start that is standing"):
+            started(**wrong)
+
+
 def vehicle(document: Mapping[str, Any]) -> Any:
     return vehicle_from(document, lambda *_: None)
 

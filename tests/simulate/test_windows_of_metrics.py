@@ -64,7 +64,7 @@ def test_a_window_of_the_scenario_that_ends_with_the_flight_lies_within_it():
     shorter = Windows().of_flight(5.99, own)
     assert (shorter.steady.stop, shorter.holds, shorter.last < 5.0) == (5.99, (shorter.steady,), True)
     own.require_within(6.0)
-    assert Windows(last=7.0).of_flight(6.0).last == 4.0, "the page's default, in a flight that is shorter than it"
+    assert Windows(last=5.0).of_flight(3.0).last == 2.0, "the page's default, in a flight that is shorter than it"
 
 
 def test_what_is_asked_goes_before_the_scenario_s_own_and_that_before_the_general():
@@ -80,6 +80,7 @@ def test_what_is_asked_goes_before_the_scenario_s_own_and_that_before_the_genera
     [
         ({"steady": Window(10.0, 20.0)}, r"windows\.steady = \[10, 20\) s: must end within the flight of 6 s"),
         ({"holds": (Window(1.0, 2.0), Window(5.0, 7.0))}, r"windows\.holds = .*\[5, 7\) s: must end within"),
+        ({"last": 7.0}, r"windows\.last = 7 s: must end within the flight of 6 s"),
     ],
 )
 def test_a_window_past_the_end_is_refused(asked, words):

@@ -168,7 +168,7 @@ JointNumbers = tuple[tuple[float, float], ...]
 
 
 def stop_numbers(vehicle: Vehicle) -> JointNumbers:
-    """:func:`joint_numbers`; () without stops."""
+    """Largest mobility and acceleration of each joint (:func:`joint_numbers`); () of a vehicle without stops."""
     return joint_numbers(vehicle) if any(joint.has_stops for joint in vehicle.joints) else ()
 
 

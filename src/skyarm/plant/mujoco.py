@@ -236,22 +236,24 @@ class MujocoPlant:
         force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
         given, coupled, remembered = self._around, self._coupled, self._remembered
         armature, own, joints = model.dof_armature, model.dof_armature.copy(), [*chain(*self._layout.joints)]
-        with QUIET:
-            for _ in range(count):
-                step()
-                force[:] = forces
-                if not rk4:
-                    armature[joints] = own[joints] + self._held
-                # mj_step without its checks: the monitor of the episode says what went wrong
-                forward(model, data)
-                if rk4:
-                    mujoco.mj_RungeKutta(model, data, 4)
-                else:
-                    mujoco.mj_Euler(model, data)
-                qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
-                if coupled:
-                    given[coupled] = remembered
-        armature[:] = own
+        try:
+            with QUIET:
+                for _ in range(count):
+                    step()
+                    force[:] = forces
+                    if not rk4:
+                        armature[joints] = own[joints] + self._held
+                    # mj_step without its checks: the monitor of the episode says what went wrong
+                    forward(model, data)
+                    if rk4:
+                        mujoco.mj_RungeKutta(model, data, 4)
+                    else:
+                        mujoco.mj_Euler(model, data)
+                    qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
+                    if coupled:
+                        given[coupled] = remembered
+        finally:  # an interruption leaves the model as it was, too
+            armature[:] = own
         ours = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
         return (*ours, *given[coupled].tolist()) if coupled else ours
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -243,13 +244,16 @@ _behind = list["subprocess.Popen[bytes]"]()
 
 def compile_behind(text: str) -> None:
     """Start a process that compiles a program at full effort for the cache; within ten minutes none is started anew."""
-    full = _identity(text, _allowed_effort(FULL))
+    if _allowed_effort(FULL) < FULL:
+        return
+    full = _identity(text, FULL)
     begun = object_cache.load(f"begun\n{full}")
     if object_cache.load(full) is not None or (begun is not None and time.time() < float(begun) + ANEW):
         return
     object_cache.store(f"begun\n{full}", str(time.time()).encode())
     command = [sys.executable, "-P", "-c", f"from {__name__} import keep; keep()"]
-    with tempfile.TemporaryFile() as file:
+    # the command has done its work: where no process can be started, nothing is lost
+    with suppress(OSError), tempfile.TemporaryFile() as file:
         file.write(text.encode())
         file.seek(0)
         quiet = subprocess.DEVNULL

@@ -141,13 +141,13 @@ class Windows:
     def require_within(self, duration: float) -> None:
         """Raise an error if a requested time window ends after a flight of given duration (s).
 
-        ``last`` does not: beyond a shorter flight it is the general one.
+        The default of ``last`` does not: in a shorter flight it is the general one.
 
         Raises:
             ValueError: one line.
         """
         for name, (end, words) in self._ends().items():
-            if end > duration and name != "last":
+            if end > duration and (name, end) != ("last", LAST):
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
