@@ -343,7 +343,7 @@ def test_the_default_window_of_the_end_is_that_of_a_shorter_flight() -> None:
     assert flown(tables(duration=0.6)) == flown(tables(duration=0.6, windows={"last": 5}))
 
 
-def test_a_start_that_is_standing_may_be_said_to_be_level_and_at_rest_and_nothing_else() -> None:
+def test_a_standing_start_may_be_said_to_be_level_and_at_rest() -> None:
     def started(**own: Any) -> Any:
         document = standing()
         document["initial"] |= own
