@@ -48,7 +48,7 @@ CASES = [
         (*FRONT, "thrust"),
         1,
         "rotors[front].thrust = 1",
-        "unknown field; did you mean 'thrust_table'? allowed: ",
+        "unknown field; did you mean 'max_thrust'? allowed: ",
     ),
     (("schema",), 2, "schema = 2", "must be 1"),
     (("schema",), None, "schema: is missing", ""),

@@ -14,6 +14,7 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.stated_rotors import StatedRotor
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
 MIMIC = ("lock", "couple")
@@ -105,6 +106,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         {**airframe.mimics, **named.mimics},
         (*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes)),
         (*airframe.looks, *map(move, named.looks)),
+        airframe.rotors,
     )
 
 
@@ -295,6 +297,7 @@ class RigidBodies:
         mimics: name of a joint that follows another one -> relation to its leader; no joint does if empty.
         notes: elements that its reader left out or read in another way, a line each.
         looks: meshes of its links.
+        rotors: rotors that its file states.
     """
 
     name: str
@@ -305,6 +308,7 @@ class RigidBodies:
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     looks: tuple[Look, ...] = ()
+    rotors: tuple[StatedRotor, ...] = ()
 
 
 SHOWN = 4

@@ -20,8 +20,8 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint
-from skyarm.vehicle.urdf import read_xml
 from skyarm.vehicle.vehicle_records import Frame
+from skyarm.vehicle.xml_elements import read_xml
 
 if TYPE_CHECKING:
     from mujoco import MjModel

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -22,10 +22,14 @@ from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import refuse
+from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
+from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
+from skyarm.vehicle.xml_elements import child, number, numbers, read_xml, required_numbers
 
 READ = ("link", "joint", "material")
 """Elements of a robot that are read, or concern only its appearance."""
@@ -64,11 +68,13 @@ def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
     for tag, count in Counter(str(element.tag) for element in robot).items():
         if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
             notes.add(f"<{tag}> ({count}): not read")
-    return _bodies(robot, mimic, notes, Path(path))
+    return replace(_bodies(robot, mimic, notes, Path(path)), rotors=rotors_in(RotorFile(Path(path), robot)))
 
 
-def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
-    """Vehicle without rotors from a URDF file; a frame named 'tip' becomes the end effector."""
+def urdf_vehicle(given: RigidBodies) -> Vehicle:
+    """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip' becomes the end effector."""
+    flying = mount_rotors(given, RotorTables())
+    bodies = with_real_inertias(flying.bodies)
     if float(bodies.base.mass) == 0.0:
         root = f"its root '{bodies.root}' weighs nothing"
         refuse("base.mass", 0.0, f"must be greater than 0; {root}, and an airframe can carry it by [[attach]]")
@@ -81,6 +87,9 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
         looks=bodies.looks,
         end_effector=tip,
         notes=bodies.notes,
+        rotors=flying.rotors,
+        gaps=flying.gaps,
+        sources=flying.sources,
     )
     return with_stops(with_smooth_friction(made, made.joint_names))
 
@@ -343,65 +352,6 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
             scale = Vec3(x, y, z)
             looks.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
     return looks
-
-
-def read_xml(path: PathLike) -> ET.Element:
-    """Root element of an XML file; blank lines before its declaration are skipped.
-
-    Raises:
-        VehicleError: without the file's name, which the caller adds.
-    """
-    try:
-        return ET.fromstring(Path(path).read_bytes().lstrip())
-    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
-
-
-def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """Child of an XML element with a tag that may occur at most once; None if there is no such child."""
-    children = element.findall(tag)
-    if len(children) > 1:
-        refuse(f"{field}.{tag}", f"{len(children)} elements <{tag}>", "must be at most one")
-    return children[0] if children else None
-
-
-def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Numbers in the named attributes of a child element; an error if one of them is missing."""
-    entry = child(element, tag, field)
-    if entry is None:
-        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
-    for name in names:
-        if entry.get(name) is None:
-            refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
-    return [finite(entry.get(name, ""), f"{field}.{tag}.{name}") for name in names]
-
-
-def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
-    """Read an optional number from an attribute of an XML element; infinity only if it is allowed."""
-    text = None if element is None else element.get(name)
-    return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
-
-
-def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
-    """Read three optional numbers from an attribute of an XML element."""
-    text = None if element is None else element.get(name)
-    if text is None:
-        return default
-    words = text.split()
-    if len(words) != 3:
-        refuse(f"{field}.{name}", text, "must be three numbers")
-    return [finite(word, f"{field}.{name}") for word in words]
-
-
-def finite(text: str, field: str, *, infinite: bool = False) -> float:
-    """Read a finite number from text."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) or (infinite and math.isinf(value))):
-        refuse(field, text, "must be a number" if infinite else "must be a finite number")
-    return value
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:

@@ -23,7 +23,6 @@ from skyarm.records.files import (
 from skyarm.records.files.names import names_in, require_kind
 from skyarm.vehicle.attach import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 
@@ -129,10 +128,10 @@ def read_rigid(path: Path, mimic: str) -> RigidBodies:
 
 
 def plain_vehicle(path: Path) -> Vehicle:
-    """Vehicle without rotors from a URDF or MJCF file."""
+    """Vehicle of a URDF or MJCF file alone, with the rotors that it states whole."""
     from skyarm.vehicle.urdf import urdf_vehicle
 
-    return urdf_vehicle(with_real_inertias(read_rigid(path, "lock")))
+    return urdf_vehicle(read_rigid(path, "lock"))
 
 
 def _read(

@@ -222,6 +222,7 @@ class Vehicle:
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a line each.
+        gaps: what the rotors of its file lack to fly, a line each group of rotors.
     """
 
     name: str
@@ -240,6 +241,7 @@ class Vehicle:
         tuple[tuple[str, str], ...], Unit("", "source of each number, as pairs of field and source", rule=pairs)
     ] = field(default=(), repr=False)
     notes: tuple[str, ...] = field_if_any(default=(), repr=False)
+    gaps: tuple[str, ...] = field_if_any(default=(), repr=False)
 
     def __post_init__(self) -> None:
         accept_fields(self, "vehicle", VehicleError)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
-from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
@@ -19,10 +17,9 @@ from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
-from skyarm.vehicle.thrust_table import ThrustTable
-from skyarm.vehicle.tilt import Tilt, arm_direction
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rolling, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
 SOURCES: Mapping[str, tuple[str, ...]] = {
     "urdf": (".urdf",),
@@ -67,7 +64,8 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     for fields in _named_tables(top, "joints"):
         changes[fields.text("name")] = numbers_from(Joint, fields)
         fields.done()
-    bodies = with_real_inertias(_override_joints(changes, bodies, own))
+    flying = mount_rotors(_override_joints(changes, bodies, own), read_rotor_tables(top))
+    bodies, rotors = with_real_inertias(flying.bodies), flying.rotors
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(top.inner("drives").table, "drives")
@@ -79,9 +77,6 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         described = {table.get("name") for table in tables if field in table}
         return described | {joint for joint, values in changes.items() if field in values}
 
-    usual = _rotor_values(inner := top.inner("rotor_defaults"))
-    inner.done()
-    rotors = tuple(_rotor(each, usual) for each in top.tables("rotors"))
     made = Vehicle(
         name=top.text("name"),
         title=top.text("title", ""),
@@ -95,8 +90,9 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         drag=_optional(BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag(), "area"),
         drives=tuple(drives),
         battery=_optional(Battery, top, "battery", airframe.battery if airframe else None),
-        sources=(*(airframe.sources if airframe else ()), *_sources(top).items()),
-        notes=(*bodies.notes, *contradicting_limits(links, followers)),
+        sources=(*(airframe.sources if airframe else ()), *flying.sources, *_sources(top).items()),
+        gaps=flying.gaps,
+        notes=(*bodies.notes, *flying.notes, *contradicting_limits(links, followers)),
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
@@ -263,55 +259,6 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
         return bodies
     links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)
     return replace(bodies, links=links)
-
-
-COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
-
-
-def _rotor_values(fields: Fields) -> dict[str, Any]:
-    """Read the stated fields of one rotor, or those of [rotor_defaults]."""
-    values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
-    values |= _axis(fields)
-    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
-        if fields.take(name, None) is not None:
-            values[name] = read(name)
-    if fields.take("thrust_table", None) is not None:
-        values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
-    if fields.take("tilt", None) is not None:
-        inner = fields.inner("tilt")
-        values["tilt"] = {**numbers_from(Tilt, inner), **_axis(inner)}
-        inner.done()
-    return values
-
-
-def _axis(fields: Fields) -> dict[str, Vec3]:
-    """Read the axis of a rotor or tilt; empty if the table states none."""
-    if fields.take("axis", None) is None:
-        return {}
-    return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
-
-
-def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
-    """Read a rotor; fields that its table lacks get their defaults."""
-    values = {**usual, **_rotor_values(fields)}
-    name, position = fields.text("name"), fields.vector("position")
-    direction = {"ccw": 1, "cw": -1}[fields.choice("direction", ("ccw", "cw"))]
-    fields.done()
-    table: ThrustTable | None = values.get("table")
-    if table is not None:
-        for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
-            if needed in values:
-                refuse(fields.at(needed), values[needed], "must be left out: it follows from thrust_table")
-            values[needed] = getattr(table, needed)
-        values.setdefault("max_speed", table.speed[-1])
-    for needed in COEFFICIENTS:
-        if needed not in values:
-            raise VehicleError(f"{fields.at(needed)}: is missing: must stand here or in rotor_defaults")
-    if "tilt" in values:
-        thrust_axis = values.get("axis", defaults(Rotor)["axis"])
-        axis = values["tilt"].get("axis") or arm_direction(fields.at("tilt"), position, thrust_axis)
-        values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
-    return Rotor(name=name, position=description.vector(position), direction=direction, **values)
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:

@@ -17,9 +17,9 @@ from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
-from skyarm.vehicle.vehicle_tables import COEFFICIENTS
 
 Table = dict[str, Any]
 

@@ -1,0 +1,69 @@
+"""Rotors of Gazebo's motor models: plugins of RotorS, Gazebo classic and gz-sim in URDF and SDF files.
+
+The plugin pushes along z of the rotor's link at its centre of mass with motorConstant w^2, and turns it with
+momentConstant times that thrust. Source: RotorS (Furrer et al. 2016), gazebo_motor_model.cpp; gz-sim,
+MulticopterMotorModel.cc.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from skyarm.vehicle.check import refuse
+from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
+from skyarm.vehicle.xml_elements import finite
+
+WORDS = {
+    "motorConstant": "thrust_coefficient",
+    "momentConstant": "moment_coefficient",
+    "timeConstantUp": "time_constant_up",
+    "timeConstantDown": "time_constant_down",
+    "maxRotVelocity": "max_speed",
+    "rotorDragCoefficient": "drag_coefficient",
+    "rollingMomentCoefficient": "rolling_moment_coefficient",
+}
+"""Word of the plugin -> field of a rotor; both in SI units."""
+
+SENSES = {"ccw": 1, "cw": -1, "1": 1, "-1": -1}
+
+
+def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
+    """Rotors of the motor-model plugins of a URDF or SDF file, by their motor numbers."""
+    if not isinstance(file.content, ET.Element):
+        return ()
+    return tuple(map(_rotor, sorted(motor_plugins(file.content), key=_number_of_motor)))
+
+
+def motor_plugins(root: ET.Element) -> list[ET.Element]:
+    """Motor-model plugins of an XML file: those that state a motor constant or a turning direction."""
+    marks = ("motorConstant", "turningDirection")
+    return [each for each in root.iter("plugin") if any(each.find(mark) is not None for mark in marks)]
+
+
+def _number_of_motor(plugin: ET.Element) -> float:
+    return finite(
+        _text(plugin, "motorNumber") or _text(plugin, "actuator_number") or "0", f"{_field(plugin)}.motorNumber"
+    )
+
+
+def _rotor(plugin: ET.Element) -> StatedRotor:
+    field, name, values, where = _field(plugin), _text(plugin, "linkName"), {}, {}
+    if not name:
+        refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
+    for word, ours in WORDS.items():
+        if text := _text(plugin, word):
+            values[ours] = finite(text, f"{field}.{word}")
+            where[ours] = f"{word} of the motor-model plugins"
+    if sense := _text(plugin, "turningDirection"):
+        if sense not in SENSES:
+            refuse(f"{field}.turningDirection", sense, "must be ccw or cw")
+        values["direction"], where["direction"] = SENSES[sense], "turningDirection of the motor-model plugins"
+    return StatedRotor(name=name, link=name, values=values, where=where, joint=_text(plugin, "jointName"))
+
+
+def _field(plugin: ET.Element) -> str:
+    return f"plugin[{plugin.get('name') or _text(plugin, 'linkName')}]"
+
+
+def _text(plugin: ET.Element, word: str) -> str:
+    return (plugin.findtext(word) or "").strip()

@@ -1,0 +1,209 @@
+"""Rotors of a vehicle file: its own ``[[rotors]]``, and those of the file it names, which ``[[rotors]]`` complete."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from functools import partial
+from typing import Any, get_args
+
+from skyarm.algebra import Vec3
+from skyarm.records.files import Fields
+from skyarm.records.immutable import positional
+from skyarm.records.read_table import numbers_from, record_from
+from skyarm.vehicle import description
+from skyarm.vehicle.attach import RigidBodies, place_in
+from skyarm.vehicle.check import VehicleError, refuse, unique
+from skyarm.vehicle.held_joints import hold_joints
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.stated_rotors import MAX_THRUST, StatedRotor, gaps_of, whole_values
+from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.vehicle.tilt import Tilt, arm_direction
+from skyarm.vehicle.vehicle_records import Rolling, Rotor
+
+COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
+
+SENSES = {"ccw": 1, "cw": -1}
+
+Values = Mapping[str, Any]
+
+
+@positional
+class RotorTables:
+    """``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file, as read.
+
+    Attributes:
+        usual: values of rotors that state none.
+        own: values by name: fields of a rotor, ``max_thrust``, ``link`` and ``tilt``.
+        tables: the tables themselves by name, for messages.
+    """
+
+    usual: Values = field(default_factory=dict)
+    own: Mapping[str, Values] = field(default_factory=dict)
+    tables: Mapping[str, Fields] = field(default_factory=dict)
+
+
+@positional
+class MountedRotors:
+    """Rotors on the base of a vehicle, with the bodies whose joints the rotors' own are no part of.
+
+    Attributes:
+        bodies: bodies without the joints that only spin rotors.
+        rotors: whole rotors. gaps: a line for each group of rotors that a file states and that lack numbers.
+        sources: (field, where it stood) pairs. notes: what was left out.
+    """
+
+    bodies: RigidBodies
+    rotors: tuple[Rotor, ...] = ()
+    gaps: tuple[str, ...] = ()
+    sources: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_rotor_tables(top: Fields) -> RotorTables:
+    """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file."""
+    usual = _values(inner := top.inner("rotor_defaults"))
+    inner.done()
+    own = {}
+    tables = top.tables("rotors")
+    unique("rotors.name", [each.text("name") for each in tables])
+    for fields in tables:
+        values = _values(fields)
+        if fields.take("position", None) is not None:
+            values["position"] = description.vector(fields.vector("position"))
+        if fields.take("direction", None) is not None:
+            values["direction"] = SENSES[fields.choice("direction", tuple(SENSES))]
+        if fields.take("link", None) is not None:
+            values["link"] = fields.text("link")
+        fields.done()
+        own[fields.text("name")] = values
+    return RotorTables(usual, own, {each.text("name"): each for each in tables})
+
+
+def _values(fields: Fields) -> dict[str, Any]:
+    """Read the stated fields of one rotor, or those of [rotor_defaults]."""
+    values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
+    values |= _axis(fields)
+    for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
+        if fields.take(name, None) is not None:
+            values[name] = read(name)
+    if fields.take(MAX_THRUST, None) is not None:
+        values[MAX_THRUST] = fields.number(MAX_THRUST, low=0.0, strict=True)
+    if fields.take("thrust_table", None) is not None:
+        values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
+    if fields.take("tilt", None) is not None:
+        inner = fields.inner("tilt")
+        values["tilt"] = {**numbers_from(Tilt, inner), **_axis(inner)}
+        inner.done()
+    return values
+
+
+def _axis(fields: Fields) -> dict[str, Vec3]:
+    """Read the axis of a rotor or tilt; empty if the table states none."""
+    if fields.take("axis", None) is None:
+        return {}
+    return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
+
+
+def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
+    """Rotors of a vehicle: those of the file that describes the bodies, completed by the vehicle file's own tables.
+
+    ``[[rotors]]`` that name rotors of the file complete these; if none of them does, they stand in place of all.
+
+    Args:
+        bodies: bodies, with the rotors that their file states.
+        tables: tables of the vehicle file.
+
+    Raises:
+        VehicleError: a number is missing where the tables speak of rotors, or a rotor rides on a link that moves.
+    """
+    stated = {each.name: each for each in bodies.rotors}
+    strange = [name for name in tables.own if name not in stated]
+    if strange and len(strange) < len(tables.own):
+        refuse("rotors.name", strange[0], f"must be one of {', '.join(stated)}, or none of the entries may name one")
+    notes = ()
+    if strange and stated:
+        notes = (f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states all of the vehicle's",)
+    whole = {} if strange else stated
+    origins = whole or {
+        name: StatedRotor(name=name, link=each.get("link", "base")) for name, each in tables.own.items()
+    }
+    values = {
+        name: {**tables.usual, **origin.values, **_spin(bodies, origin), **tables.own.get(name, {})}
+        for name, origin in origins.items()
+    }
+    spinning = {each.joint or _joint_of(bodies, each.link) for each in (*stated.values(), *origins.values())}
+    still = hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
+    gaps = list(_gaps(still, whole, values))
+    if gaps and (tables.own or tables.usual):
+        raise VehicleError(gaps[0])
+    for name, fields in tables.tables.items() if not whole else ():
+        for needed in ("direction", *(() if "link" in tables.own[name] else ("position",))):
+            fields.take(needed)
+    rotors = () if gaps else tuple(_rotor(still, origins[name], values[name]) for name in origins)
+    sources = dict.fromkeys((f"rotors.{word}", text) for each in whole.values() for word, text in each.where.items())
+    return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
+
+
+def _joint_of(bodies: RigidBodies, link: str) -> str:
+    """Joint that moves a link of the bodies; "" for the base, a frame and an unknown name."""
+    return next((each.joint.name for each in bodies.links if each.name == link), "")
+
+
+def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
+    """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint spins."""
+    for link in bodies.links:
+        if rotor.joint and link.joint.name == rotor.joint:
+            return {
+                "inertia": description.zero_is_structure(float(rotor.axis.dot(link.body.inertia.apply(rotor.axis))))
+            }
+    return {}
+
+
+def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]) -> list[str]:
+    """Lines on what the rotors of a file lack: the rotors, the missing fields and where to state them."""
+    missing: dict[str, list[str]] = {}
+    for name, rotor in rotors.items():
+        seat = place_in(bodies, values[name].get("link", rotor.link), f"rotors[{name}].link")
+        if seat.link != BASE:
+            joint = bodies.links[seat.link].joint.name
+            held = f'ride on a link that joint {joint} moves; hold it: [[joints]] name = "{joint}", hold = 0.0'
+            missing.setdefault(held, []).append(name)
+        elif lacks := ", ".join(gaps_of(rotor, values[name])):
+            cure = "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
+            missing.setdefault(f"the file states no {lacks}; {cure}", []).append(name)
+    return [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
+
+
+def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
+    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
+    where, name = f"rotors[{origin.name}]", origin.name
+    values = whole_values(values)
+    link = values.pop("link", None)
+    seat = place_in(bodies, link or origin.link, f"{where}.link")
+    if seat.link != BASE:
+        refuse(
+            f"{where}.link",
+            seat.name,
+            f"must be fixed to the base; joint {bodies.links[seat.link].joint.name} moves it",
+        )
+    turned = seat.name not in ("base", bodies.root)
+    position = values.pop("position", origin.position)
+    thrust_axis = values.pop("axis", origin.axis)
+    if turned:
+        position = description.vector(list(seat.position + seat.rotation.apply(position)))
+        thrust_axis = description.unit_axis(f"{where}.axis", list(seat.rotation.apply(thrust_axis)))
+    table: ThrustTable | None = values.get("table")
+    if table is not None:
+        for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
+            if needed in values:
+                refuse(f"{where}.{needed}", values[needed], "must be left out: it follows from thrust_table")
+            values[needed] = getattr(table, needed)
+        values.setdefault("max_speed", table.speed[-1])
+    for needed in COEFFICIENTS:
+        if needed not in values:
+            raise VehicleError(f"{where}.{needed}: is missing: must stand here or in rotor_defaults")
+    if "tilt" in values:
+        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
+        values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
+    return Rotor(name=name, position=position, axis=thrust_axis, **values)

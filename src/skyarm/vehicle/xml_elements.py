@@ -1,0 +1,70 @@
+"""Elements of XML files: read a file, and numbers from attributes, with errors that name the element."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+
+from skyarm.records.files import PathLike
+from skyarm.vehicle.check import VehicleError, refuse
+
+
+def read_xml(path: PathLike) -> ET.Element:
+    """Root element of an XML file; blank lines before its declaration are skipped.
+
+    Raises:
+        VehicleError: without the file's name, which the caller adds.
+    """
+    try:
+        return ET.fromstring(Path(path).read_bytes().lstrip())
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
+
+
+def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
+    """Child of an XML element with a tag that may occur at most once; None if there is no such child."""
+    children = element.findall(tag)
+    if len(children) > 1:
+        refuse(f"{field}.{tag}", f"{len(children)} elements <{tag}>", "must be at most one")
+    return children[0] if children else None
+
+
+def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
+    """Numbers in the named attributes of a child element; an error if one of them is missing."""
+    entry = child(element, tag, field)
+    if entry is None:
+        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
+    for name in names:
+        if entry.get(name) is None:
+            refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
+    return [finite(entry.get(name, ""), f"{field}.{tag}.{name}") for name in names]
+
+
+def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
+    """Read an optional number from an attribute of an XML element; infinity only if it is allowed."""
+    text = None if element is None else element.get(name)
+    return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
+
+
+def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
+    """Read three optional numbers from an attribute of an XML element."""
+    text = None if element is None else element.get(name)
+    if text is None:
+        return default
+    words = text.split()
+    if len(words) != 3:
+        refuse(f"{field}.{name}", text, "must be three numbers")
+    return [finite(word, f"{field}.{name}") for word in words]
+
+
+def finite(text: str, field: str, *, infinite: bool = False) -> float:
+    """Read a finite number from text."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) or (infinite and math.isinf(value))):
+        refuse(field, text, "must be a number" if infinite else "must be a finite number")
+    return value
