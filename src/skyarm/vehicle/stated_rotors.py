@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.records.files import Fields
 from skyarm.records.immutable import positional
 from skyarm.records.registry.registrations import registrations
 from skyarm.vehicle.check import refuse
@@ -44,7 +45,7 @@ class StatedRotor:
         values: fields of :class:`skyarm.vehicle.Rotor` and ``max_thrust``, SI units -> number.
         where: field -> where the number stood in the file, in words that fit every rotor of it.
         joint: joint that spins it, which is no joint of an arm; "" if the file has none.
-        absent: field -> what to state there, for a field that this form of file has no word for.
+        absent: field -> why this form of file does not state it. It is a gap, also if a rotor could do without.
     """
 
     name: str
@@ -64,12 +65,13 @@ class RotorFile:
     Attributes:
         path: path of the file.
         content: what its reader made of it: the root element of an XML file, MuJoCo's model, or None for other files.
-        settings: numbers that the user states beside the file, such as ``arm_length`` (m).
+        settings: ``[rotor_file]``, for numbers beside the file such as ``arm_length`` (m); one that no source takes
+            is refused.
     """
 
     path: Path
     content: Any = None
-    settings: Mapping[str, float] = field(default_factory=dict)
+    settings: Fields = field(default_factory=lambda: Fields({}, "rotor_file"))
 
 
 def rotors_in(file: RotorFile) -> tuple[StatedRotor, ...]:
@@ -111,7 +113,7 @@ def gaps_of(rotor: StatedRotor, values: Mapping[str, Any]) -> Iterator[str]:
     known = whole_values(values)
     if "table" in values:
         known = {**known, "thrust_coefficient": 0, "moment_coefficient": 0, "max_speed": 0}
-    missing = [name for name in NEEDED if name not in known]
+    missing = [name for name in dict.fromkeys((*NEEDED, *rotor.absent)) if name not in known]
     if MAX_THRUST in values and "max_speed" in missing:
         missing.remove("thrust_coefficient")  # one of the two gives the other
     for name in missing:

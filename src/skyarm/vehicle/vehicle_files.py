@@ -87,7 +87,7 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
     with errors_as(VehicleError):
         document = read_toml(content)
         require_kind(document, "vehicle")
-        return vehicle_from(document, refer)
+        return vehicle_from(document, refer, Path() if file is None else file.parent)
 
 
 def vehicle_of_text(text: str, file: Path) -> Vehicle:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields
+from skyarm.records.files.names import unreadable
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
@@ -18,6 +20,7 @@ from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables
+from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
@@ -36,12 +39,13 @@ Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
 """Function that reads a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
 
 
-def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
+def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path()) -> Vehicle:
     """Read a vehicle from the tables of a vehicle file.
 
     Args:
         document: tables of the file.
         refer: reads the files that it names.
+        folder: where the path of a rotor file starts.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -51,6 +55,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         refuse("schema", schema, "must be 1")
     mimic = top.choice("mimic", MIMIC, "lock")
     bodies, airframe = _bodies(top, refer, mimic)
+    bodies = _with_rotor_file(bodies, top.inner("rotor_file"), folder)
     joints = [link.joint.name for link in bodies.links]
     own = [] if airframe or _source(top) else joints
     settled, drives = (joints, list(airframe.drives)) if airframe else ([], [])
@@ -139,6 +144,22 @@ def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle
         if given:
             refuse(field, "a table", f"must not be given together with '{source}'")
     return (referred, None) if isinstance(referred, RigidBodies) else (bodies_of(referred), referred)
+
+
+def _with_rotor_file(bodies: RigidBodies, fields: Fields, folder: Path) -> RigidBodies:
+    """Bodies with the rotors of the file that ``[rotor_file]`` names."""
+    if not fields.table:
+        return bodies
+    name = fields.text("file")
+    if bodies.rotors:
+        refuse(fields.at("file"), name, "must be left out: the file of the bodies states rotors")
+    if reason := unreadable(folder / name):
+        refuse(fields.at("file"), name, reason)
+    rotors = rotors_in(RotorFile(folder / name, None, fields))
+    if not rotors:
+        refuse(fields.at("file"), name, "must state rotors: a platform of eagle-mpc (.yaml), or CA_ROTOR* of PX4")
+    fields.done()
+    return replace(bodies, rotors=rotors)
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
