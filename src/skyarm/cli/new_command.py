@@ -19,6 +19,7 @@ from skyarm.records.files import must_be_one_of, require_writable, shown, write_
 from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.names import is_result_name
 from skyarm.records.files.writing import require_new
+from skyarm.vehicle.own_file import own_vehicle_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 
@@ -34,8 +35,12 @@ KINDS: dict[str, tuple[tuple[str, str], ...]] = {
 }
 """Kind -> (shipped file, written file)."""
 
+OWN = (("own_hover.toml.txt", "NAME_hover.toml"), ("own_test.py.txt", "test_NAME.py"))
+"""Files beside the vehicle of another program's file."""
+
 FIRST = {
     "vehicle": "skyarm run {file}_hover.toml",
+    "unfinished": "skyarm check {file}.toml",
     "scenario": "skyarm run {file}.toml",
     "law": "skyarm run case3 --laws {file}.py:make",
     "study": "skyarm sweep {file}.toml --out out/{name}",
@@ -53,23 +58,44 @@ def new(
         ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="name of the files and of what they describe")],
+    source: Annotated[
+        str,
+        typer.Option(
+            "--from", metavar="FILE", help="vehicle: write the whole vehicle of a .urdf, .xml or other file as TOML"
+        ),
+    ] = "",
+    tip: Annotated[str, typer.Option(metavar="NAME", help="with --from: link or frame that is the end effector")] = "",
     out: Out = ".",
     force: Force = False,
 ) -> None:
     """Write starter files of a vehicle, scenario, law or study.
 
-    Commented files, which fly as they are, with a test for pytest.
+    Commented files, which fly as they are, with a test for pytest. Of a vehicle --from FILE numbers that FILE lacks are
+    comments to fill in, and the scenario and the test are written if there is none.
     """
-    files = write_starter(kind, name, out, force=force)
-    first = shlex.join(word.format(file=Path(out, name), name=name) for word in FIRST[kind].split())
+    if source and kind != "vehicle":
+        raise ValueError(f"--from = {shown(source)}: must be left out unless KIND is vehicle")
+    if tip and not source:
+        raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
+    own, flies = "", True
+    if source:
+        own, vehicle = own_vehicle_file(source, name, tip)
+        flies = bool(vehicle.rotors)
+    files = write_starter(kind, name, out, force=force, own=own, flies=flies)
+    first = FIRST[kind if flies else "unfinished"]
+    first = shlex.join(word.format(file=Path(out, name), name=name) for word in first.split())
     give(kind=kind, name=name, files=files, next=first)
-    tell(f"written: {', '.join(map(str, files))}", f"fly it: {first}")
+    what = "fly it" if flies else "without rotors that are whole it does not fly; what it lacks"
+    tell(f"written: {', '.join(map(str, files))}", f"{what}: {first}")
 
 
-def write_starter(kind: str, name: str, folder: str | Path, *, force: bool = False) -> list[Path]:
+def write_starter(
+    kind: str, name: str, folder: str | Path, *, force: bool = False, own: str = "", flies: bool = True
+) -> list[Path]:
     """Write the starter files of a new vehicle, scenario, law or study into a folder, all or none.
 
-    Files of these names are replaced only by ``force``.
+    Files of these names are replaced only by ``force``. ``own`` is the text of a vehicle in place of the starter's; its
+    scenario and test are written if it flies.
 
     Raises:
         ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.
@@ -82,18 +108,21 @@ def write_starter(kind: str, name: str, folder: str | Path, *, force: bool = Fal
         raise ValueError(f"name = {shown(name)}: {allowed}")
     if kind == "law" and (name in sys.stdlib_module_names or name == "conftest" or find_spec(name) is not None):
         raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")
-    files = [Path(folder, written.replace("NAME", name)) for _, written in KINDS[kind]]
+    starters = resources.files("skyarm.cli") / "starters"
+    texts = {Path(folder, f"{name}.toml"): own} if own else {}
+    for ships, written in (OWN if flies else ()) if own else KINDS[kind]:
+        text = (starters / ships).read_text("utf-8")
+        texts[Path(folder, written.replace("NAME", name))] = text.replace("NAME", name)
     require_writable(folder)
     done: list[Path] = []
     with naming(Path(folder)):  # or two at once would both find the names free
-        for file in () if force else files:
+        for file in () if force else texts:
             require_new(file)
         try:
-            for (ships, _), file in zip(KINDS[kind], files, strict=True):
-                text = (resources.files("skyarm.cli") / "starters" / ships).read_text("utf-8")
-                done.append(write_atomically(file, text.replace("NAME", name).encode()))
+            for file, text in texts.items():
+                done.append(write_atomically(file, text.encode()))
         except BaseException:
             for file in done:
                 file.unlink(missing_ok=True)
             raise
-    return files
+    return done

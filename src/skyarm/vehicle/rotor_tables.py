@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field
+from collections.abc import Iterable, Mapping
+from dataclasses import field, replace
 from functools import partial
 from typing import Any, get_args
 
@@ -33,11 +33,13 @@ class RotorTables:
     """``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file, as read.
 
     Attributes:
+        whole: every rotor states all that a real one has; a number that it leaves out is a gap, without a default.
         usual: values of rotors that state none.
         own: values by name: fields of a rotor, ``max_thrust``, ``link`` and ``tilt``.
         tables: the tables themselves by name, for messages.
     """
 
+    whole: bool = False
     usual: Values = field(default_factory=dict)
     own: Mapping[str, Values] = field(default_factory=dict)
     tables: Mapping[str, Fields] = field(default_factory=dict)
@@ -62,7 +64,8 @@ class MountedRotors:
 
 def read_rotor_tables(top: Fields) -> RotorTables:
     """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file."""
-    usual = _values(inner := top.inner("rotor_defaults"))
+    inner = top.inner("rotor_defaults")
+    usual, whole = _values(inner), inner.flag("all_stated", False)
     inner.done()
     own = {}
     tables = top.tables("rotors")
@@ -77,7 +80,7 @@ def read_rotor_tables(top: Fields) -> RotorTables:
             values["link"] = fields.text("link")
         fields.done()
         own[fields.text("name")] = values
-    return RotorTables(usual, own, {each.text("name"): each for each in tables})
+    return RotorTables(whole, usual, own, {each.text("name"): each for each in tables})
 
 
 def _values(fields: Fields) -> dict[str, Any]:
@@ -132,9 +135,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         name: {**tables.usual, **origin.values, **_spin(bodies, origin), **tables.own.get(name, {})}
         for name, origin in origins.items()
     }
-    spinning = {each.joint or _joint_of(bodies, each.link) for each in (*stated.values(), *origins.values())}
-    still = hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
-    gaps = list(_gaps(still, whole, values))
+    still = _without_spin(bodies, (*stated.values(), *origins.values()))
+    gaps = list(_gaps(still, origins if tables.whole else whole, values))
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])
     for name, fields in tables.tables.items() if not whole else ():
@@ -143,6 +145,20 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     rotors = () if gaps else tuple(_rotor(still, origins[name], values[name]) for name in origins)
     sources = dict.fromkeys((f"rotors.{word}", text) for each in whole.values() for word, text in each.where.items())
     return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
+
+
+def without_rotors(bodies: RigidBodies) -> RigidBodies:
+    """Bodies of an arm whose file states rotors, without these: their joints are held, with a note."""
+    if not bodies.rotors:
+        return bodies
+    note = f"rotors {', '.join(each.name for each in bodies.rotors)}: left out; those of the airframe fly"
+    return replace(_without_spin(bodies, bodies.rotors), rotors=(), notes=(*bodies.notes, note))
+
+
+def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBodies:
+    """Bodies in which the joints that spin rotors are held."""
+    spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors}
+    return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
 
 
 def _joint_of(bodies: RigidBodies, link: str) -> str:
@@ -175,10 +191,24 @@ def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mappin
     return [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
 
 
-def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
-    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
-    where, name = f"rotors[{origin.name}]", origin.name
-    values = whole_values(values)
+def unfinished_rotors(bodies: RigidBodies) -> list[dict[str, Any]]:
+    """What the file of the bodies states of each rotor: its name, fields in base axes, and ``gaps``, those it lacks.
+
+    Raises:
+        VehicleError: a rotor rides on a link that moves.
+    """
+    still, tables = _without_spin(bodies, bodies.rotors), []
+    for each in bodies.rotors:
+        known = _in_base_axes(still, each, {**_spin(bodies, each), **each.values})
+        if not {"thrust_coefficient", "max_speed"} & set(known):  # with one of them it is the other
+            known |= {word: each.values[word] for word in (MAX_THRUST,) if word in each.values}
+        tables.append({"name": each.name, **known, "gaps": tuple(gaps_of(each, each.values))})
+    return tables
+
+
+def _in_base_axes(bodies: RigidBodies, origin: StatedRotor, values: Values) -> dict[str, Any]:
+    """Values of a rotor with its place on the base in place of that on a link."""
+    where, values = f"rotors[{origin.name}]", whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
     if seat.link != BASE:
@@ -193,6 +223,12 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     if turned:
         position = description.vector(list(seat.position + seat.rotation.apply(position)))
         thrust_axis = description.unit_axis(f"{where}.axis", list(seat.rotation.apply(thrust_axis)))
+    return {**values, "position": position, "axis": thrust_axis}
+
+
+def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
+    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
+    where, values = f"rotors[{origin.name}]", _in_base_axes(bodies, origin, values)
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
@@ -204,6 +240,6 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
         if needed not in values:
             raise VehicleError(f"{where}.{needed}: is missing: must stand here or in rotor_defaults")
     if "tilt" in values:
-        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
+        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", values["position"], values["axis"])
         values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
-    return Rotor(name=name, position=position, axis=thrust_axis, **values)
+    return Rotor(name=origin.name, **values)

@@ -19,7 +19,7 @@ from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
-from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables
+from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables, without_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
@@ -261,7 +261,7 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
         refuse(fields.at("arm"), arm, "must have no battery; that of the airframe feeds the rotors")
     (R, p), to, prefix = _pose(fields), fields.text("to", "base"), fields.text("prefix", "")
     fields.done()
-    whole = referred if isinstance(referred, RigidBodies) else bodies_of(referred)
+    whole = without_rotors(referred) if isinstance(referred, RigidBodies) else bodies_of(referred)
     return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
 
 

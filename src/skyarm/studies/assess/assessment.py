@@ -31,7 +31,7 @@ from skyarm.studies.assess.causes import causes_first
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
-from skyarm.studies.assess.layout import disc_loading, rotor_layout
+from skyarm.studies.assess.layout import disc_loading, links_like_rotors, rotor_layout, rotors_as_joints
 from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
 from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
@@ -243,8 +243,8 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
-        remedy = "add [[rotors]], or put it as an arm on a multirotor by [[attach]] in that one's file"
-        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", remedy))
+        findings += _no_rotors(vehicle)
+    findings += rotors_as_joints(vehicle)
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:
@@ -256,6 +256,17 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
         findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
     return [*findings, *arm_workspace(poses), *endurance]
+
+
+def _no_rotors(vehicle: Vehicle) -> list[Finding]:
+    """Faults of a vehicle without rotors: one, or one a gap in the rotors that its file states."""
+    writes = "of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new vehicle NAME --from FILE"
+    if vehicle.gaps:
+        remedy = f"state them in a vehicle file; {writes}"
+        return [Finding("rotors", FAULT, gap, "rotors", remedy) for gap in vehicle.gaps]
+    like = "".join(f', link = "{each.name}"' for each in links_like_rotors(vehicle)[:1])
+    add = f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in that one's file"
+    return [Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}; {writes}")]
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:

@@ -55,6 +55,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
         "static_efforts": {},
         "sources": dict(vehicle.sources),
         "notes": list(vehicle.notes),
+        "gaps": list(vehicle.gaps),
     }
     if vehicle.links:
         efforts = map(float, static_torques(vehicle, gravity))
@@ -106,6 +107,8 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
         for kind in kinds:
             heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
             tables += _tables(heading, {name: each for name, each in records.items() if type(each) is kind})
+    if vehicle.gaps:
+        tables.append(table_of(("",), zip(vehicle.gaps, strict=True), title="gaps: what its rotors lack to fly"))
     notes = "notes: what its file says that was left out, or taken in another way"
     tables += [table_of(("",), zip(vehicle.notes, strict=True), title=notes)] if vehicle.notes else []
     return tables + ([table_of(("", ""), vehicle.sources, left=2, title="sources")] if vehicle.sources else [])
