@@ -77,10 +77,7 @@ def new(
         raise ValueError(f"--from = {shown(source)}: must be left out unless KIND is vehicle")
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
-    own, flies = "", True
-    if source:
-        own, vehicle = own_vehicle_file(source, name, tip)
-        flies = bool(vehicle.rotors)
+    own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
     first = FIRST[kind if flies else "unfinished"]
     first = shlex.join(word.format(file=Path(out, name), name=name) for word in first.split())

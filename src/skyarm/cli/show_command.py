@@ -13,6 +13,7 @@ from skyarm.cli.output import bar, console, give, is_document_wanted, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.plant.interface import require_gravity
+from skyarm.plant.mujoco_reading import COLUMNS, beside_mujoco
 from skyarm.records.files import errors_as, number, read_toml
 from skyarm.records.registry.registrations import function_of_option
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -20,7 +21,7 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
-from skyarm.vehicle.vehicle_files import RIGID, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import RIGID, ROTORS_ALONE, list_vehicles, load_vehicle
 from skyarm.view.pages import Facts, table_of
 
 
@@ -44,6 +45,10 @@ def show(
     columns: Annotated[
         str | None, typer.Option(metavar="FILE", help="with a flight: file that says what its columns mean")
     ] = None,
+    compare: Annotated[
+        bool,
+        typer.Option("--compare", help="of a .urdf or .xml file: what MuJoCo reads in it, beside what is read here"),
+    ] = False,
 ) -> None:
     """List what ships, or show a vehicle or a flight.
 
@@ -55,22 +60,29 @@ def show(
     whether the flight excites it. words: the grammar of a scenario file.
     """
     if shown is None:
-        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " without a vehicle or flight")
+        require_left_out(
+            context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " without a vehicle or flight"
+        )
         return _show_library()
     if shown == WORDS_OF_A_FILE:
-        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " beside words")
+        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " beside words")
         return _show_words()
     if _is_flight(shown):
-        require_left_out(context, ["--gravity", "--out"], " of a flight")
+        require_left_out(context, ["--gravity", "--out", "--compare"], " of a flight")
         function_of_option("show FLIGHT")(shown, columns, vehicle)
         return None
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
-        require_left_out(context, ["--gravity"], " beside --out, a drawing, which shows no numbers of it")
+        require_left_out(context, ["--gravity", "--compare"], " beside --out, a drawing, which shows no numbers of it")
         return _draw(shown, drawing)
     loaded = load_vehicle(shown)
+    if compare:
+        rows = beside_mujoco(loaded, shown)
+        give(compare=[dict(zip(("quantity", *COLUMNS[1:]), row, strict=True)) for row in rows])
+        tell(table_of(COLUMNS, rows, left=len(COLUMNS)))
+        return None
     at = f"{shown}: rotors = "
     with errors_as(ValueError, at, of=AllocationError), bar(f"{loaded.name}: reach and static efforts"):
         numbers = vehicle_facts(loaded, gravity)
@@ -103,7 +115,7 @@ def _show_words() -> None:
 def _is_flight(name: str) -> bool:
     """True for the path of a file or folder that is not a vehicle model."""
     path = Path(name)
-    if not name or path.suffix in (".toml", ".xacro", *RIGID) or name in list_vehicles():
+    if not name or path.suffix in (".toml", ".xacro", *ROTORS_ALONE, *RIGID) or name in list_vehicles():
         return False
     return path.is_file() or path.is_dir()
 

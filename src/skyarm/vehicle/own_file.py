@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
 from dataclasses import replace
 from pathlib import Path
 
-from skyarm.records.files import errors_as
 from skyarm.vehicle.attach import bodies_of, place_in
-from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.rotor_tables import unfinished_rotors
+from skyarm.vehicle.check import refuse
+from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
+from skyarm.vehicle.stated_rotors import MAX_THRUST, gaps_of
 from skyarm.vehicle.vehicle_files import is_robot, load_vehicle, read_rigid, robot_file
-from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.vehicle.vehicle_text import unfinished_text, vehicle_text
+from skyarm.vehicle.vehicle_text import vehicle_text
 
 
-def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, Vehicle]:
-    """Text of a vehicle file that holds all of a vehicle, and the vehicle; numbers that it lacks are comments to fill.
+def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
+    """Text of a vehicle file that holds all of a vehicle, and whether it is whole; else comments are to be filled in.
 
     Args:
         file: name or path that :func:`skyarm.load_vehicle` takes.
@@ -26,30 +25,33 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, Vehicle]
     Raises:
         VehicleError: one line: the file cannot be read, has no such tip, or lacks numbers in a file of this library.
     """
-    vehicle = _with_tip(replace(load_vehicle(file), name=name), tip)
-    notes, more = dict(vehicle.sources), ""
-    path = robot_file(file) if is_robot(file) else Path(file)
-    if vehicle.gaps:
-        if path.suffix == ".toml":
-            refuse("--from", file, f"must be whole: {vehicle.gaps[0]}")
-        with errors_as(VehicleError, f"{file}: "):
-            more = unfinished_text(unfinished_rotors(read_rigid(path, "lock")), notes)
-    notes |= {"base.mass": f"{path.name}: its root and what is fixed to it"}
-    notes |= {f"links.{each.name}.mass": f"{path.name}: link {each.name}" for each in vehicle.moving}
-    notes |= {f"links.{each.name}.joint.name": f"{path.name}: joint {each.joint.name}" for each in vehicle.moving}
-    return vehicle_text(vehicle, _head(vehicle, file, name), notes) + more, vehicle
-
-
-def _with_tip(vehicle: Vehicle, tip: str) -> Vehicle:
-    """Vehicle whose end effector is a frame, or the origin of a link, which becomes a frame."""
-    if not tip:
-        return vehicle
-    at = place_in(bodies_of(vehicle), tip, "--tip")
-    frames = vehicle.frames if tip in [each.name for each in vehicle.frames] else (*vehicle.frames, at)
-    return replace(vehicle, frames=frames, end_effector=tip)
-
-
-def _head(vehicle: Vehicle, file: str, name: str) -> Sequence[str]:
-    meshes = [f"not here: {len(vehicle.looks)} meshes, which a vehicle file does not name"] if vehicle.looks else []
-    notes = [f"{Path(file).name}: {note}" for note in vehicle.notes]
-    return [f"Written by: skyarm new vehicle {name} --from {file}", *notes, *meshes]
+    loaded = load_vehicle(file)
+    vehicle, path = replace(loaded, name=name), robot_file(file) if is_robot(file) else Path(file)
+    if tip:
+        frames = {each.name: each for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)}
+        vehicle = replace(vehicle, frames=tuple(frames.values()), end_effector=tip)
+    notes = dict(vehicle.sources) | {"base.mass": f"{path.name}: its root and what is fixed to it"}
+    for link in vehicle.moving:
+        notes |= {f"links.{link.name}.mass": path.name, f"links.{link.name}.joint.name": path.name}
+    head = [f"Written by: skyarm new vehicle {name} --from {file}", *vehicle.notes]
+    if vehicle.looks:
+        head.append(f"{len(vehicle.looks)} meshes: left out; a vehicle file names none")
+    if not vehicle.gaps:
+        return vehicle_text(vehicle, head, notes), bool(vehicle.rotors)
+    if path.suffix == ".toml":
+        refuse("--from", file, f"must be whole: {vehicle.gaps[0]}")
+    bodies = read_rigid(path, "lock")
+    own = {each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)} for each in bodies.rotors}
+    gaps = {field: gap for each in own.values() for field, gap in each.items()}
+    flying = mount_rotors(bodies, RotorTables(usual=dict.fromkeys(gaps, 1)))
+    blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split("\n\n")
+    for k, block in enumerate(blocks):
+        rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
+        for field, gap in (own.get(rotor[1], {}) if rotor else gaps if block.startswith("[rotor_d") else {}).items():
+            blocks[k] = re.sub(rf"^{field} = .*", f"# {field} = ...  # missing: {gap}", blocks[k], flags=re.MULTILINE)
+    text = "\n\n".join(blocks).replace(
+        "[rotor_defaults]", "[rotor_defaults]\nall_stated = true  # no default for a gap"
+    )
+    if "max_speed" in gaps and MAX_THRUST in bodies.rotors[0].values:  # at a speed of 1, k_f is the largest thrust
+        text = text.replace("\nthrust_coefficient = ", f"\n{MAX_THRUST} = ")
+    return text, False

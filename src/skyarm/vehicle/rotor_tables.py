@@ -191,24 +191,10 @@ def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mappin
     return [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
 
 
-def unfinished_rotors(bodies: RigidBodies) -> list[dict[str, Any]]:
-    """What the file of the bodies states of each rotor: its name, fields in base axes, and ``gaps``, those it lacks.
-
-    Raises:
-        VehicleError: a rotor rides on a link that moves.
-    """
-    still, tables = _without_spin(bodies, bodies.rotors), []
-    for each in bodies.rotors:
-        known = _in_base_axes(still, each, {**_spin(bodies, each), **each.values})
-        if not {"thrust_coefficient", "max_speed"} & set(known):  # with one of them it is the other
-            known |= {word: each.values[word] for word in (MAX_THRUST,) if word in each.values}
-        tables.append({"name": each.name, **known, "gaps": tuple(gaps_of(each, each.values))})
-    return tables
-
-
-def _in_base_axes(bodies: RigidBodies, origin: StatedRotor, values: Values) -> dict[str, Any]:
-    """Values of a rotor with its place on the base in place of that on a link."""
-    where, values = f"rotors[{origin.name}]", whole_values(values)
+def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
+    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
+    where, name = f"rotors[{origin.name}]", origin.name
+    values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
     if seat.link != BASE:
@@ -223,12 +209,6 @@ def _in_base_axes(bodies: RigidBodies, origin: StatedRotor, values: Values) -> d
     if turned:
         position = description.vector(list(seat.position + seat.rotation.apply(position)))
         thrust_axis = description.unit_axis(f"{where}.axis", list(seat.rotation.apply(thrust_axis)))
-    return {**values, "position": position, "axis": thrust_axis}
-
-
-def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
-    """Rotor in base axes from its place on a link and its values; fields that none states get their defaults."""
-    where, values = f"rotors[{origin.name}]", _in_base_axes(bodies, origin, values)
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
@@ -240,6 +220,6 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
         if needed not in values:
             raise VehicleError(f"{where}.{needed}: is missing: must stand here or in rotor_defaults")
     if "tilt" in values:
-        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", values["position"], values["axis"])
+        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
         values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
-    return Rotor(name=origin.name, **values)
+    return Rotor(name=name, position=position, axis=thrust_axis, **values)

@@ -23,6 +23,7 @@ from skyarm.records.files import (
 from skyarm.records.files.names import names_in, require_kind
 from skyarm.vehicle.attach import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 
@@ -53,6 +54,9 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
     if path.suffix == ".xacro":
         raise VehicleError(f"vehicle = {shown(text)}: {expand(path)}")
+    if path.suffix in ROTORS_ALONE and path.is_file() and rotors_in(RotorFile(path)):
+        beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
+        raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
     if path.suffix not in (".toml", *RIGID):
         allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf or .xml (MJCF) file"
         raise VehicleError(f"vehicle = {shown(text)}: {allowed}")
@@ -105,6 +109,10 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
 
 RIGID = (".urdf", ".xml", ".mjcf")
 """Suffixes of files with rigid bodies and joints, without rotors."""
+
+
+ROTORS_ALONE = (".yaml", ".yml", ".params")
+"""Suffixes of files that may state rotors without bodies."""
 
 
 def expand(path: Path) -> str:

@@ -13,11 +13,11 @@ from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_entry
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import scalars, units
+from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
-from skyarm.vehicle.rotor_tables import COEFFICIENTS, SENSES
+from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
 
@@ -95,45 +95,13 @@ def _lines(table: Table, at: str, notes: Notes) -> list[str]:
 
 def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
     """Lines of a vehicle file for the rotors, with the values that all rotors share in ``[rotor_defaults]``."""
-    return _of_tables([_rotor(each) for each in rotors], notes)
-
-
-def unfinished_text(rotors: Sequence[Table], notes: Notes) -> str:
-    """TOML text of rotors that lack numbers: a comment to fill in for each, which the reader asks for until then.
-
-    Args:
-        rotors: of :func:`skyarm.vehicle.rotor_tables.unfinished_rotors`.
-        notes: as of :func:`vehicle_text`.
-    """
-    senses = {sign: word for word, sign in SENSES.items()}
-    tables, own, usual = [], [], dict[str, str]()
-    for each in rotors:
-        table = {name: _three(value) if isinstance(value, Vec3) else value for name, value in each.items()}
-        fill = {gap.partition(" ")[0]: _to_fill(*gap.partition(" ")[::2]) for gap in table.pop("gaps")}
-        if "direction" in table:
-            table["direction"] = senses[table["direction"]]
-        tables.append(table | {"all_stated": True})
-        own.append([line for name, line in fill.items() if name in PLACED])
-        usual |= {name: line for name, line in fill.items() if name not in PLACED}
-    return "\n".join(_of_tables(tables, notes, [*usual.values()], own)) + "\n"
-
-
-def _to_fill(name: str, why: str) -> str:
-    """Comment in place of a missing field of a rotor."""
-    stated = '"ccw"' if name == "direction" else "..."
-    return f"# {name} = {stated}  # missing: {units(Rotor)[name].unit if name in units(Rotor) else ''} {why}".rstrip()
-
-
-def _of_tables(
-    tables: Sequence[Table], notes: Notes, usual: Sequence[str] = (), own: Sequence[Sequence[str]] = ()
-) -> list[str]:
-    """Lines for the tables of rotors, with the values that all share in ``[rotor_defaults]``, and lines below these."""
+    tables = [_rotor(each) for each in rotors]
     shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}
     shared = {name: value for name, value in shared.items() if all(each.get(name) == value for each in tables)}
-    lines = [*_section("[rotor_defaults]", shared, "rotors", notes), *usual] if shared else []
-    for k, table in enumerate(tables):
-        stated = {name: value for name, value in table.items() if name not in shared}
-        lines += [*_section("[[rotors]]", stated, "rotors", notes), *(own[k] if own else ())]
+    lines = _section("[rotor_defaults]", shared, "rotors", notes) if shared else []
+    for table in tables:
+        own = {name: value for name, value in table.items() if name not in shared}
+        lines += _section("[[rotors]]", own, "rotors", notes)
     return lines
 
 

@@ -264,7 +264,7 @@ def _no_rotors(vehicle: Vehicle) -> list[Finding]:
     if vehicle.gaps:
         remedy = f"state them in a vehicle file; {writes}"
         return [Finding("rotors", FAULT, gap, "rotors", remedy) for gap in vehicle.gaps]
-    like = "".join(f', link = "{each.name}"' for each in links_like_rotors(vehicle)[:1])
+    like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
     add = f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in that one's file"
     return [Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}; {writes}")]
 

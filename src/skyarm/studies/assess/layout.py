@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,7 @@ from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.arrays import Array, float_array
 from skyarm.studies.assess.arm_poses import Allocation, hover_efforts
 from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
-from skyarm.vehicle import BASE, Link, Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
 DISC_LOADING = 2.0, 1000.0
@@ -179,41 +178,32 @@ UPRIGHT = 0.9
 """Least vertical part of the unit axis of a joint that may spin a rotor by its place."""
 
 
-def links_like_rotors(vehicle: Vehicle) -> Sequence[Link]:
-    """Links that end a chain, turn without limits, and have the names or places of rotors.
+def links_like_rotors(vehicle: Vehicle) -> list[str]:
+    """Names of links that end a chain, turn without limits, and have the names or places of rotors.
 
-    Two or more have such names; or three or more equal ones stand all around the base, with upright axes.
+    Two or more have such names; or three or more of one mass stand all around the base, with upright axes.
     """
-    carriers = {link.parent for link in vehicle.moving}
+    ends = set(range(vehicle.n)) - {link.parent for link in vehicle.moving}
     free = [
         link
-        for k, link in enumerate(vehicle.links)
-        if k not in carriers and link.joint.kind == "revolute" and -link.joint.lower == link.joint.upper == math.inf
+        for link in map(vehicle.links.__getitem__, sorted(ends))
+        if -link.joint.lower == link.joint.upper == math.inf
     ]
-    named = [link for link in free if ROTOR_NAME.search(f"{link.name} {link.joint.name}")]
-    return named if len(named) > 1 else _around_the_base(vehicle, free)
-
-
-def _around_the_base(vehicle: Vehicle, links: Sequence[Link]) -> Sequence[Link]:
-    """Links with upright axes on the base, if these are three or more of one mass that surround the base."""
-    ring = [
-        k for k in links if k.parent == BASE and abs(float(k.joint.rotation.apply(k.joint.axis).z)) > UPRIGHT
-    ]
+    named = [link.name for link in free if ROTOR_NAME.search(f"{link.name} {link.joint.name}")]
+    if len(named) > 1:
+        return named
+    ring = [k for k in free if k.parent == BASE and abs(float(k.joint.rotation.apply(k.joint.axis).z)) > UPRIGHT]
     masses = [float(each.body.mass) for each in ring]
-    if len(ring) < 3 or max(masses) > 1.01 * min(masses):
-        return ()
-    places = [each.joint.position - vehicle.base.com for each in ring]
-    bearings = sorted(math.atan2(float(p.y), float(p.x)) for p in places)
-    widest = max(b - a for a, b in zip(bearings, [*bearings[1:], bearings[0] + 2.0 * math.pi], strict=True))
-    return ring if widest < math.pi else ()
+    places = [complex(*(each.joint.position - vehicle.base.com)[:2]) for each in ring]
+    surround = len(ring) > 2 and max(masses) < 1.01 * min(masses) and abs(sum(places)) < 0.5 * sum(map(abs, places))
+    return [each.name for each in ring] if surround else []
 
 
 def rotors_as_joints(vehicle: Vehicle) -> list[Finding]:
     """Fault for driven joints that have the names or places of rotors: a law would hold them as an arm's."""
     passive = undriven_joints(vehicle)
-    names = [link.name for link in links_like_rotors(vehicle) if link.joint.name not in passive]
-    if not names:
-        return []
+    driven = [link.name for link in vehicle.links if link.joint.name not in passive]
+    names = [name for name in links_like_rotors(vehicle) if name in driven]
     text = f"joints of {', '.join(names)} turn without limits, in the names or places of rotors"
-    remedy = f'[[rotors]] link = "{names[0]}" makes it a rotor (a joint of an arm gets limits: [[joints]] lower, upper)'
-    return [Finding("rotors as joints", FAULT, text, "links", remedy)]
+    remedy = f'[[rotors]] link = "{"".join(names[:1])}" makes it a rotor; a joint of an arm gets limits in [[joints]]'
+    return [Finding("rotors as joints", FAULT, text, "links", remedy)] if names else []

@@ -6,87 +6,69 @@ Source: eagle-mpc, src/multicopter-base-params.cpp.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.records.files import Fields, errors_as, needs_extra, one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
 
-NO_LAG = "eagle-mpc's rotors have no lag"
+NO_LAG = dict.fromkeys(("time_constant_up", "time_constant_down"), "eagle-mpc's rotors have no lag")
 
-WHERE = {
+WORDS = {
     "thrust_coefficient": "cf",
     "moment_coefficient": "cm / cf",
     "max_speed": "max_thrust and cf",
-    "direction": "spin_direction (-1 is ccw)",
-    "position": "translation",
-    "axis": "orientation (x y z w)",
+    "direction": "spin_direction, -1 for ccw,",
 }
+"""Field of a rotor -> the file's words."""
 
 
 def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of the ``platform`` of a YAML file, in their order."""
+    name = file.path.name
     if file.path.suffix not in (".yaml", ".yml"):
         return ()
-    document = _document(file.path)
-    if not isinstance(document, dict) or not isinstance(document.get("platform"), dict):
-        return ()
-    with errors_as(VehicleError):
-        return _rotors(Fields(document["platform"], "platform"), file.path.name)
-
-
-def _document(path: Path) -> Any:
     try:
         import yaml
+
+        top = yaml.safe_load(file.path.read_bytes())
     except ImportError:
-        refuse("file", path.name, f"a YAML file {needs_extra('yaml')}")
-    try:
-        return yaml.safe_load(path.read_bytes())
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        refuse("file", name, needs_extra("yaml"))
+    except Exception as error:  # yaml's own, encodings, depth
         refuse("YAML", one_line(str(error)), "must be well-formed")
+    if not isinstance(top, dict) or "platform" not in top:
+        return ()
+    with errors_as(VehicleError):
+        platform = Fields(top["platform"], "platform")
+        cf, thrust = (platform.number(word, low=0.0, strict=True) for word in ("cf", MAX_THRUST))
+        values = {
+            "thrust_coefficient": cf,
+            "moment_coefficient": platform.number("cm", low=0.0) / cf,
+            MAX_THRUST: thrust,
+        }
+        where = {field: f"{word} of {name}" for field, word in WORDS.items()}
+        if least := platform.take("min_thrust", 0.0):
+            where["min_thrust"] = f"{least} N in {name}; not read: a rotor may stand still here"
+        tables = platform.tables("$rotors" if "$rotors" in platform.table else "rotors")
+        if (count := platform.take("n_rotors", len(tables))) != len(tables):
+            refuse("platform.n_rotors", count, f"must be the number of rotors, {len(tables)}")
+        link = platform.text("base_link_name", "base")
+        return tuple(_rotor(table, f"rotor_{k}", link, values, where) for k, table in enumerate(tables))
 
 
-def _rotors(platform: Fields, file: str) -> tuple[StatedRotor, ...]:
-    cf, thrust = (platform.number(word, low=0.0, strict=True) for word in ("cf", MAX_THRUST))
-    shared = {
-        "thrust_coefficient": cf,
-        "moment_coefficient": platform.number("cm", low=0.0) / cf,
-        MAX_THRUST: thrust,
-    }
-    where = {field: f"{words} of {file}" for field, words in WHERE.items()}
-    if least := platform.take("min_thrust", 0):
-        where["min_thrust"] = f"{least} N in {file}: not read, a rotor may stand still here"
-    tables = platform.tables("$rotors" if "$rotors" in platform.table else "rotors")
-    if platform.take("n_rotors", len(tables)) != len(tables):
-        refuse("platform.n_rotors", platform.take("n_rotors"), f"must be the number of rotors, {len(tables)}")
-    return tuple(
-        _rotor(each, f"rotor_{k}", platform.text("base_link_name", "base"), shared, where)
-        for k, each in enumerate(tables)
-    )
-
-
-def _rotor(table: Fields, name: str, link: str, shared: dict[str, float], where: dict[str, str]) -> StatedRotor:
-    turn, (x, y, z, w) = table.numbers("spin_direction"), _four(table, "orientation")
+def _rotor(table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]) -> StatedRotor:
+    turn, four = table.numbers("spin_direction"), table.numbers("orientation")
     if turn not in ((1.0,), (-1.0,)):
         refuse(table.at("spin_direction"), list(turn), "must be [1] (cw) or [-1] (ccw)")
-    R = description.rotation(Quaternion(w, x, y, z).normalized().rotation())
-    return StatedRotor(
-        name=name,
-        link=link,
-        position=description.vector(table.vector("translation")),
-        axis=description.unit_axis(table.at("orientation"), list(R.apply(Vec3(0, 0, 1)))),
-        values={**shared, "direction": -int(turn[0])},
-        where=where,
-        absent={"time_constant_up": NO_LAG, "time_constant_down": NO_LAG},
-    )
-
-
-def _four(table: Fields, name: str) -> tuple[float, ...]:
-    """Four numbers, not all zero."""
-    four = table.numbers(name)
     if len(four) != 4 or not any(four):
-        refuse(table.at(name), list(four), "must be the four numbers x, y, z, w of a quaternion")
-    return four
+        refuse(table.at("orientation"), list(four), "must be the four numbers x, y, z, w of a quaternion")
+    axis = Quaternion(four[3], *four[:3]).normalized().rotation().apply(Vec3(0, 0, 1))
+    return StatedRotor(
+        name,
+        link,
+        description.vector(table.vector("translation")),
+        description.unit_axis(name, list(axis)),
+        {**values, "direction": -int(turn[0])},
+        where,
+        absent=NO_LAG,
+    )

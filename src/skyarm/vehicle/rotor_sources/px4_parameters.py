@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -34,70 +34,53 @@ ABSENT = {
     "moment_coefficient": "CA_ROTOR*_KM counts by its sign only",
 }
 
+WHERE = {
+    "direction": "sign of CA_ROTOR*_KM",
+    "position": "CA_ROTOR*_PX, PY, PZ from the base's origin, to PX4 the centre of mass, scaled to arm_length",
+}
+
 
 def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of PX4's parameters, by their numbers; their places are scaled by ``arm_length`` (m), the longest arm."""
-    if file.content is not None or file.path.suffix in (".yaml", ".yml"):
-        return ()
-    stated = _parameters(file.path)
+    stated = _parameters(file.path) if file.content is None and file.path.suffix not in (".yaml", ".yml") else {}
     if not stated:
         return ()
     count = stated.get("CA_ROTOR_COUNT", 0.0)
     if count not in range(1, MOST + 1):
         refuse("CA_ROTOR_COUNT", count, f"must be 1 ... {MOST}")
-    rotors = [{word: stated.get(f"CA_ROTOR{k}_{word}", value) for word, value in USUAL.items()} for k in range(int(count))]
-    longest = max(math.hypot(each["PX"], each["PY"], each["PZ"]) for each in rotors)
-    scale = None
-    if file.settings.take("arm_length", None) is not None and longest:
-        scale = file.settings.number("arm_length", low=0.0, strict=True) / longest
-    return tuple(_rotor(f"rotor_{k}", each, longest, scale) for k, each in enumerate(rotors))
+    rotors = [[stated.get(f"CA_ROTOR{k}_{word}", USUAL[word]) for word in USUAL] for k in range(int(count))]
+    longest = max(math.hypot(*each[:3]) for each in rotors)
+    relative = f"[rotor_file] arm_length, m, scales them: the longest arm is {longest:g} in the file"
+    scale, absent = 1.0, {**ABSENT, "position": relative}
+    if longest and file.settings.take("arm_length", None) is not None:
+        scale, absent = file.settings.number("arm_length", low=0.0, strict=True) / longest, ABSENT
+    return tuple(
+        StatedRotor(
+            f"rotor_{k}",
+            position=description.vector([scale * x, -scale * y, -scale * z]),
+            axis=description.unit_axis(f"CA_ROTOR{k}_AX, AY, AZ", [ax, -ay, -az]),
+            values={"direction": int(math.copysign(1, km))} if km else {},
+            where=WHERE,
+            absent={**absent, "tilt": "CA_ROTOR*_TILT names a servo only"} if tilt else absent,
+        )
+        for k, (x, y, z, ax, ay, az, km, tilt) in enumerate(rotors)
+    )
 
 
 def _parameters(path: Path) -> dict[str, float]:
+    """Parameters CA_ROTOR* of a file by name."""
     pairs: Iterable[tuple[str, Any]] = STATED.findall(path.read_text("utf-8", "replace"))
     if path.suffix == ".ulg":
-        pairs = ((name, value) for name, value in _of_log(path).items() if name.startswith("CA_ROTOR"))
+        try:
+            from pyulog import ULog
+
+            pairs = ULog(str(path), [], parse_header_only=True).initial_parameters.items()
+        except ImportError:
+            refuse("file", path.name, needs_extra("flights"))
+        except Exception as error:  # whatever pyulog meets in a damaged file
+            refuse("file", path.name, f"must be a log of PX4 ({type(error).__name__})")
     values: dict[str, float] = {}
     for name, text in pairs:
-        value = finite(str(text), name)
-        if values.setdefault(name, value) != value:
-            refuse(name, text, f"stands twice in the file, with {values[name]:g} before; must be one value")
+        if name.startswith("CA_ROTOR") and values.setdefault(name, value := finite(str(text), name)) != value:
+            refuse(name, text, f"stands twice, with {values[name]:g} before; must be one value")
     return values
-
-
-def _of_log(path: Path) -> Mapping[str, Any]:
-    try:
-        from pyulog import ULog
-    except ImportError:
-        refuse("file", path.name, f"a log of PX4 {needs_extra('flights')}")
-    try:
-        return dict(ULog(str(path), [], parse_header_only=True).initial_parameters)
-    except Exception as error:  # whatever pyulog meets in a damaged file
-        refuse("file", path.name, f"must be a log of PX4 ({type(error).__name__})")
-
-
-def _rotor(name: str, each: Mapping[str, float], longest: float, scale: float | None) -> StatedRotor:
-    values, absent = {}, dict(ABSENT)
-    if each["KM"]:
-        values["direction"] = 1 if each["KM"] > 0.0 else -1
-    if scale is None:
-        absent["position"] = (
-            f"[rotor_file] arm_length, m, gives it: places are relative, the longest arm {longest:g} in the file"
-        )
-    if each["TILT"]:
-        absent["tilt"] = "CA_ROTOR*_TILT names a servo only"
-    place = [(scale or 0.0) * length for length in (each["PX"], -each["PY"], -each["PZ"])]
-    where = {
-        "direction": "sign of CA_ROTOR*_KM",
-        "position": "CA_ROTOR*_PX, PY, PZ times arm_length over the longest arm; PX4's origin, the centre of mass, is "
-        "taken for the base's",
-        "axis": "CA_ROTOR*_AX, AY, AZ",
-    }
-    return StatedRotor(
-        name=name,
-        position=description.vector(place),
-        axis=description.unit_axis(f"{name}: CA_ROTOR*_AX, AY, AZ", [each["AX"], -each["AY"], -each["AZ"]]),
-        values=values,
-        where=where,
-        absent=absent,
-    )
