@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ def _parameters(path: Path) -> dict[str, float]:
         try:
             from pyulog import ULog
 
-            pairs = ULog(str(path), [], parse_header_only=True).initial_parameters.items()
+            pairs = ULog(BytesIO(path.read_bytes()), [], parse_header_only=True).initial_parameters.items()
         except ImportError:
             refuse("file", path.name, needs_extra("flights"))
         except Exception as error:  # whatever pyulog meets in a damaged file

@@ -1,0 +1,190 @@
+"""``skyarm new vehicle NAME --from FILE``, and ``skyarm show FILE --compare``."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skyarm as package
+from skyarm.algebra import Mat3
+from skyarm.vehicle.vehicle_files import load_vehicle
+from support.cases import joint, limits, link, robot, saved
+from support.commands import refused, skyarm
+
+NUMBERS = {
+    "motorConstant": "1.3e-05",
+    "momentConstant": "0.017",
+    "maxRotVelocity": "900",
+    "timeConstantUp": "0.014",
+    "timeConstantDown": "0.031",
+    "turningDirection": "{}",
+}
+PLACES = [(0.25, 0, 0.03), (0, 0.25, 0.03), (-0.25, 0, 0.03), (0, -0.25, 0.03)]
+
+
+def motor(k, without=()):
+    words = "".join(f"<{word}>{text}</{word}>" for word, text in NUMBERS.items() if word not in without)
+    turned = words.format(("cw", "ccw")[k % 2])
+    return (
+        f'<link name="p{k}"/><joint name="f{k}" type="fixed"><parent link="hull"/><child link="p{k}"/>'
+        f'<origin xyz="{" ".join(map(str, PLACES[k]))}"/></joint>'
+        f'<gazebo><plugin name="m{k}"><linkName>p{k}</linkName><motorNumber>{k}</motorNumber>{turned}</plugin></gazebo>'
+    )
+
+
+def quad(without=(), only=range(4)):
+    parts = [link("hull", (0.02, 0.02, 0.03), mass=1.2), link("upper", mass=0.15)]
+    parts += [joint("shoulder", "hull", "upper", limits()), "<sensor/>"]
+    return robot(*parts, *(motor(k, without if k in only else ()) for k in range(4)))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def unturned(links):
+    """Links whose joints have no rotation, which is written as a quaternion and so read back rounded."""
+    return [replace(each, joint=replace(each.joint, rotation=Mat3.identity())) for each in links]
+
+
+def same(read, given):
+    """Equal in all that a vehicle file holds; rotations within rounding."""
+    assert unturned(read.links) == unturned(given.links)
+    for ours, theirs in zip(read.links, given.links, strict=True):
+        assert np.array(ours.joint.rotation.rows) == pytest.approx(np.array(theirs.joint.rotation.rows), abs=1e-15)
+    for field in ("base", "rotors", "frames", "end_effector", "sources", "drag", "followers"):
+        assert getattr(read, field) == getattr(given, field), field
+
+
+def test_the_whole_vehicle_is_written_with_its_sources(folder):
+    saved(folder, quad())
+    done = skyarm("new", "vehicle", "mine", "--from", "r.urdf", "--tip", "upper")
+    assert done.code == 0, done
+    text = (folder / "mine.toml").read_text("utf-8")
+    assert "# <sensor> (1): not read" in text
+    assert "thrust_coefficient = 1.3e-05  # motorConstant of the motor-model plugins\n" in text
+    assert "mass = 0.15  # r.urdf\n" in text
+    read, given = load_vehicle("mine.toml"), load_vehicle("r.urdf")
+    assert (read.name, read.end_effector) == ("mine", "upper")
+    assert read.frames[0].link == 0
+    assert list(read.frames[0].position) == [0, 0, 0]
+    same(replace(read, frames=given.frames, end_effector=""), given)
+    scenario = package.load_scenario("mine_hover.toml").with_changes({"duration": 0.1})
+    assert package.run(scenario).status == "completed"
+    assert (folder / "test_mine.py").read_text("utf-8").count("mine") > 2
+
+
+def test_reading_it_back_gives_the_same_vehicle(folder):
+    saved(
+        folder,
+        quad().replace('<link name="p0"/>', '<link name="tip"/>').replace('"p0"', '"tip"').replace(">p0<", ">tip<"),
+    )
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    same(load_vehicle("mine.toml"), load_vehicle("r.urdf"))
+    assert skyarm("new", "vehicle", "again", "--from", "mine.toml").code == 0
+    same(load_vehicle("again.toml"), load_vehicle("mine.toml"))
+
+
+FILLED = {
+    "moment_coefficient": "0.017",
+    "max_speed": "900.0",
+    "time_constant_up": "0.014",
+    "time_constant_down": "0.031",
+    "thrust_coefficient": "1.3e-05",
+}
+
+
+@pytest.mark.parametrize("without", [("turningDirection",), ("maxRotVelocity", "timeConstantUp")])
+@pytest.mark.parametrize("only", [range(4), (1, 3)])
+def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(folder, without, only):
+    saved(folder, quad(without, only))
+    done = skyarm("new", "vehicle", "mine", "--from", "r.urdf")
+    assert done.code == 0, done
+    assert "does not fly" in done.out
+    assert not (folder / "mine_hover.toml").exists()
+    text = (folder / "mine.toml").read_text("utf-8")
+    asked = skyarm("check", "mine.toml")
+    refused(
+        asked, "the file states no ", "direction" if "turningDirection" in without else "max_speed, time_constant_up"
+    )
+    senses = iter(("cw", "ccw", "cw", "ccw") if len(only) == 4 else ("ccw", "ccw"))
+    text = re.sub(r"# direction = \.\.\.", lambda _: f'direction = "{next(senses)}"', text)
+    text = re.sub(r"# (\w+) = \.\.\.", lambda found: f"{found[1]} = {FILLED[found[1]]}", text)
+    saved(folder, text, "mine.toml")
+    saved(folder, quad(), "whole.urdf")
+    assert load_vehicle("mine.toml").rotors == load_vehicle("whole.urdf").rotors
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("law", "mine", "--from", "r.urdf"), "--from = 'r.urdf': must be left out unless KIND is vehicle"),
+        (("vehicle", "mine", "--tip", "upper"), "--tip = 'upper': must stand beside --from"),
+        (("vehicle", "mine", "--from", "r.urdf", "--tip", "hand"), "--tip = 'hand': must be one of base, upper, p0"),
+        (("vehicle", "mine", "--from", "gone.urdf"), "vehicle = 'gone.urdf': no such file"),
+        (
+            ("vehicle", "mine", "--from", "open.toml"),
+            "--from = 'open.toml': must be whole: rotors p0, p1, p2, p3: the file",
+        ),
+    ],
+)
+def test_what_is_refused_writes_nothing(folder, words, said):
+    saved(folder, quad())
+    saved(folder, quad(("maxRotVelocity",)), "open.urdf")
+    saved(folder, 'schema = 1\nname = "o"\nurdf = "open.urdf"\n', "open.toml")
+    refused(skyarm("new", *words), said)
+    assert sorted(each.name for each in folder.iterdir()) == ["open.toml", "open.urdf", "r.urdf"]
+
+
+def compared(file):
+    done = skyarm("show", file, "--compare", "--json")
+    assert done.code == 0, done
+    return {row["quantity"]: row for row in json.loads(done.out)["compare"]}
+
+
+def test_compare_finds_what_mujoco_reads_equal(folder):
+    saved(folder, quad())
+    rows = compared("r.urdf")
+    assert rows["mass, kg"]["skyarm"] == rows["mass, kg"]["MuJoCo"] == "1.35"
+    assert rows["joints in order"]["MuJoCo"] == "shoulder"
+    com = np.array(rows["com, m"]["skyarm"].split(), float)
+    assert com == pytest.approx([float(c) for c in by_hand()], rel=1e-5)
+    assert rows["inertia, kg m^2"]["skyarm"] == rows["inertia, kg m^2"]["MuJoCo"]
+    assert 0.0 <= float(rows["M(q) at 8 poses"]["largest relative difference"]) < 1e-12
+
+
+def by_hand():
+    """Centre of mass of both bodies, from the text of the file alone: scipy turns roll, pitch and yaw."""
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
+    own = np.array([0.01, 0.02, -0.1])
+    upper = np.array([0.1, 0.05, -0.2]) + rotation.apply(own)
+    return (1.2 * own + 0.15 * upper) / 1.35
+
+
+def test_compare_shows_what_is_read_in_another_way(folder):
+    """Equal limits fix a joint here, which MuJoCo moves; a link's geometry gives no mass here."""
+    saved(folder, quad().replace('lower="-1.0" upper="1.0"', 'lower="0.5" upper="0.5"'))
+    rows = compared("r.urdf")
+    assert (rows["joints in order"]["skyarm"], rows["joints in order"]["MuJoCo"]) == ("", "shoulder")
+    assert float(rows["M(q) at 8 poses"]["largest relative difference"]) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("v.toml", "--compare = 'v.toml': must be a .urdf, .xml or .mjcf file"),
+        ("v.xml", "--compare = 'v.xml': MuJoCo reads no vehicle: one of its bodies must be the base"),
+    ],
+)
+def test_compare_refuses_what_mujoco_does_not_read_as_a_vehicle(folder, file, said):
+    saved(folder, quad())
+    saved(folder, 'schema = 1\nname = "o"\nurdf = "r.urdf"\n', "v.toml")
+    body = '<body><geom size="0.1" mass="1"/></body>'
+    saved(folder, f"<mujoco><worldbody>{body}{body}</worldbody></mujoco>", "v.xml")
+    refused(skyarm("show", file, "--compare"), said)
