@@ -75,7 +75,7 @@ def test_the_whole_vehicle_is_written_with_its_sources(folder):
     assert read.frames[0].link == 0
     assert list(read.frames[0].position) == [0, 0, 0]
     same(replace(read, frames=given.frames, end_effector=""), given)
-    scenario = package.load_scenario("mine_hover.toml").with_changes({"duration": 0.1})
+    scenario = replace(package.load_scenario("mine_hover.toml"), duration=0.1)
     assert package.run(scenario).status == "completed"
     assert (folder / "test_mine.py").read_text("utf-8").count("mine") > 2
 
