@@ -46,7 +46,13 @@ def test_no_module_imports_a_private_name_of_another():
     assert {found for path in SOURCES for found in private_imports(path)} == NOWHERE_ELSE
 
 
-INSTALLED_AS = {"dynamixel-sdk": "dynamixel_sdk", "mujoco-core": "mujoco", "pillow": "PIL", "pin": "pinocchio"}
+INSTALLED_AS = {
+    "dynamixel-sdk": "dynamixel_sdk",
+    "mujoco-core": "mujoco",
+    "pillow": "PIL",
+    "pin": "pinocchio",
+    "pyyaml": "yaml",
+}
 """Distribution -> the name that it is imported by, where that is another."""
 PEERS = {"crazyflow", "rotorpy", "PyFlyt", "gym_pybullet_drones"}
 """Simulators that the bench measures if somebody has them; nobody is asked to install them."""

@@ -1,4 +1,4 @@
-"""What MuJoCo reads in a URDF or MJCF file, beside this library's vehicle of the same file."""
+"""Reading of a URDF or MJCF file by MuJoCo, beside this library's vehicle of the same file."""
 
 from __future__ import annotations
 
