@@ -66,6 +66,8 @@ def _compile(file: str) -> Any:
 
     if Path(file).suffix not in (".urdf", ".xml", ".mjcf"):
         refuse("--compare", file, "must be a .urdf, .xml or .mjcf file, which MuJoCo reads itself")
+    usual = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)  # or it writes them to a file in the current folder
     try:
         spec = mujoco.MjSpec.from_file(file)
         for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
@@ -80,6 +82,8 @@ def _compile(file: str) -> Any:
         return spec.compile()
     except ValueError as error:
         refuse("--compare", file, f"MuJoCo reads no vehicle: {one_line(str(error))}")
+    finally:
+        mujoco.set_mju_user_warning(usual)
 
 
 def _whole(M: Array) -> dict[str, str]:
