@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
+import time
 import tomllib
 
 import numpy as np
 import pytest
 
 import skyarm
+from skyarm.compile.llvm import kernel, object_cache
 from skyarm.compile.tracing.lower import operations
+from skyarm.records.files import own_sources
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Delays
-from skyarm.simulate import period
+from skyarm.simulate import period, stored_programs
 from skyarm.simulate.engine import Engine, EpisodeCode
 
 FLEET = """
@@ -112,3 +117,33 @@ def test_a_flight_that_is_long_or_commanded_or_compiled_in_full_shares_no_period
         loop = EpisodeCode(fleet(count, duration=duration), commands=False).loop
         calls = sum(node.op == "apply" for node in loop.program.nodes)
         assert (calls == count) == expected, (count, duration)
+
+
+def test_a_fleet_flown_again_has_code_of_each_vehicle_made_behind_the_command(monkeypatch):
+    monkeypatch.setattr(own_sources, "_begun", [time.time() + 60.0])
+    monkeypatch.setattr(stored_programs, "_fleets", [])
+    monkeypatch.delenv("SKYARM_EFFORT", raising=False)
+    small = {"plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_pd"}}
+    scenario, began = fleet(duration=0.05, sensors={}, environment={}, **small), []
+    monkeypatch.setattr(stored_programs, "work_behind", lambda *words: began.append(words))
+    logs = [skyarm.run(scenario)]
+    stored_programs.optimise_repeated()
+    assert began == []
+    logs.append(skyarm.run(scenario))
+    stored_programs.optimise_repeated()
+    command, text = began.pop()
+    name = stored_programs.program_name(scenario, False, None)
+    shared = stored_programs.load_program(name)
+    assert shared.shared
+    done = subprocess.run([sys.executable, "-c", command], input=text, text=True, check=False, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    program = stored_programs.load_program(name)
+    assert program is not None
+    assert not program.shared
+    assert program.assembly.written > 1.3 * shared.assembly.written
+    assert object_cache.load(kernel._identity(program.assembly.text, kernel.FULL)) is not None
+    monkeypatch.setattr(stored_programs, "_fleets", [])
+    logs.append(skyarm.run(scenario))
+    assert stored_programs._fleets == [], "it has what it needs"
+    for one in logs[0].agents:
+        assert len({log.agents[one].rotor_commands.tobytes() for log in logs}) == 1

@@ -7,6 +7,8 @@ calls them with floats.
 from __future__ import annotations
 
 import copy
+import json
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -30,6 +32,7 @@ from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
+from skyarm.records.restore import restore
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
@@ -114,7 +117,7 @@ class EpisodeCode:
             self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
         self._example = structure_of(self.carry)
         self.draws = draws_needed(scenario)
-        self._once = machine_code and effort is None and not (commands or numbers)
+        self._shared = machine_code and effort is None and not (commands or numbers)
         self._plant: PlantSteps[State] | None = None
         if scenario.kind == "rigid_body":
             self.substeps = Substeps(rigid_body_plant(scenario, self.first))
@@ -129,8 +132,8 @@ class EpisodeCode:
             if program is None:
                 program = self._write_program(name, effort)
             elif effort is None:
-                note_repeat(program, scenario.steps)
-            self.loop = program.loop
+                note_repeat(program, scenario)
+            self.program, self.loop = program, program.loop
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
         else:
@@ -148,7 +151,7 @@ class EpisodeCode:
         written = Assembly.of(loop, Lanes(1), logging=True, effort=FULL if effort is None else effort)
         if effort is None and not written.pays(self.scenario.steps):
             written = replace(written, effort=0)
-        program = FlightProgram(loop, written, tuple(self.substeps.traced.items()))
+        program = FlightProgram(loop, written, tuple(self.substeps.traced.items()), self._shared)
         store_program(name, program)
         return program
 
@@ -172,7 +175,8 @@ class EpisodeCode:
         self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
         stages, plant, rows = self._begin(numbers, fed)
-        fleet = make_fleet_period(stages, self.substeps) if self._once else None
+        fleet = make_fleet_period(stages, self.substeps) if self._shared else None
+        self._shared = fleet is not None
         return (fleet or make_period(stages, plant))(now, rows, uniforms)
 
     def _measure(
@@ -201,6 +205,15 @@ class EpisodeCode:
         if changed is not None and not any(word_of(path).startswith(("plant.", *STATED)) for path in changed):
             return True
         return self.substeps.fit(rigid_body_plant(scenario, self.first))
+
+
+def keep_apart() -> None:
+    """Store the program of the scenario on standard input at full effort, each vehicle with its own code."""
+    scenario = restore(json.load(sys.stdin))
+    program = EpisodeCode(scenario, commands=False, effort=FULL).program
+    # should the cache lose its machine code, a command makes it again in the least time
+    program = replace(program, assembly=replace(program.assembly, effort=0))
+    store_program(program_name(scenario, False, None), program)
 
 
 def _with_memories(loop: LoopState, memories: Sequence[Tree]) -> LoopState:

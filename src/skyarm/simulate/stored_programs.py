@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.compile.llvm import object_cache
-from skyarm.compile.llvm.kernel import Assembly, compile_behind, processor
+from skyarm.compile.llvm.kernel import Assembly, compile_behind, processor, work_behind
 from skyarm.compile.llvm.shared_steps import cores
 from skyarm.compile.tracing.program import Loop
 from skyarm.compile.tracing.tracer import Lowered
@@ -39,11 +39,13 @@ class FlightProgram:
     Attributes:
         loop: its operations and scalars are left out where it is stored. assembly: its text for LLVM.
         substeps: intervals (s) that it was traced with, each with its number of integration steps.
+        shared: True if equal vehicles share the code of a period, which compiles sooner and flies slower.
     """
 
     loop: Loop
     assembly: Assembly
     substeps: tuple[tuple[float, Steps], ...]
+    shared: bool
 
 
 def program_name(scenario: Scenario, *details: object) -> str:
@@ -76,12 +78,20 @@ def load_program(name: str) -> FlightProgram | None:
 REPEATS = 10
 """Number of repetitions in which a command may save what full optimisation of its program takes."""
 
-_repeated = list[str]()
+_repeated, _fleets = list[str](), list[str]()
+
+APART = (
+    "from skyarm.records.files.own_sources import begin_command; begin_command(); "
+    "from skyarm.simulate.engine import keep_apart; keep_apart()"
+)
+"""Python command that stores the program of a fleet whose vehicles share no code."""
 
 
-def note_repeat(program: FlightProgram, steps: int) -> None:
-    """Note a stored program that is flown again for ``steps`` periods, if full optimisation would pay in the end."""
-    if program.assembly.effort == 0 and program.assembly.pays(steps, REPEATS):
+def note_repeat(program: FlightProgram, scenario: Scenario) -> None:
+    """Note a stored program that is flown again, if one that flies faster pays in the end."""
+    if program.shared:
+        _fleets.append(json.dumps(plain(scenario)))
+    elif program.assembly.effort == 0 and program.assembly.pays(scenario.steps, REPEATS):
         _repeated.append(program.assembly.text)
 
 
@@ -89,6 +99,8 @@ def optimise_repeated() -> None:
     """Start to compile the programs that this command flew again at full effort, for the next time; returns at once."""
     for text in _repeated:
         compile_behind(text)
+    for flight in _fleets:
+        work_behind(APART, flight)
 
 
 def store_program(name: str, program: FlightProgram) -> None:

@@ -45,7 +45,7 @@ PAYS = 150_000
 SHARES = 3_000
 """Number of steps, for each equal vehicle beyond three, up to which these share the code of a whole period. It saves
 10 ms of compilation for a vehicle or more, and takes up to 0.35 us longer in a step, as numbers go through memory: it
-pays up to 30 000 steps, and a flight may be repeated."""
+pays up to 30 000 steps, and a flight may be repeated: the first repetition has code without it made behind itself."""
 
 FULL, ANEW = 2, 600.0
 """Full effort of the compiler; time (s) after which a compilation behind a command that kept nothing is repeated."""
@@ -243,27 +243,34 @@ _behind = list["subprocess.Popen[bytes]"]()
 
 
 def compile_behind(text: str) -> None:
-    """Start a process that compiles a program at full effort for the cache; within ten minutes none is started anew."""
-    if _allowed_effort(FULL) < FULL:
+    """Start a process that compiles a program at full effort for the cache, unless it is there."""
+    if object_cache.load(_identity(text, FULL)) is None:
+        work_behind(f"from {__name__} import keep; keep()", text)
+
+
+def work_behind(command: str, text: str) -> None:
+    """Start a process of lowest priority that fills the cache; within ten minutes it is not started anew.
+
+    Args:
+        command: its work in Python.
+        text: its standard input.
+    """
+    name = f"begun\n{command}\n{text}"
+    begun = object_cache.load(name)
+    if _allowed_effort(FULL) < FULL or (begun is not None and time.time() < float(begun) + ANEW):
         return
-    full = _identity(text, FULL)
-    begun = object_cache.load(f"begun\n{full}")
-    if object_cache.load(full) is not None or (begun is not None and time.time() < float(begun) + ANEW):
-        return
-    object_cache.store(f"begun\n{full}", str(time.time()).encode())
-    command = [sys.executable, "-P", "-c", f"from {__name__} import keep; keep()"]
+    object_cache.store(name, str(time.time()).encode())
     # the command has done its work: where no process can be started, nothing is lost
     with suppress(OSError), tempfile.TemporaryFile() as file:
         file.write(text.encode())
         file.seek(0)
+        words = [sys.executable, "-P", "-c", f"import os; getattr(os, 'nice', int)(19); {command}"]
         quiet = subprocess.DEVNULL
-        _behind.append(subprocess.Popen(command, stdin=file, stdout=quiet, stderr=quiet, start_new_session=True))
+        _behind.append(subprocess.Popen(words, stdin=file, stdout=quiet, stderr=quiet, start_new_session=True))
 
 
 def keep() -> None:
-    """Compile the assembly on standard input at full effort into the cache, at the lowest priority."""
-    if hasattr(os, "nice"):
-        os.nice(19)
+    """Compile the assembly on standard input at full effort into the cache."""
     text = sys.stdin.read()
     object_cache.store(_identity(text, FULL), build(text, FULL))
 
