@@ -61,13 +61,12 @@ def accelerate(
 
 
 def accelerate_one(motion: PointMotion, command: Command, around: Surroundings) -> tuple[Motion, Scalars]:
-    """Proper acceleration of the base (base axes) and joint accelerations of one vehicle."""
-    return _solve(motion, loaded_vehicle(motion.vehicle, around), applied_force(motion, command, around))
+    """Proper acceleration of the base (base axes) and joint accelerations of one vehicle.
 
-
-def _solve(motion: PointMotion, moving: Vehicle, applied: tuple[Force, Scalars]) -> tuple[Motion, Scalars]:
-    """Forward dynamics of one vehicle; several of equal bodies share the code."""
-    state, (force, torques) = motion.state, applied
+    Several of equal bodies share the code of their forward dynamics.
+    """
+    moving, state = loaded_vehicle(motion.vehicle, around), motion.state
+    force, torques = applied_force(motion, command, around)
     Given = tuple[Scalars, Vec3, Scalars, Force, Scalars]
 
     def solve(given: Given) -> tuple[Motion, Scalars]:
@@ -210,7 +209,9 @@ def coupled_verlet(
         """Vehicle states at mid-step, accelerated for ``seconds`` by the forces evaluated at given velocities."""
         after = []
         for i, (motion, command, still) in enumerate(zip(at, commands, middle, strict=True)):
-            base, joints = _solve(motion, moving[i], applied_force(motion, command, beside.of(i)))
+            now, applied = motion.state, applied_force(motion, command, beside.of(i))
+            # written out, as what depends on the positions alone is that of both pushes
+            base, joints = dynamics.forward_dynamics(moving[i], now.joints, now.rate, now.joint_rates, *applied)
             linear, angular = coordinate_acceleration(motions[i].rotation, base, motion.gravity)
             moved = replace(
                 still,
