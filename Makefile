@@ -31,7 +31,7 @@ help:
 	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
-	@echo "make bench        measure every engine, and that of many flights, here; BENCH=$(BENCH) is the file of the numbers"
+	@echo "make bench        measure every engine, many flights, first and repeated ones, here; BENCH=$(BENCH) is the file of the numbers"
 	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
 	@echo "make ray          sweeps on a Ray cluster of two nodes on this machine, one of them killed, in $(RAY): some minutes"
 	@echo "make lint         ruff, import contract"
@@ -164,6 +164,7 @@ mutants: $(VENV)/.test
 bench: $(VENV)/.test
 	$(BIN)/python tests/studies/bench/measure_engines.py --out $(BENCH)
 	$(BIN)/python tests/studies/bench/measure_flights.py
+	$(BIN)/python tests/studies/bench/measure_speed.py
 
 # PyFlyt asks for NumPy 1 and flies on 2, which another of them needs
 $(PEERS)/.installed: pyproject.toml tests/studies/bench/peers.txt
