@@ -40,7 +40,7 @@ def in_still_air(vehicle):
 
 
 def loaded(vehicle, gravity=9.8, start=None):
-    model = mujoco.MjModel.from_xml_string(mjcf_text(vehicle, gravity, start).text)
+    model = mujoco.MjModel.from_xml_string(mjcf_text(vehicle, gravity, start))
     return model, mujoco.MjData(model)
 
 
@@ -77,7 +77,7 @@ def test_every_number_reads_back_to_six_digits():
 
 def test_the_file_is_a_vehicle_that_reads_back_as_the_same(tmp_path):
     vehicle = VEHICLES["random"]
-    (tmp_path / "x.xml").write_text(mjcf_text(vehicle, 9.8).text, encoding="utf-8")
+    (tmp_path / "x.xml").write_text(mjcf_text(vehicle, 9.8), encoding="utf-8")
     again = load_vehicle(tmp_path / "x.xml")
     for ours, theirs in zip(vehicle.bodies, again.bodies, strict=True):
         np.testing.assert_allclose(theirs.inertia.entries, ours.inertia.entries, rtol=1e-4, atol=1e-7)

@@ -149,6 +149,6 @@ def test_actions_and_mujocos_controls_keep_the_range_of_a_rotor() -> None:
         turn = Turn((), None, None, None, par, (False, False))  # type: ignore[arg-type]
         sent = within_limits(turn, (-2e3, 2e3, -1.0, 400.0), (0.0, 0.0))
         assert sent.rotor_speeds == (least, TOP, max(least, -1.0), 400.0)
-        model = mujoco.MjModel.from_xml_string(mjcf_text(scenario.plant.vehicle, 9.8, None).text)
+        model = mujoco.MjModel.from_xml_string(mjcf_text(scenario.plant.vehicle, 9.8, None))
         thrust = float(scenario.plant.vehicle.rotors[0].thrust_coefficient) * TOP**2
         assert model.actuator_ctrlrange[0] == pytest.approx([-thrust if back else 0.0, thrust], rel=1e-5)

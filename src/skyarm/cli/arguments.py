@@ -74,9 +74,13 @@ def name_completion(*kinds: str) -> Callable[[str], list[str]]:
 
 
 def word_completion(*words: str, registered: str = "") -> Callable[[str], list[str]]:
-    """Make a shell completion function for some words, and the registered names of a kind."""
-    from_registry = partial(names_of_kind, registered) if registered else tuple
-    return lambda incomplete: [each for each in (*words, *from_registry()) if each.startswith(incomplete)]
+    """Make a shell completion function for some words, and the registered names of kinds, separated by spaces."""
+
+    def complete(incomplete: str) -> list[str]:
+        names = (*words, *(name for kind in registered.split() for name in names_of_kind(kind)))
+        return [each for each in names if each.startswith(incomplete)]
+
+    return complete
 
 
 OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}

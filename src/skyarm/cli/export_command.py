@@ -1,7 +1,8 @@
-"""Command ``skyarm export``: convert a log, write a control law as C, or a vehicle as a MuJoCo model."""
+"""Command ``skyarm export``: convert a log, write a control law as C, or a vehicle in a format of other programs."""
 
 from __future__ import annotations
 
+import inspect
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -29,13 +30,15 @@ from skyarm.records.files import (
     write_atomically,
 )
 from skyarm.records.files.own_inputs import require_no_input
-from skyarm.records.registry import names
+from skyarm.records.files.user_code import require_result
+from skyarm.records.registry import find, names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
+from skyarm.vehicle.export_losses import actuator_names
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
@@ -48,9 +51,12 @@ LATEST = 2.0**31 - 1.0
 """Latest Unix time (s) of a ROS message, whose seconds are an int32: in January 2038."""
 
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
-"""Format of a law or vehicle -> suffixes of its files."""
+"""Format of a law or vehicle -> suffixes of its files, where these are others than its name."""
 
 OF_LAWS = ("--rate", "--name", "--float32")
+
+OF_VEHICLES = ("--gravity", "--timestep", "--collisions")
+"""Options that a format of vehicles has if its function takes an argument of that name."""
 
 
 def export(
@@ -59,15 +65,15 @@ def export(
         str,
         typer.Argument(
             metavar="LOG|LAW|VEHICLE|SCENARIO",
-            help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or a scenario",
+            help="a log (.npz, .mcap); for c a law or a scenario; else a vehicle or a scenario",
         ),
     ],
     to: Annotated[
         str | None,
         typer.Option(
             metavar="FORMAT",
-            help="mcap, npz or csv for a log; c for a law; mjcf for a vehicle",
-            autocompletion=word_completion("c", "mjcf", registered="log_format"),
+            help="mcap, npz or csv for a log; c for a law; mjcf, urdf, sdf or toml for a vehicle",
+            autocompletion=word_completion("c", registered="log_format vehicle_format"),
         ),
     ] = None,
     file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
@@ -83,36 +89,45 @@ def export(
     name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
     single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
     timestep: Annotated[float, typer.Option(help="with mjcf: time step of MuJoCo, s")] = 0.001,
+    collisions: Annotated[
+        bool, typer.Option("--collisions", help="with mjcf: the shapes touch the floor and other bodies")
+    ] = False,
     epoch: Annotated[
         float | None, typer.Option(help="with mcap: Unix time of the start of the flight, s; if left out 0")
     ] = None,
 ) -> None:
-    """Write a log, a law as C, or a vehicle as MJCF.
+    """Write a log, a law as C, or a vehicle as MJCF, URDF, SDF or TOML.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file; with
-    --to mjcf a vehicle or a scenario becomes MuJoCo's model.
+    --to mjcf a vehicle or a scenario becomes MuJoCo's model, with --to urdf or sdf a robot with motor-model plugins.
+    What a format loses of a vehicle stands in the first lines of the file.
     """
-    if to not in SUFFIXES:
-        require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
+    if to != "c" and to not in names("vehicle_format"):
+        require_left_out(context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf")
         with bar(f"{what}: writing"):
             return _log(what, to, file, epoch, vehicle)
-    others = ("--timestep", "--epoch") if to == "c" else ("--vehicle", *OF_LAWS, "--epoch")
-    require_left_out(context, others, f" beside --to {to}")
+    taken = ("--gravity",) if to == "c" else _options_of(to)
+    others = [*(() if to == "c" else ("--vehicle", *OF_LAWS)), *(each for each in OF_VEHICLES if each not in taken)]
+    require_left_out(context, [*others, "--epoch"], f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
-    written = output_file(file, "--out", *SUFFIXES[to])
-    if to == "mjcf":
-        return _mjcf(what, written, gravity, timestep)
+    written = output_file(file, "--out", *SUFFIXES.get(to, (f".{to}",)))
+    if to != "c":
+        step = number(timestep, "--timestep", low=0.0, strict=True)
+        if step > LONGEST_STEP:
+            raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
+        return _vehicle(what, to, written, gravity, {"timestep": step, "collisions": collisions})
     with bar(f"{what}: writing C"):
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 
 def _log(flight: str, to: str | None, file: str | None, epoch: float | None, vehicle: str | None) -> None:
     formats = names("log_format")
+    allowed = (*formats, "c", *names("vehicle_format"))
     if to is None and file is None:
-        raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
+        raise ValueError(f"--to: is missing; {must_be_one_of(allowed, None)}")
     if to is not None and to not in formats:
-        raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
+        raise ValueError(f"--to = {shown(to)}: {must_be_one_of(allowed, to)}")
     require_readable(flight, "flight")
     require_file(flight, f"flight = {shown(flight)}")
     if file is not None:
@@ -139,12 +154,14 @@ def _log(flight: str, to: str | None, file: str | None, epoch: float | None, veh
     give(file=target)
 
 
-def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None:
-    from skyarm.plant.mujoco_export import mjcf_text
+def _options_of(form: str) -> list[str]:
+    """Options of the command that a format of vehicles takes: the arguments of its function."""
+    arguments = inspect.signature(find("vehicle_format", form)).parameters
+    return [each for each in OF_VEHICLES if each.removeprefix("--") in arguments]
 
-    step = number(timestep, "--timestep", low=0.0, strict=True)
-    if step > LONGEST_STEP:
-        raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
+
+def _vehicle(what: str, form: str, file: Path, gravity: float | None, chosen: dict[str, object]) -> None:
+    """Export a vehicle, or that of a scenario with its first state, in a registered format."""
     if is_scenario(what):
         scenario = load_scenario(what).alone("a model of a vehicle")
         vehicle, applied, start = (
@@ -160,12 +177,15 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
         vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
-    exported = mjcf_text(vehicle, applied, start, timestep=step, inertial=[each.name for each in units])
-    write_atomically(file, exported.text.encode())
-    counts = {"bodies": exported.bodies, "joints": exported.joints}
-    give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))
-    counted = f"{exported.bodies} bodies, {exported.joints} joints, {len(exported.actuators)} actuators"
-    tell(f"{file}: {vehicle.name}, {counted}")
+    chosen |= {"gravity": applied, "start": start, "inertial": [each.name for each in units]}
+    write = find("vehicle_format", form)
+    taken = inspect.signature(write).parameters
+    text = write(vehicle, **{name: value for name, value in chosen.items() if name in taken})
+    require_result(write, text, isinstance(text, str), "the text of the file")
+    write_atomically(file, text.encode())
+    counts, actuators = {"bodies": len(vehicle.bodies), "joints": len(vehicle.moving)}, actuator_names(vehicle)
+    give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
+    tell(f"{file}: {vehicle.name}, {', '.join(f'{n} {name}' for name, n in counts.items())}, {len(actuators)} actuators")
 
 
 def _law(

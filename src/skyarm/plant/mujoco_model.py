@@ -10,6 +10,7 @@ import numpy as np
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE, Body, Joint, Vehicle
+from skyarm.vehicle.export_losses import unused_name
 from skyarm.world import TimedPayload
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
@@ -138,13 +139,6 @@ def site_of_rotor(vehicle: Vehicle) -> list[str]:
     return sites
 
 
-def unused_name(name: str, taken: list[str]) -> str:
-    """Unique name: the given one, with underscores appended if it is taken."""
-    while name in taken:
-        name += "_"
-    return name
-
-
 def body_name(vehicle: Vehicle, link: int) -> str:
     """Name of the body of a link, or of the base."""
     names = [each.name for each in vehicle.moving]
@@ -184,8 +178,12 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str)
             size=[0.005] * 3,
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
-        at, along = float_array(rotor.position), _along(rotor.axis)
-        bodies[BASE].add_site(name=prefix + name, pos=at, quat=along, size=[0.005] * 3)
+        add_upright_site(bodies[BASE], prefix + name, float_array(rotor.position), rotor.axis)
+
+
+def add_upright_site(body: mujoco.MjsBody, name: str, position: Array, axis: Vec3) -> None:
+    """Add a site to a body, with its z axis along a given one."""
+    body.add_site(name=name, pos=position, quat=_along(axis), size=[0.005] * 3)
 
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:

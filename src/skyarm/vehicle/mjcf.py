@@ -20,6 +20,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import read_xml
 
@@ -65,7 +66,8 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
         if body != root and int(model.body_parentid[body]) in tree.seats and body not in left_out:
             _read_child(tree, body)
     title = model.names[: model.names.index(b"\0")].decode() or path.stem
-    return tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
+    bodies = tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
+    return replace(bodies, rotors=rotors_in(RotorFile(path, model)))
 
 
 def _compile(path: Path) -> MjModel:

@@ -132,7 +132,7 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         name: StatedRotor(name=name, link=each.get("link", "base")) for name, each in tables.own.items()
     }
     values = {
-        name: {**tables.usual, **origin.values, **_spin(bodies, origin), **tables.own.get(name, {})}
+        name: {**tables.usual, **_spin(bodies, origin), **origin.values, **tables.own.get(name, {})}
         for name, origin in origins.items()
     }
     still = _without_spin(bodies, (*stated.values(), *origins.values()))

@@ -16,6 +16,7 @@ from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import quaternion_products
+from skyarm.vehicle.export_losses import loss_lines
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -74,6 +75,12 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
     if vehicle.sources:
         lines += _section("[sources]", dict(vehicle.sources), "sources", notes)
     return "\n".join(lines) + "\n"
+
+
+def toml_text(vehicle: Vehicle) -> str:
+    """Text of a vehicle as an exported TOML file, with what is lost in its first lines."""
+    lost = {"looks": "meshes, which a vehicle file cannot name"}
+    return vehicle_text(vehicle, ["Written by skyarm export as a vehicle file.", *loss_lines(vehicle, lost)])
 
 
 def _section(head: str, table: Table, at: str, notes: Notes) -> list[str]:

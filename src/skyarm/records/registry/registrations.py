@@ -40,6 +40,7 @@ KINDS: Mapping[str, str] = {
     "ending": "what ends an episode: a subclass of skyarm.Ending",
     "motion": "a motion of the base: function (**options) -> Trajectory",
     "log_format": "a log's file by its suffix: an object with write(log, path) and read(path)",
+    "vehicle_format": "a file that a vehicle is exported to: function (vehicle, **options) -> its text",
     "flight_format": "a file of measured flights: an object with read(path, columns)",
     "command": "a command of the command line: a function with typed parameters",
 }

@@ -1,0 +1,304 @@
+"""Files of other programs that a vehicle is exported to: read back as the same, and as MuJoCo, Pinocchio read them."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skyarm.algebra import Mat3, Motion, Vec3
+from skyarm.dynamics.composite_body import mass_matrix
+from skyarm.dynamics.newton_euler import inverse_dynamics
+from skyarm.plant.mujoco_model import joint_addresses
+from skyarm.records.registry import find, names, register
+from support.components import registry_kept
+from skyarm.vehicle import Vehicle, VehicleError
+from skyarm.vehicle.linkage import Follower
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import Frame
+from support.commands import refused
+from support.commands import skyarm as typed
+from support.vehicles import hummingbird_arm, random_flyer
+
+SHIPPED = [name for name in list_vehicles() if not load_vehicle(name).planar]
+
+SUFFIX = {"mjcf": "xml", "urdf": "urdf", "sdf": "sdf", "toml": "toml"}
+
+ROTOR_NUMBERS = (
+    "direction thrust_coefficient moment_coefficient time_constant_up time_constant_down max_speed drag_coefficient "
+    "rolling_moment_coefficient inertia reversible"
+).split()
+
+
+def written(vehicle: Vehicle, form: str, folder: Path) -> Path:
+    path = folder / f"x.{SUFFIX[form]}"
+    path.write_text(find("vehicle_format", form)(vehicle), "utf-8")
+    return path
+
+
+def lost_lines(path: Path) -> list[str]:
+    head = path.read_text("utf-8").split("-->")[0]
+    return [line.strip().split(": ", 1)[1] for line in head.splitlines() if "lost or changed: " in line]
+
+
+def dynamics(vehicle: Vehicle, seed: int = 3) -> list[np.ndarray]:
+    """M(q) and bias at a random state."""
+    rng, n = np.random.default_rng(seed), vehicle.n
+    q, rates, spin = rng.uniform(-1.0, 1.0, n), rng.normal(size=n), rng.normal(size=3)
+    force, efforts = inverse_dynamics(
+        vehicle, list(q), Vec3(*spin), list(rates), Motion(Vec3(0, 0, 0), Vec3(0, 0, 9.81)), [0.0] * n
+    )
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), list(q)), float)
+    return [M, np.array([*force.torque, *force.force, *efforts], float)]
+
+
+def allocation(vehicle: Vehicle) -> np.ndarray:
+    """Wrench at the base's origin of each rotor's unit of squared speed, at rest of its tilt."""
+    columns = []
+    for each in vehicle.rotors:
+        axis, hub = np.array(list(each.axis), float), np.array(list(each.position), float)
+        thrust = float(each.thrust_coefficient) * axis
+        columns.append([*np.cross(hub, thrust) - each.direction * float(each.moment_coefficient) * thrust, *thrust])
+    return np.array(columns)
+
+
+def same(found: np.ndarray, wanted: np.ndarray, within: float = 1e-9) -> None:
+    scale = max(np.abs(wanted).max(initial=0.0), 1e-6)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=within * scale)
+
+
+@pytest.mark.parametrize("form", [each for each in SUFFIX if each != "sdf"])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_vehicle_reads_back_as_itself(name, form, tmp_path):
+    vehicle = load_vehicle(name)
+    path = written(vehicle, form, tmp_path)
+    again, lost = load_vehicle(path), lost_lines(path)
+    if any(each.startswith("armature") for each in lost):
+        vehicle = vehicle.with_joints(armature=0)
+    assert again.joint_names == vehicle.joint_names
+    for found, wanted in zip(dynamics(again), dynamics(vehicle), strict=True):
+        same(found, wanted)
+    same(allocation(again), allocation(vehicle))
+    assert not again.gaps
+    for ours, theirs in zip(vehicle.rotors, again.rotors, strict=True):
+        assert theirs.name == ours.name
+        for number in ROTOR_NUMBERS:
+            assert getattr(theirs, number) == pytest.approx(getattr(ours, number), rel=1e-12), number
+        if any(each.startswith("tilts") for each in lost):
+            continue
+        assert (theirs.tilt is None) == (ours.tilt is None)
+        for number in ("lower", "upper", "time_constant", "max_rate") if ours.tilt else ():
+            assert getattr(theirs.tilt, number) == getattr(ours.tilt, number), number
+        if ours.tilt:
+            same(np.array(list(theirs.tilt.axis), float), np.array(list(ours.tilt.axis), float))
+    for ours, theirs in zip(vehicle.joints, again.joints, strict=True):
+        for number in ("lower", "upper", "effort_limit", "damping", "coulomb", "armature"):
+            assert float(getattr(theirs, number)) == pytest.approx(float(getattr(ours, number)), rel=1e-12), number
+    frames = {each.name: each for each in again.frames}
+    for each in vehicle.frames:
+        same(np.array(list(frames[each.name].position), float), np.array(list(each.position), float))
+        same(np.array(frames[each.name].rotation, float), np.array(each.rotation, float))
+
+
+@pytest.mark.parametrize("name", ["hexarotor12_arm5", "voliro_like", "octo_coaxial_two_arms"])
+def test_mujoco_reads_the_mass_matrix_and_bias_of_the_vehicle(name, tmp_path):
+    vehicle = load_vehicle(name)
+    model = mujoco.MjModel.from_xml_path(str(written(vehicle, "mjcf", tmp_path)))
+    data, rng = mujoco.MjData(model), np.random.default_rng(3)
+    at, rates = joint_addresses(vehicle, model)
+    data.qpos[at], data.qvel[rates] = rng.uniform(-1.0, 1.0, vehicle.n), rng.normal(size=vehicle.n)
+    data.qvel[3:6] = rng.normal(size=3)
+    mujoco.mj_forward(model, data)
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    rows, (mass, bias) = [*range(6), *rates], dynamics(vehicle)
+    same(M[np.ix_(rows, rows)], mass)
+    same(data.qfrc_bias[rows], [*bias[3:6], *bias[:3], *bias[6:]])
+
+
+def test_pinocchio_reads_the_mass_and_centre_of_a_urdf_file(tmp_path):
+    pinocchio = pytest.importorskip("pinocchio")
+    vehicle = random_flyer(2, 5)
+    model = pinocchio.buildModelFromUrdf(str(written(vehicle, "urdf", tmp_path)), pinocchio.JointModelFreeFlyer())
+    data = model.createData()
+    assert pinocchio.computeTotalMass(model) == pytest.approx(float(vehicle.mass), rel=1e-12)
+    q = pinocchio.neutral(model)
+    M = pinocchio.crba(model, data, q)
+    M = np.triu(M) + np.triu(M, 1).T
+    rows = [model.joints[model.getJointId(joint)].idx_v for joint in vehicle.joint_names]
+    armature = np.diag([float(each.armature) for each in vehicle.joints])
+    same(M[np.ix_(rows, rows)] + armature, np.array(mass_matrix(vehicle, Mat3.identity(), [0.0] * 5), float)[6:, 6:])
+
+
+def sdf_pose(element: ET.Element) -> np.ndarray:
+    numbers = [float(word) for word in (element.findtext("pose") or "0 0 0 0 0 0").split()]
+    pose = np.eye(4)
+    pose[:3, 3], pose[:3, :3] = numbers[:3], Rotation.from_euler("xyz", numbers[3:]).as_matrix()
+    return pose
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
+    """Poses, masses and plugins, by SDFormat's rules and SciPy's rotations."""
+    vehicle = load_vehicle(name)
+    root = ET.parse(written(vehicle, "sdf", tmp_path)).getroot()
+    model = root.find("model")
+    links = {each.get("name"): each for each in model.findall("link")}
+    frames = {each.get("name"): each for each in model.findall("frame")}
+    joints = {each.get("name"): each for each in model.findall("joint")}
+    assert not {*links} & {*frames} and model.get("canonical_link") in links
+    places: dict[str, np.ndarray] = {}
+
+    def place(name: str) -> np.ndarray:
+        if name not in places:
+            element = links[name] if name in links else frames[name]
+            pose = element.find("pose")
+            above = None if pose is None else pose.get("relative_to")
+            places[name] = sdf_pose(element) if above is None else place(above) @ sdf_pose(element)
+        return places[name]
+
+    moment, total = np.zeros(3), 0.0
+    turning = np.zeros((3, 3))
+    for name, link in links.items():
+        inertial, pose = link.find("inertial"), place(name) @ sdf_pose(link.find("inertial"))
+        mass, com = float(inertial.findtext("mass")), pose[:3, 3]
+        xx, yy, zz, xy, xz, yz = (float(each.text) for each in inertial.find("inertia"))
+        own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        turning += pose[:3, :3] @ own @ pose[:3, :3].T + mass * (com @ com * np.eye(3) - np.outer(com, com))
+        moment, total = moment + mass * com, total + mass
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n), float)
+    assert total == pytest.approx(float(vehicle.mass), rel=1e-12)
+    same(turning, M[3:6, 3:6])
+    same(np.array([[0, -moment[2], moment[1]], [moment[2], 0, -moment[0]], [-moment[1], moment[0], 0]]), M[3:6, :3])
+    for link in vehicle.links:
+        joint = joints[link.joint.name]
+        assert joint.findtext("child") == link.name
+        axis, limit = joint.find("axis"), joint.find("axis/limit")
+        same(np.array(axis.findtext("xyz").split(), float), np.array(list(link.joint.axis), float))
+        for word, value in (("lower", link.joint.lower), ("upper", link.joint.upper), ("effort", link.joint.effort_limit)):
+            assert float(limit.findtext(word) or math.copysign(math.inf, -1.0 if word == "lower" else 1.0)) == value
+        assert float(axis.findtext("dynamics/damping")) == link.joint.damping
+    plugins = model.findall("plugin")
+    assert [int(each.findtext("motorNumber")) for each in plugins] == list(range(len(vehicle.rotors)))
+    for each, plugin in zip(vehicle.rotors, plugins, strict=True):
+        pose = place(plugin.findtext("linkName"))
+        assert joints[plugin.findtext("jointName")].findtext("child") == plugin.findtext("linkName") == each.name
+        same(pose[:3, 3], np.array(list(each.position), float))
+        same(pose[:3, 2], np.array(list(each.axis), float))
+        assert plugin.findtext("turningDirection") == ("ccw" if each.direction > 0 else "cw")
+        for word, value in (
+            ("motorConstant", each.thrust_coefficient),
+            ("momentConstant", each.moment_coefficient),
+            ("timeConstantUp", each.time_constant_up),
+            ("timeConstantDown", each.time_constant_down),
+            ("maxRotVelocity", each.max_speed),
+            ("rotorDragCoefficient", each.drag_coefficient),
+        ):
+            assert float(plugin.findtext(word)) == float(value)
+
+
+def test_a_thrust_follows_its_control_with_the_mean_of_both_lags(tmp_path):
+    vehicle = load_vehicle("hummingbird")
+    model = mujoco.MjModel.from_xml_path(str(written(vehicle, "mjcf", tmp_path)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    before = data.act[0]
+    data.ctrl[0] = before + 0.5
+    for _ in range(30):
+        mujoco.mj_step(model, data)
+    assert data.act[0] - before == pytest.approx(0.5 * -math.expm1(-0.030 / 0.01875), rel=1e-6)
+
+
+def test_a_tilt_turns_the_thrust_with_its_lag_and_its_largest_rate(tmp_path):
+    """Beside the two-pole response in closed form; a large step turns at the largest rate."""
+    vehicle = load_vehicle("voliro_like")
+    tilt = vehicle.rotors[0].tilt
+    model = mujoco.MjModel.from_xml_path(str(written(vehicle, "mjcf", tmp_path)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    servo, angle = model.actuator("rotor0_tilt").id, model.joint("rotor0_tilt").qposadr[0]
+    data.ctrl[servo] = 0.1
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+    slow, fast = 1.0 / tilt.time_constant, 20.0 / tilt.time_constant
+    wanted = 0.1 * (1.0 - (fast * math.exp(-slow * 0.06) - slow * math.exp(-fast * 0.06)) / (fast - slow))
+    assert data.qpos[angle] == pytest.approx(wanted, rel=1e-3)
+    data.ctrl[servo] = 1.5
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    assert data.qvel[model.joint("rotor0_tilt").dofadr[0]] == pytest.approx(tilt.max_rate, rel=1e-3)
+    along = data.site("rotor0").xmat.reshape(3, 3)[:, 2]
+    base = data.body("base").xmat.reshape(3, 3)
+    np.testing.assert_allclose(base.T @ along, [0.0, -math.sin(data.qpos[angle]), math.cos(data.qpos[angle])], atol=1e-2)
+
+
+def test_what_a_file_loses_is_named_in_its_first_lines(tmp_path):
+    heads = {form: written(load_vehicle("hexarotor12_arm5"), form, tmp_path).read_text()[:3000] for form in SUFFIX}
+    for form in ("mjcf", "urdf", "sdf"):
+        head = heads[form].split("-->")[0]
+        for word in ("battery", "drives of joints", "thrust tables", "drag of the body", "Coulomb", "of stops"):
+            assert word in head, (form, word)
+    assert "armature" in heads["urdf"].split("-->")[0] and "armature" not in heads["mjcf"].split("-->")[0]
+    assert "lost" not in heads["toml"]
+
+
+def test_followers_endless_and_one_sided_joints_and_equal_names_read_back(tmp_path):
+    vehicle = hummingbird_arm(lower=-0.5)
+    joint = replace(vehicle.links[1].joint, damping=0, effort_limit=0.0, lower=-math.inf)
+    tied = Follower(link=replace(vehicle.links[1], joint=joint), leader=0, ratio=-2.0, offset=0.25)
+    frames = tuple(replace(each, link=1) for each in vehicle.frames) + (Frame(name="front", link=0, position=Vec3(0.1, 0, 0)),)
+    vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,), frames=frames)
+    for form in ("mjcf", "urdf"):
+        path = written(vehicle, form, tmp_path)
+        assert any(each.startswith("joints that follow") for each in lost_lines(path))
+        assert any(each.startswith("names that two") and each.endswith(": front") for each in lost_lines(path))
+        assert any(each.startswith("limit on one side") for each in lost_lines(path))
+        word = "mjcf" if form == "mjcf" else "urdf"
+        toml = f'schema = 1\nname = "x"\nmimic = "couple"\n{word} = "{path.name}"\n'
+        (tmp_path / "x.toml").write_text(toml)
+        again = load_vehicle(tmp_path / "x.toml")
+        assert (again.followers[0].ratio, again.followers[0].offset) == (-2.0, 0.25)
+        for found, wanted in zip(dynamics(again), dynamics(vehicle), strict=True):
+            same(found, wanted)
+
+
+def test_shapes_touch_the_floor_on_request_only(tmp_path):
+    for words, touching in (((), 0), (("--collisions",), 1)):
+        assert typed("export", "pelican_arm2", "--to", "mjcf", "-o", str(tmp_path / "x.xml"), *words).code == 0
+        model = mujoco.MjModel.from_xml_path(str(tmp_path / "x.xml"))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.qpos[2] = 0.0
+        mujoco.mj_forward(model, data)
+        assert min(data.ncon, 1) == touching
+        assert {model.geom(each.geom1).name for each in data.contact} <= {"floor"}
+
+
+@pytest.mark.parametrize("form", ["urdf", "sdf", "toml"])
+def test_the_command_writes_every_format(form, tmp_path):
+    path = tmp_path / f"x.{form}"
+    done = typed("export", "pelican_arm2", "--to", form, "-o", str(path))
+    assert (done.code, done.err) == (0, "")
+    assert path.read_text() == find("vehicle_format", form)(load_vehicle("pelican_arm2"))
+    refused(typed("export", "pelican_arm2", "--to", form, "-o", str(path), "--timestep", "0.002"), "--timestep")
+    refused(typed("export", "pelican_arm2", "--to", form, "-o", "x.c"), f"must end in .{form}")
+
+
+def test_a_format_of_ones_own_is_written_by_its_name(tmp_path):
+    with registry_kept():
+        register.vehicle_format("mine")(lambda vehicle: f"{vehicle.name} {vehicle.n}\n")
+        assert names("vehicle_format")[-1] == "mine"
+        assert typed("export", "pelican_arm2", "--to", "mine", "-o", str(tmp_path / "x.mine")).code == 0
+    assert (tmp_path / "x.mine").read_text() == "pelican_arm2 2\n"
+
+
+def test_a_planar_model_is_no_robot():
+    for form in ("urdf", "sdf"):
+        with pytest.raises(VehicleError, match="planar = True"):
+            find("vehicle_format", form)(load_vehicle("hummingbird_arm2"))
